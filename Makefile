@@ -1,0 +1,42 @@
+# The chores, one word each. `make demo` and `make test` need only python3 (3.11 or newer), pip and make.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/installed
+
+.PHONY: help setup demo test check bench constraints clean
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(STAMP): constraints.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "missiontree needs Python 3.11 or newer, this is " + sys.version.split()[0] + "\n  try: make PYTHON=python3.12 $(MAKECMDGOALS)")'
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r constraints.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
+
+demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
+	$(BIN)/mission run greet
+
+test: check ## what CI runs: the checks, then every test
+	$(BIN)/pytest
+
+check: $(STAMP) ## style, types and the arrows between the packages
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP) ## the benchmarks, as ratios measured side by side
+	$(BIN)/python -m tests.benchmarks
+
+constraints: $(STAMP) ## write constraints.txt anew from the newest releases
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-annotate --no-header --extra dev --python-version 3.11 \
+		--upgrade pyproject.toml -o $(VENV)/constraints.txt
+	(head -n 1 constraints.txt; cat $(VENV)/constraints.txt) > $(VENV)/new && mv $(VENV)/new constraints.txt
+
+clean: ## forget what was built
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,1 @@
+"""Following a face: the fuzzy controller and the behaviour around it."""

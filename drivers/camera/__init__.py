@@ -1,0 +1,1 @@
+"""Cameras: a device, a video, a stream or a folder of pictures."""

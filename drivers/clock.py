@@ -1,0 +1,38 @@
+"""Time, handed in: the one place that reads the machine's clock."""
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds that never run backwards, from an arbitrary zero."""
+
+    def now(self) -> float:
+        """Return the time in seconds."""
+        ...
+
+
+class SystemClock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """Return ``time.monotonic()``: every stamp of a run on the metal is on this scale."""
+        return time.monotonic()
+
+
+class ManualClock:
+    """A clock that stands still until it is advanced: for tests and for simulated time."""
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """Return the time that ``advance`` has brought it to."""
+        return self._now
+
+    def advance(self, seconds: float) -> float:
+        """Move on by ``seconds`` and return the new time. Raises ValueError for a step backwards."""
+        if seconds < 0:
+            raise ValueError(f"a clock cannot go back by {-seconds} s")
+        self._now += seconds
+        return self._now

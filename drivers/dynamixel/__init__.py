@@ -1,0 +1,1 @@
+"""Dynamixel servos as named joints, over dynamixel-sdk."""

@@ -1,0 +1,41 @@
+"""What a value was a moment ago: so that a picture can be matched with the pose in which it was taken."""
+
+from collections import deque
+from collections.abc import Sequence
+from threading import Lock
+
+
+class History:
+    """The last seconds of a few numbers, looked up by time with linear interpolation. Safe between threads."""
+
+    def __init__(self, seconds: float = 3.0) -> None:
+        self._seconds = seconds
+        self._entries: deque[tuple[float, tuple[float, ...]]] = deque()
+        self._lock = Lock()
+
+    def add(self, stamp: float, values: Sequence[float]) -> None:
+        """Remember ``values`` at ``stamp``; stamps that do not rise replace the newest entry."""
+        with self._lock:
+            while self._entries and self._entries[-1][0] >= stamp:
+                self._entries.pop()
+            self._entries.append((stamp, tuple(values)))
+            while self._entries[0][0] < stamp - self._seconds:
+                self._entries.popleft()
+
+    def at(self, stamp: float) -> tuple[float, ...] | None:
+        """Return the values at ``stamp``: interpolated, the newest for a later time, None before the first entry."""
+        with self._lock:
+            later: tuple[float, tuple[float, ...]] | None = None
+            for entry in reversed(self._entries):
+                if entry[0] <= stamp:
+                    if later is None:
+                        return entry[1]
+                    share = (stamp - entry[0]) / (later[0] - entry[0])
+                    return tuple(a + share * (b - a) for a, b in zip(entry[1], later[1], strict=True))
+                later = entry
+            return None
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._lock:
+            self._entries.clear()

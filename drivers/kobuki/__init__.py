@@ -1,0 +1,1 @@
+"""The TurtleBot 2 base: iClebo Kobuki over its serial protocol."""

@@ -1,0 +1,72 @@
+"""Serial ports: opened for one owner, with an error that says who holds them or what is missing."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+import serial
+
+from drivers.errors import NotConnected
+
+
+def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> serial.Serial:
+    """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
+
+    Raises NotConnected, with what to try: nothing there, no right to it, or held by another process.
+    """
+    try:
+        return serial.Serial(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
+    except (serial.SerialException, OSError) as error:
+        raise explain(who, port, error) from error
+
+
+def explain(who: str, port: str, error: BaseException) -> NotConnected:
+    """Turn what the operating system says of ``port`` into an error with a cure."""
+    number = _errno_of(error)
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return NotConnected(
+            f"{who}: {port}: no such device",
+            hint="ls -l /dev/serial/by-id  (what is plugged in; or run with --simulate)",
+        )
+    if number == errno.EACCES:
+        group = _group_of(port)
+        return NotConnected(
+            f"{who}: {port}: no permission (it belongs to group {group})",
+            hint=f"sudo usermod -a -G {group} $USER  (then log in again)",
+        )
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return NotConnected(f"{who}: {port}: in use{_holders(port)}", hint=f"fuser -v {port}  (who holds it)")
+    return NotConnected(f"{who}: {port}: {error}", hint=f"ls -l {port}")
+
+
+def _errno_of(error: BaseException) -> int | None:
+    """Pyserial sometimes carries the number in the exception's arguments, sometimes only in the one it wraps."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.errno
+    return _errno_of(error.__context__) if error.__context__ is not None else None
+
+
+def _group_of(port: str) -> str:
+    try:
+        return Path(port).group()
+    except (OSError, KeyError):
+        return "dialout"
+
+
+def _holders(port: str) -> str:
+    """Name the processes that have the device open, as far as we may look (Linux only)."""
+    try:
+        device = Path(port).stat().st_rdev
+    except OSError:
+        return ""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            status = entry.stat()
+        except OSError:
+            continue
+        pid = entry.parts[2]
+        if stat.S_ISCHR(status.st_mode) and status.st_rdev == device and int(pid) != os.getpid():
+            found.append(pid)
+    return f" by process {', '.join(sorted(set(found)))}" if found else ""

@@ -1,0 +1,26 @@
+"""A servo's shaft: it turns towards its goal at no more than its speed."""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Shaft:
+    """One output shaft. ``position`` and ``goal`` in any one unit of angle, ``speed`` in that unit per second."""
+
+    position: float
+    goal: float
+    speed: float
+    stamp: float = 0.0
+
+    def advance(self, now: float) -> float:
+        """Turn until time ``now`` and return the position. Time that does not rise changes nothing."""
+        elapsed = max(0.0, now - self.stamp)
+        self.stamp = max(self.stamp, now)
+        reach = self.speed * elapsed
+        self.position += min(max(self.goal - self.position, -reach), reach)
+        return self.position
+
+    @property
+    def moving(self) -> bool:
+        """True while it has not arrived."""
+        return self.position != self.goal

@@ -1,0 +1,1 @@
+"""Speech: a synthesiser where there is one, printed words where there is none."""

@@ -1,0 +1,3 @@
+"""What the robot is asked: the missions, their language, and the executive that runs them."""
+
+__project__ = "missiontree"

@@ -1,0 +1,1 @@
+"""The ``mission`` command, one module a subcommand."""

@@ -1,0 +1,1 @@
+"""From a plan to py_trees nodes, and the loop that ticks them safely."""

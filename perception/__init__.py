@@ -1,0 +1,3 @@
+"""What the robot sees: from camera frames to people with a place and a time."""
+
+__project__ = "missiontree"

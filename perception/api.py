@@ -1,0 +1,116 @@
+"""What perception deals in: frames, detections, and faces with a place and a time.
+
+Angles in radians with the axes of REP 103: ``yaw`` about z, positive left; ``pitch`` about y, positive down.
+Positions in a picture are pixels from its top left corner, x to the right, y down.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[np.uint8]
+"""A picture: shape (height, width, 3), dtype uint8, channels blue, green, red."""
+
+
+class Frame(Protocol):
+    """One picture and when it was taken, in seconds on the run's clock."""
+
+    @property
+    def image(self) -> Image:
+        """The picture."""
+        ...
+
+    @property
+    def stamp(self) -> float:
+        """When it was taken."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An upright rectangle in a picture, in pixels: its top left corner, width and height."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle (x, y)."""
+        return self.x + self.width / 2, self.y + self.height / 2
+
+    def overlap(self, other: "Box") -> float:
+        """Intersection over union, 0..1."""
+        across = min(self.x + self.width, other.x + other.width) - max(self.x, other.x)
+        down = min(self.y + self.height, other.y + other.height) - max(self.y, other.y)
+        if across <= 0 or down <= 0:
+            return 0.0
+        shared = across * down
+        return shared / (self.width * self.height + other.width * other.height - shared)
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One thing found in one picture. ``score`` is the detector's own measure; higher is surer."""
+
+    box: Box
+    score: float
+
+
+class Detector(Protocol):
+    """Finds one kind of thing in a picture."""
+
+    def detect(self, image: Image) -> Sequence[Detection]:
+        """Return what is seen, largest first; empty when nothing is."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Gaze:
+    """Which way the camera looked when a picture was taken, in the odometry frame."""
+
+    yaw: float
+    pitch: float
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A person's face, followed from frame to frame.
+
+    ``id`` stays while the track lives. ``stamp`` is the time of the frame in which it was last *detected*, ``box``
+    where in that frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis (left and down
+    positive). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are filtered over time.
+    ``distance`` in metres is a guess from the size of the box.
+    """
+
+    id: int
+    stamp: float
+    box: Box
+    bearing: float
+    drop: float
+    yaw: float
+    pitch: float
+    yaw_rate: float
+    pitch_rate: float
+    distance: float
+
+    def predict(self, time: float) -> tuple[float, float]:
+        """Return (yaw, pitch) at ``time``, if it goes on as it did."""
+        ahead = time - self.stamp
+        return self.yaw + self.yaw_rate * ahead, self.pitch + self.pitch_rate * ahead
+
+
+class Sight(Protocol):
+    """What a behaviour sees of perception: the newest percepts, ready at once; how old is too old, the caller says."""
+
+    def faces(self) -> Sequence[Face]:
+        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
+        ...
+
+    def looked(self) -> float | None:
+        """The stamp of the newest frame that was searched, None before the first."""
+        ...
