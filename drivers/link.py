@@ -109,6 +109,9 @@ class Link:
                 self._serve(talker)
             except NotConnected:
                 continue  # already reported by _lost; look for the port again
+            except Exception as error:
+                self._report(Notice(self.name, "fault", f"{type(error).__name__}: {error}"))
+                self._ending.wait(PULSE)
         with self._lock:
             if self._serial is not None:
                 _release(self._serial)

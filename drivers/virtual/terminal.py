@@ -13,9 +13,11 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, RLock, Thread
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from drivers.clock import Clock
+
+T = TypeVar("T")
 
 
 class WireDevice(Protocol):
@@ -93,11 +95,16 @@ class Terminal:
             os.set_blocking(self._master, False)
             Path(self.path).symlink_to(os.ttyname(self._slave))
 
+    def ask(self, question: Callable[[], T]) -> T:
+        """Ask the device something while it stands still: its own thread waits until ``question`` is answered."""
+        with self._lock:
+            return question()
+
     def client_baud(self) -> int | None:
-        """The rate that the computer has set on its side; None for one that termios cannot name."""
+        """The rate that the computer has set on its side; None for one that termios cannot name, and when unplugged."""
         try:
             return _RATES.get(termios.tcgetattr(self._master)[5])
-        except termios.error:
+        except (termios.error, ValueError):  # ValueError: the descriptor is -1, unplugged
             return None
 
     def _run(self) -> None:

@@ -1,0 +1,176 @@
+"""What the computer says to the Kobuki: each command as a value, to and from its bytes (protocol table of the vendor).
+
+Pure. Packed by ``wire.encode``, read back (by the virtual base and by tests) with ``wire.decode(payload, COMMANDS)``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from struct import Struct
+from typing import ClassVar, Self
+
+from drivers.kobuki.wire import Part
+
+WHEEL_SEPARATION = 0.23
+"""Metres between the middles of the two wheels."""
+
+_HALF = 1000 * WHEEL_SEPARATION / 2  # mm
+_EPSILON = 0.0001  # m/s and rad/s: slower than this is not at all
+_STRAIGHT, _SPIN = 0, 1  # the two radii that do not mean a circle
+_NOTE_PERIOD = 0.00000275  # s
+
+
+@dataclass(frozen=True, slots=True)
+class BaseControl(Part):
+    """Drive: ``speed_mm`` in mm/s and ``radius_mm`` in mm; radius 0 is straight on, 1 turns on the spot.
+
+    A positive radius has its centre on the left. On a circle the speed is that of the outer wheel, with the sign of
+    the radius times that of the turn.
+    """
+
+    speed_mm: int
+    radius_mm: int
+    ID: ClassVar[int] = 1
+    LAYOUT: ClassVar[Struct] = Struct("<hh")
+
+    @classmethod
+    def of(cls, linear: float, angular: float) -> Self:
+        """Return the command for ``linear`` m/s and ``angular`` rad/s, both finite, by the vendor driver's rule.
+
+        Truncated to whole millimetres and clipped to 16 bits, as that driver does.
+        """
+        if abs(angular) < _EPSILON:
+            return cls(_whole(1000 * linear), _STRAIGHT)
+        radius = 1000 * linear / angular
+        if abs(linear) < _EPSILON or abs(radius) <= _SPIN:
+            return cls(_whole(_HALF * angular), _SPIN)
+        outer = radius + _HALF if radius > 0 else radius - _HALF
+        return cls(_whole(outer * angular), _whole(radius))
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """What the base makes of it: m/s along x and rad/s about z."""
+        if self.radius_mm == _STRAIGHT:
+            return self.speed_mm / 1000, 0.0
+        if self.radius_mm == _SPIN:
+            return 0.0, self.speed_mm / _HALF
+        angular = self.speed_mm / (self.radius_mm + (_HALF if self.radius_mm > 0 else -_HALF))
+        return self.radius_mm * angular / 1000, angular
+
+
+@dataclass(frozen=True, slots=True)
+class Sound(Part):
+    """Play one tone: ``note`` is its period in steps of 2.75 microseconds."""
+
+    note: int
+    duration_ms: int
+    ID: ClassVar[int] = 3
+    LAYOUT: ClassVar[Struct] = Struct("<HB")
+
+    @classmethod
+    def of(cls, frequency: float, duration: float) -> Self:
+        """Return the tone of ``frequency`` hertz (5.6 at least) for ``duration`` seconds (0.255 at most)."""
+        return cls(int(1 / (frequency * _NOTE_PERIOD)), int(1000 * duration))
+
+
+class Tune(IntEnum):
+    """The tunes that the base knows by heart."""
+
+    ON = 0
+    OFF = 1
+    RECHARGE = 2
+    BUTTON = 3
+    ERROR = 4
+    CLEANING_START = 5
+    CLEANING_END = 6
+
+
+@dataclass(frozen=True, slots=True)
+class SoundSequence(Part):
+    """Play a ``Tune``."""
+
+    tune: int
+    ID: ClassVar[int] = 4
+    LAYOUT: ClassVar[Struct] = Struct("<B")
+
+
+class Extra(IntFlag):
+    """What the base tells only when asked."""
+
+    HARDWARE = 1
+    FIRMWARE = 2
+    UNIQUE_ID = 8
+
+
+@dataclass(frozen=True, slots=True)
+class RequestExtra(Part):
+    """Ask for the ``Extra`` things whose flags are set."""
+
+    flags: int
+    ID: ClassVar[int] = 9
+    LAYOUT: ClassVar[Struct] = Struct("<H")
+
+
+class Output(IntFlag):
+    """The bits of the one word that holds digital outputs (0..3), external supplies and the two lights.
+
+    Both bits of a light together make it orange.
+    """
+
+    DIGITAL_0 = 0x0001
+    DIGITAL_1 = 0x0002
+    DIGITAL_2 = 0x0004
+    DIGITAL_3 = 0x0008
+    SUPPLY_3V3 = 0x0010
+    SUPPLY_5V = 0x0020
+    SUPPLY_12V_5A = 0x0040
+    SUPPLY_12V_1A5 = 0x0080
+    LED1_RED = 0x0100
+    LED1_GREEN = 0x0200
+    LED2_RED = 0x0400
+    LED2_GREEN = 0x0800
+
+
+OUTPUTS_AT_START = Output.SUPPLY_3V3 | Output.SUPPLY_5V | Output.SUPPLY_12V_5A | Output.SUPPLY_12V_1A5
+"""All supplies on, all else off: what the base starts with. A lone bit written instead would switch them off."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetOutputs(Part):
+    """Set all ``Output`` bits at once."""
+
+    word: int
+    ID: ClassVar[int] = 12
+    LAYOUT: ClassVar[Struct] = Struct("<H")
+
+
+@dataclass(frozen=True, slots=True)
+class SetGains(Part):
+    """Set the gains of the wheel controller, in thousandths; ``user`` 0 goes back to the factory's. Firmware >= 1.2."""
+
+    user: int
+    p_thousandths: int = 100_000
+    i_thousandths: int = 100
+    d_thousandths: int = 2000
+    ID: ClassVar[int] = 13
+    LAYOUT: ClassVar[Struct] = Struct("<BIII")
+
+
+@dataclass(frozen=True, slots=True)
+class GetGains(Part):
+    """Ask for the gains of the wheel controller; the one byte is not used."""
+
+    unused: int = 0
+    ID: ClassVar[int] = 14
+    LAYOUT: ClassVar[Struct] = Struct("<B")
+
+
+COMMANDS: Mapping[int, type[Part]] = {
+    kind.ID: kind for kind in (BaseControl, Sound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
+}
+"""All commands by ID (the vendor's table prints 13 and 14 wrongly as 1)."""
+
+
+def _whole(value: float) -> int:
+    """Truncate towards zero and clip to 16 bits with a sign."""
+    return max(-0x8000, min(int(value), 0x7FFF))

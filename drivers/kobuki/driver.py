@@ -1,0 +1,235 @@
+"""The Kobuki as a base: its velocity renewed while it is valid, its state up to date.
+
+The base reports 50 times a second, and is told after each report how to move: so a computer that hangs falls silent.
+The deadman, the limits and what the touch forbids are applied there, in the link's thread, whatever the caller does.
+"""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
+from math import inf, isfinite
+from threading import RLock
+
+from drivers.api import BaseState, Health, Notice, Quality, Reading, Report, Velocity, unheard, unreported
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NotConnected
+from drivers.history import History
+from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, RequestExtra, SetOutputs
+from drivers.kobuki.helm import Helm
+from drivers.kobuki.limits import STILL, Limits, permitted
+from drivers.kobuki.listener import Identity, Listener
+from drivers.kobuki.senses import compare
+from drivers.kobuki.wire import encode
+from drivers.link import Link
+
+STALE_AFTER = 0.1
+"""Seconds after which a report no longer counts as fresh: five were missed."""
+
+SILENT_AFTER = 0.25
+"""Seconds without a report after which the base counts as offline and is told to stand still. The vendor's driver
+takes 0.1 s, which a loaded computer exceeds by itself."""
+
+FRAME_TIME = 0.0075
+"""Seconds that a report is on the wire (87 bytes at 115200 baud): it was measured this long before it arrived. The USB
+adapter adds 1 ms with its latency timer set, else up to 16, which cannot be known here. The 0.2 s from a command to
+the motion do not matter: the heading is measured, not computed from commands."""
+
+RENEWAL = 0.04
+"""Seconds after which the command is renewed though no report has come."""
+
+ASKING = 0.5
+"""Seconds between questions for what the base has not yet told of itself."""
+
+FIRMWARE_MAJOR = 1
+"""The one generation of the firmware that speaks this protocol."""
+
+
+class KobukiBase:
+    """A ``drivers.api.Base`` over a link at ``wire.BAUD``, which it owns: nobody else opens, writes or closes it.
+
+    Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard). ``changed`` is called
+    from the link's thread whenever a contact or button changes, and must return at once. Raises ValueError for a
+    limit that is not positive.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        max_linear: float = 0.5,
+        max_angular: float = 1.9,
+        linear_acceleration: float = 0.5,
+        angular_acceleration: float = 3.5,
+        report: Report = unreported,
+        changed: Callable[[], None] = unheard,
+        name: str = "base",
+    ) -> None:
+        self._name = name
+        self._link = link
+        self._clock = clock
+        self._report = report
+        self._changed = changed
+        self._helm = Helm(Limits(max_linear, max_angular, linear_acceleration, angular_acceleration))
+        self._closing = False
+        # Held from the choice of a velocity until it is written, so that no older one can follow the zero of ``stop``.
+        self._lock = RLock()
+        self._listener = Listener()
+        self._headings = History()
+        # Written by the link's thread alone, and replaced, never altered: any thread may read them.
+        self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
+        self._connected_at = self._heard_at = self._bytes_at = -inf
+        self._renewed_at = self._asked_at = -inf
+        self._silent = False
+
+    @property
+    def name(self) -> str:
+        """The part of the robot that it is."""
+        return self._name
+
+    @property
+    def identity(self) -> Identity:
+        """Versions and unique ID, as far as the base has told them."""
+        return self._listener.identity
+
+    def open(self) -> None:
+        """Start looking for the base; returns at once, whether it is there or not."""
+        with self._lock:
+            self._closing = False
+        self._link.open(self)
+
+    def drive(self, velocity: Velocity) -> Velocity:
+        """Drive so for ``COMMAND_LIFE`` at most; return what was accepted: limited, and what the touch permits.
+
+        The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite, and
+        NotConnected when no reports arrive: it does not drive blind.
+        """
+        if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
+            raise BadRequest(
+                f"{self._name}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
+                hint="both must be finite numbers",
+            )
+        health = self.health()
+        if not health.online:
+            raise NotConnected(health.detail, hint=health.hint)
+        with self._lock:
+            accepted = self._helm.steer(velocity, self._clock.now())
+        return permitted(accepted, self._latest.value)
+
+    def stop(self) -> None:
+        """Stand still now, without any ramp. Safe from any state, more than once; does not raise when offline."""
+        with self._lock:
+            self._helm.halt()
+            with suppress(NotConnected):
+                self._send(STILL)
+
+    def state(self) -> Reading[BaseState]:
+        """The newest report; stale when it was measured more than ``STALE_AFTER`` ago."""
+        latest, now = self._latest, self._clock.now()
+        if latest.value is None:
+            return replace(latest, stamp=now)
+        return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
+
+    def heading_at(self, stamp: float) -> float | None:
+        """The heading in radians at a past time (the last 3 s), interpolated; None when that is not known."""
+        found = self._headings.at(stamp)
+        return found[0] if found else None
+
+    def rest(self) -> None:
+        """Stand still: the only rest of a base."""
+        self.stop()
+
+    def close(self) -> None:
+        """Stand still, end the thread and release the port. Safe from any state, more than once."""
+        with self._lock:
+            self._closing = True  # from here on every renewal is a zero as well
+        for _ in range(3):  # one of them may be garbled on the wire
+            self.stop()
+        self._link.close()
+
+    def health(self) -> Health:
+        """Say whether reports of the base arrive, and the figures of its wire."""
+        link = self._link.health()
+        counters = {**link.counters, **self._listener.counters()}
+        if not link.online:
+            return Health(False, link.detail, link.hint, counters)
+        now = self._clock.now()
+        if self._hears(now):
+            return Health(True, counters=counters)
+        return Health(False, *self._silence(now), counters)
+
+    # What follows is drivers.link.Talker, called from the link's thread.
+
+    def connected(self) -> None:
+        """Begin anew on a port just opened: nothing of before is in force, but the pose goes on from where it was."""
+        with self._lock:
+            self._helm.halt()
+        self._listener.restart()
+        self._connected_at, self._asked_at = self._clock.now(), -inf
+        self._silent = False
+        self._link.write(encode(SetOutputs(OUTPUTS_AT_START)))
+
+    def received(self, data: bytes) -> None:
+        """Take what the base says, obey what it feels at once, then tell of it."""
+        now = self._bytes_at = self._clock.now()
+        before, known = self._latest.value, self.identity.firmware
+        states = self._listener.feed(data, now - FRAME_TIME)
+        if states:
+            self._latest = Reading(states[-1], now - FRAME_TIME, Quality.GOOD)
+            self._headings.add(self._latest.stamp, [states[-1].pose.heading])
+            self._heard_at = now  # last: who sees it online also sees its state
+            self._renew(now)
+            self._tell(before, states)
+        told = self.identity.firmware
+        if told is not None and told is not known and told.major != FIRMWARE_MAJOR:
+            self._report(Notice(self._name, "fault", f"firmware {told}, not 1.x", "update it to 1.2.0"))
+
+    def pulse(self) -> None:
+        """Renew the command though nothing arrives, ask what is not known yet, and notice silence."""
+        now = self._clock.now()
+        if now - self._renewed_at >= RENEWAL:
+            self._renew(now)
+        if self.identity.missing and now - self._asked_at >= ASKING:
+            self._asked_at = now
+            self._link.write(encode(RequestExtra(self.identity.missing)))
+        if not self._silent and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
+            self._silent = True
+            self._report(Notice(self._name, "offline", *self._silence(now)))
+
+    def _renew(self, now: float) -> None:
+        """Send the velocity that is due. Raises NotConnected, which tells the link to look for the port again."""
+        with self._lock:
+            felt = self._latest.value if self._hears(now) else None
+            if self._closing:
+                self._helm.halt()
+            self._send(self._helm.velocity(now, felt))
+        self._renewed_at = now
+
+    def _send(self, velocity: Velocity) -> None:
+        self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)))
+
+    def _tell(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
+        """Report what has changed from state to state, and that the base is back if it was silent."""
+        if self._silent:
+            self._silent = False
+            self._report(Notice(self._name, "online", f"{self._link.port}: the base reports again"))
+        felt = False
+        for state in states:
+            change = compare(before, state)
+            felt = felt or change.felt
+            for fault in change.faults:
+                self._report(Notice(self._name, "fault", fault, "stand the base on the floor, away from the edge"))
+            before = state
+        if felt:
+            self._changed()
+
+    def _hears(self, now: float) -> bool:
+        """True while reports arrive on this connection."""
+        return self._heard_at >= self._connected_at and now - self._heard_at <= SILENT_AFTER
+
+    def _silence(self, now: float) -> tuple[str, str]:
+        """Say what is the matter with an open port without reports, and what to try."""
+        who = f"{self._name}: {self._link.port}"
+        if now - self._bytes_at > SILENT_AFTER:
+            return f"{who}: open but silent; is the base switched on?", "switch the base on; then look at its cable"
+        return f"{who}: bytes arrive, but no report of a Kobuki", f"is it the right port, at {self._link.baud} baud?"

@@ -1,0 +1,108 @@
+"""Two driven wheels on one axle, with motors of limited strength: where a base really is, what its wheels turned."""
+
+from collections import deque
+from math import cos, inf, sin
+
+from drivers.api import Pose2D, Velocity
+
+_STEP = 0.005
+"""Seconds of one step of integration while the speeds change; at constant speed a step is exact however long."""
+
+
+class Wheels:
+    """A differential drive whose time is handed in. Not safe between threads.
+
+    ``acceleration`` in m/s^2 is what each motor does to its own wheel; ``dead_time`` in seconds passes between a
+    command and its effect (users of a Kobuki measured 0.2); ``slip`` is the share 0..1 of the wheels' travel that
+    does not move the base, so that odometry errs as it does on carpet. Metres, radians and seconds throughout.
+    Raises ValueError for values that make no sense.
+    """
+
+    def __init__(
+        self,
+        *,
+        separation: float = 0.23,
+        acceleration: float = 2.0,
+        dead_time: float = 0.0,
+        slip: float = 0.0,
+        pose: Pose2D | None = None,
+    ) -> None:
+        if not (separation > 0 and acceleration > 0 and dead_time >= 0 and 0 <= slip < 1):
+            raise ValueError(f"wheels: {separation=}, {acceleration=}, {dead_time=}, {slip=}: out of range")
+        self.pose = pose or Pose2D(0.0, 0.0, 0.0)
+        """The true pose; set it to lift the base and put it down elsewhere."""
+        self.slip = slip
+        self.left = self.right = 0.0
+        """How far the rim of each wheel has turned, in metres, backwards negative: what its encoder counts."""
+        self._separation = separation
+        self._acceleration = acceleration
+        self._dead_time = dead_time
+        self._speeds = self._goals = (0.0, 0.0)
+        self._commands: deque[tuple[float, float, float]] = deque()
+        self._now: float | None = None
+
+    @property
+    def velocity(self) -> Velocity:
+        """How fast the base really moves."""
+        left, right = self._speeds
+        grip = 1 - self.slip
+        return Velocity(grip * (left + right) / 2, grip * (right - left) / self._separation)
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """How fast the rims of the left and the right wheel turn, in m/s."""
+        return self._speeds
+
+    def command(self, linear: float, angular: float, now: float) -> None:
+        """Ask the motors for ``linear`` m/s and ``angular`` rad/s from time ``now``, or a dead time later."""
+        self.advance(now)
+        half = angular * self._separation / 2
+        due = max(now, self._now or now) + self._dead_time
+        self._commands.append((due, linear - half, linear + half))
+
+    def advance(self, now: float) -> Pose2D:
+        """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
+        if self._now is None:
+            self._now = now
+        while self._now < now or self._is_due(self._now):
+            if self._is_due(self._now):
+                _, *goals = self._commands.popleft()
+                self._goals = (goals[0], goals[1])
+                continue
+            until = min(now, self._commands[0][0] if self._commands else inf)
+            if self._speeds != self._goals:
+                until = min(until, self._now + _STEP)
+            self._roll(until - self._now)
+            self._now = until
+        return self.pose
+
+    def _is_due(self, now: float) -> bool:
+        return bool(self._commands) and self._commands[0][0] <= now
+
+    def _roll(self, seconds: float) -> None:
+        """Turn both wheels for ``seconds``, and move the base along the arc that this makes."""
+        left, left_speed = _run_up(self._speeds[0], self._goals[0], self._acceleration, seconds)
+        right, right_speed = _run_up(self._speeds[1], self._goals[1], self._acceleration, seconds)
+        self._speeds = (left_speed, right_speed)
+        self.left += left
+        self.right += right
+        grip = 1 - self.slip
+        turn = grip * (right - left) / self._separation
+        chord = grip * (left + right) / 2 * _sinc(turn / 2)
+        along = self.pose.heading + turn / 2
+        self.pose = Pose2D(self.pose.x + chord * cos(along), self.pose.y + chord * sin(along), self.pose.heading + turn)
+
+
+def _run_up(speed: float, goal: float, acceleration: float, seconds: float) -> tuple[float, float]:
+    """Return the travel of a wheel that changes from ``speed`` towards ``goal``, and its speed at the end."""
+    change = goal - speed
+    needed = abs(change) / acceleration
+    if needed <= seconds:
+        return (speed + goal) / 2 * needed + goal * (seconds - needed), goal
+    end = speed + change * seconds / needed
+    return (speed + end) / 2 * seconds, end
+
+
+def _sinc(angle: float) -> float:
+    """Return how much shorter a chord is than its arc of twice ``angle``."""
+    return sin(angle) / angle if angle else 1.0

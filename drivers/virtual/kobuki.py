@@ -1,0 +1,199 @@
+"""A Kobuki at the level of its wire: reads commands, drives its wheels, and reports 50 times a second."""
+
+from collections.abc import Iterable
+from math import degrees
+from threading import RLock
+
+from drivers.api import Pose2D, Sides
+from drivers.kobuki import feedback
+from drivers.kobuki.commands import (
+    COMMANDS,
+    OUTPUTS_AT_START,
+    BaseControl,
+    Extra,
+    GetGains,
+    RequestExtra,
+    SetGains,
+    SetOutputs,
+)
+from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, frame, subpayload
+from drivers.sim.wheels import Wheels
+
+PERIOD = 0.02
+"""Seconds between two reports."""
+
+COMMAND_TIMEOUT = 0.5
+"""Seconds without base control after which this base comes to rest. The vendor documents no such limit: it is our
+assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
+
+FULL_SPEED = 0.7
+"""m/s of a wheel at full pulse width."""
+
+FLOOR, NO_FLOOR = 2000, 100
+"""What a floor sensor measures with the floor beneath it, and without."""
+
+UNKNOWN_ID = 0x63
+
+
+class VirtualKobuki:
+    """A ``drivers.virtual.terminal.WireDevice``. Safe between threads.
+
+    What it feels is set from outside, at any time: ``bumper``, ``cliff``, ``wheel_drop`` (no centre), ``buttons``
+    (0..2), ``battery_voltage``, ``charger`` (as in ``feedback.Charger``). ``gyro_offset`` in radians is what its gyro
+    shows at the heading 0. Faults of the firmware, likewise: ``frozen`` sends no reports, ``shortened`` is the ID of a
+    part that lacks its last byte, ``chatty`` adds a part that nobody knows.
+    """
+
+    def __init__(self, *, wheels: Wheels | None = None, firmware: tuple[int, int, int] = (1, 2, 0)) -> None:
+        self.wheels = wheels or Wheels()
+        self.bumper = self.cliff = self.wheel_drop = Sides()
+        self.buttons: frozenset[int] = frozenset()
+        self.battery_voltage = 16.0
+        self.charger = 0
+        self.gyro_offset = 0.0
+        self.frozen = False
+        self.shortened: int | None = None
+        self.chatty = False
+        self.outputs = int(OUTPUTS_AT_START)
+        self.gains = feedback.Gains()
+        self._firmware = firmware
+        self._finder = FrameFinder()
+        self._answers: list[Part] = []
+        self._controlled_at: float | None = None
+        self._started_at = self._next_at = 0.0
+        self._reports = self._samples = 0
+        self._lock = RLock()
+
+    @property
+    def baud(self) -> int:
+        """The rate it listens at."""
+        return BAUD
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take commands; what they ask for comes with the next report, so the answer here is empty."""
+        with self._lock:
+            self._advance(now)
+            for payload in self._finder.feed(data):
+                for command in decode(payload, COMMANDS).parts:
+                    self._obey(command, now)
+        return b""
+
+    def poll(self, now: float) -> bytes:
+        """Return the reports that are due by ``now``; the first call is when the base was switched on."""
+        with self._lock:
+            if self._reports == 0:
+                self._started_at = self._next_at = now
+            said = b""
+            while self._next_at <= now:
+                self._advance(self._next_at)
+                said += self._report(self._next_at)
+                self._reports += 1
+                self._next_at = self._started_at + self._reports * PERIOD
+            return said
+
+    def pose(self, now: float) -> Pose2D:
+        """Where it really is at time ``now``."""
+        with self._lock:
+            self._advance(now)
+            return self.wheels.pose
+
+    def _advance(self, now: float) -> None:
+        """Roll on until ``now``, but come to rest when no base control has come for a while."""
+        if self._controlled_at is not None and now - self._controlled_at > COMMAND_TIMEOUT:
+            self.wheels.command(0.0, 0.0, self._controlled_at + COMMAND_TIMEOUT)
+            self._controlled_at = None
+        self.wheels.advance(now)
+
+    def _obey(self, command: Part, now: float) -> None:
+        match command:
+            case BaseControl():
+                self._controlled_at = now
+                self.wheels.command(*command.velocity, now)
+            case RequestExtra(flags=flags):
+                self._answers += self._extras(flags)
+            case SetOutputs(word=word):
+                self.outputs = word
+            case SetGains(user=user):
+                self.gains = (
+                    feedback.Gains(user, command.p_thousandths, command.i_thousandths, command.d_thousandths)
+                    if user
+                    else feedback.Gains()
+                )
+            case GetGains():
+                self._answers.append(self.gains)
+            case _:
+                pass  # sounds: nobody is there to hear them
+
+    def _extras(self, flags: int) -> Iterable[Part]:
+        if flags & Extra.HARDWARE:
+            yield feedback.HardwareVersion(patch=4, minor=0, major=1)
+        if flags & Extra.FIRMWARE:
+            major, minor, patch = self._firmware
+            yield feedback.FirmwareVersion(patch, minor, major)
+        if flags & Extra.UNIQUE_ID:
+            yield feedback.UniqueId(0x4B6F6275, 0x6B690000, 0x00000001)
+
+    def _report(self, now: float) -> bytes:
+        """Return one frame with all that it feels at ``now``, and the answers that are due."""
+        if self.frozen:
+            return b""
+        parts = [
+            self._core(now),
+            feedback.DockInfrared(),
+            self._inertia(),
+            self._floor(),
+            feedback.MotorCurrent(),
+            self._gyro(),
+            feedback.Inputs(),
+            *self._answers,
+        ]
+        self._answers = []
+        payload = b"".join(self._subpayload(part) for part in parts)
+        return frame(payload + (subpayload(UNKNOWN_ID, b"\x01\x02") if self.chatty else b""))
+
+    def _subpayload(self, part: Part) -> bytes:
+        data = part.pack()
+        return subpayload(part.ID, data[:-1] if self.shortened == part.ID else data)
+
+    def _core(self, now: float) -> feedback.Core:
+        left, right = self.wheels.speeds
+        return feedback.Core(
+            time_ms=round(1000 * (now - self._started_at)) & 0xFFFF,
+            bumper=_bits(self.bumper),
+            wheel_drop=(feedback.DROPPED_LEFT if self.wheel_drop.left else 0)
+            | (feedback.DROPPED_RIGHT if self.wheel_drop.right else 0),
+            cliff=_bits(self.cliff),
+            left_encoder=round(self.wheels.left / feedback.METRES_PER_TICK) & 0xFFFF,
+            right_encoder=round(self.wheels.right / feedback.METRES_PER_TICK) & 0xFFFF,
+            left_pwm=_clip(100 * left / FULL_SPEED, 0x7F),
+            right_pwm=_clip(100 * right / FULL_SPEED, 0x7F),
+            buttons=sum(1 << number for number in self.buttons),
+            charger=self.charger,
+            battery_decivolts=round(10 * self.battery_voltage),
+        )
+
+    def _inertia(self) -> feedback.Inertia:
+        heading = round(100 * degrees(self.wheels.pose.heading + self.gyro_offset))
+        rate = 100 * degrees(self.wheels.velocity.angular)
+        return feedback.Inertia((heading + 18000) % 36000 - 18000, _clip(rate, 0x7FFF))
+
+    def _floor(self) -> feedback.CliffDistance:
+        seen = [NO_FLOOR if side else FLOOR for side in (self.cliff.right, self.cliff.centre, self.cliff.left)]
+        return feedback.CliffDistance(*seen)
+
+    def _gyro(self) -> feedback.RawGyro:
+        """Return two samples or, now and then, three: a reader must take both."""
+        count = 3 if self._reports % 25 == 24 else 2
+        self._samples += count
+        sample = (0, 0, _clip(self.wheels.velocity.angular / feedback.GYRO_STEP, 0x7FFF))
+        return feedback.RawGyro(self._samples & 0xFF, (sample,) * count)
+
+
+def _bits(sides: Sides) -> int:
+    side = feedback.Side
+    pairs = ((sides.left, side.LEFT), (sides.centre, side.CENTRE), (sides.right, side.RIGHT))
+    return sum(int(bit) for on, bit in pairs if on)
+
+
+def _clip(value: float, most: int) -> int:
+    return max(-most, min(round(value), most))

@@ -1,0 +1,44 @@
+"""What every test gets: a clock of its own, and a check that it leaves no thread, port or file open."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import ManualClock
+
+GRACE = 3.0
+"""Seconds that a thread has to end after its test."""
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    """A clock that stands still until the test advances it."""
+    return ManualClock()
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind() -> Iterator[None]:
+    """Fail a test that leaves a thread running, or a port or file open."""
+    threads, files = set(threading.enumerate()), _open_files()
+    yield
+    for thread in set(threading.enumerate()) - threads:
+        thread.join(GRACE)
+    left = [f"thread '{thread.name}'" for thread in set(threading.enumerate()) - threads if thread.is_alive()]
+    left += [f"file {name}" for number, name in _open_files().items() if files.get(number) != name]
+    if left:
+        pytest.fail(f"left behind: {', '.join(sorted(left))}")
+
+
+def _open_files() -> dict[int, str]:
+    """Return the files and terminals that this process has open, by number; pipes and the like are not counted."""
+    found = {}
+    for link in Path("/proc/self/fd").iterdir() if Path("/proc/self/fd").is_dir() else ():
+        try:
+            name = str(link.readlink())
+        except OSError:
+            continue
+        if name.startswith("/") and not name.startswith(("/proc/", "/dev/null", "/dev/urandom")):
+            found[int(link.name)] = name
+    return found

@@ -1,0 +1,754 @@
+"""The Kobuki driver: its rules in simulated time against the virtual base, then as a whole over a pseudo-terminal."""
+
+import errno
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, nan, pi, radians
+
+import pytest
+import serial
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import COMMAND_LIFE, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import BadRequest, NotConnected
+from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
+from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
+from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
+from drivers.kobuki.limits import STILL, Limits, permitted
+from drivers.kobuki.odometry import Odometry
+from drivers.kobuki.senses import Senses, battery_percent
+from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, encode
+from drivers.link import Link, Talker
+from drivers.sim.wheels import Wheels
+from drivers.virtual.kobuki import COMMAND_TIMEOUT, VirtualKobuki
+from drivers.virtual.terminal import Terminal
+
+NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+
+# --- odometry, limits, senses: plain arithmetic -----------------------------------------------------------------------
+
+
+def test_odometry_starts_at_zero_whatever_the_base_says_first() -> None:
+    odometry = Odometry()
+    odometry.update(Core(time_ms=60000, left_encoder=999, right_encoder=5), Inertia(heading_cdeg=-17000), 3.0)
+    assert odometry.pose == Pose2D(0.0, 0.0, 0.0)
+
+
+@given(st.lists(st.tuples(st.integers(-3000, 3000), st.integers(-3000, 3000)), max_size=60), st.integers(0, 0xFFFF))
+def test_encoders_may_wrap_as_often_as_they_like(moves: list[tuple[int, int]], start: int) -> None:
+    odometry = Odometry()
+    left = right = start
+    odometry.update(Core(left_encoder=left, right_encoder=right), Inertia(), 0.0)
+    for number, (more_left, more_right) in enumerate(moves, 1):
+        left, right = left + more_left, right + more_right
+        core = Core(time_ms=20 * number & 0xFFFF, left_encoder=left & 0xFFFF, right_encoder=right & 0xFFFF)
+        odometry.update(core, Inertia(), 0.02 * number)
+    assert odometry.pose.x == pytest.approx((left + right - 2 * start) / 2 * METRES_PER_TICK, abs=1e-9)
+
+
+@given(st.lists(st.integers(-17000, 17000), max_size=60), st.integers(-18000, 17999))
+def test_the_heading_does_not_wrap(turns: list[int], start: int) -> None:
+    odometry = Odometry()
+    heading = start
+    odometry.update(Core(), Inertia(heading), 0.0)
+    for number, turn in enumerate(turns, 1):
+        heading += turn
+        odometry.update(Core(time_ms=20 * number), Inertia((heading + 18000) % 36000 - 18000), 0.02 * number)
+    assert odometry.pose.heading == pytest.approx(radians((heading - start) / 100))
+
+
+@pytest.mark.parametrize(("time_ms", "now"), [(5000, 5.0), (20, 5.0), (40000, 0.02)])
+def test_a_long_gap_makes_no_jump(time_ms: int, now: float) -> None:
+    odometry = Odometry()
+    odometry.update(Core(), Inertia(), 0.0)
+    odometry.update(Core(time_ms=time_ms, left_encoder=9000, right_encoder=9000), Inertia(9000), now)
+    assert (odometry.pose, odometry.velocity) == (Pose2D(0.0, 0.0, 0.0), STILL)
+    odometry.update(Core(time_ms=time_ms + 20, left_encoder=9010, right_encoder=9010), Inertia(9000), now + 0.02)
+    assert odometry.pose.x == pytest.approx(10 * METRES_PER_TICK)
+    assert odometry.velocity.linear == pytest.approx(10 * METRES_PER_TICK / 0.02)
+
+
+def test_a_quarter_circle_between_two_reports_is_a_chord() -> None:
+    odometry = Odometry()
+    odometry.update(Core(), Inertia(), 0.0)
+    odometry.update(Core(time_ms=20, left_encoder=1000, right_encoder=2000), Inertia(9000), 0.02)
+    assert odometry.pose.x == pytest.approx(odometry.pose.y)
+    assert odometry.pose.x == pytest.approx(1500 * METRES_PER_TICK / 2**0.5)
+
+
+LIMITS = Limits(max_linear=0.5, max_angular=1.9, linear_acceleration=0.5, angular_acceleration=3.5)
+
+
+@given(st.floats(-5, 5), st.floats(-9, 9))
+def test_limiting_keeps_the_shape_of_the_path(linear: float, angular: float) -> None:
+    limited = LIMITS.clamp(Velocity(linear, angular))
+    assert abs(limited.linear) <= 0.5 + 1e-9
+    assert abs(limited.angular) <= 1.9 + 1e-9
+    assert limited.linear * angular == pytest.approx(limited.angular * linear, abs=1e-9)
+
+
+@given(*[st.floats(-0.5, 0.5)] * 2, *[st.floats(-1.9, 1.9)] * 2, st.floats(0, 0.1))
+def test_a_ramp_changes_no_faster_than_allowed_and_arrives(
+    linear: float, goal_linear: float, angular: float, goal_angular: float, seconds: float
+) -> None:
+    current, goal = Velocity(linear, angular), Velocity(goal_linear, goal_angular)
+    after = LIMITS.approach(current, goal, seconds)
+    assert abs(after.linear - linear) <= 1.2 * 0.5 * seconds + 1e-9
+    assert abs(after.angular - angular) <= 1.2 * 3.5 * seconds + 1e-9
+    for _ in range(60):
+        current = LIMITS.approach(current, goal, 0.05)
+    assert current == goal
+
+
+def test_braking_is_harder_than_speeding_up() -> None:
+    assert LIMITS.approach(STILL, Velocity(0.5, 0.0), 0.1).linear == pytest.approx(0.05)
+    assert LIMITS.approach(Velocity(0.5, 0.0), STILL, 0.1).linear == pytest.approx(0.44)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, nan, inf])
+def test_a_limit_must_be_a_positive_number(wrong: float) -> None:
+    with pytest.raises(ValueError, match="max_angular must be a positive number"):
+        Limits(0.5, wrong, 0.5, 3.5)
+
+
+def test_touch_permits_a_retreat_but_no_advance() -> None:
+    for contact in (replace(NOWHERE, bumper=Sides(left=True)), replace(NOWHERE, cliff=Sides(right=True))):
+        assert permitted(Velocity(0.2, 0.5), contact) == Velocity(0.0, 0.5)
+        assert permitted(Velocity(-0.2, 0.5), contact) == Velocity(-0.2, 0.5)
+    assert permitted(Velocity(-0.2, 0.5), replace(NOWHERE, wheel_drop=Sides(left=True))) == STILL
+    assert permitted(Velocity(0.2, 0.5), NOWHERE) == Velocity(0.2, 0.5)
+    assert permitted(Velocity(0.2, 0.5), None) == STILL
+
+
+def test_the_battery_is_read_by_the_documented_line() -> None:
+    assert [battery_percent(volts) for volts in (12.0, 13.2, 14.85, 16.5, 16.8)] == pytest.approx(
+        [0, 5, 52.5, 100, 100]
+    )
+
+
+def test_a_battery_that_fills_at_less_is_full_at_that() -> None:
+    senses = Senses()
+    inertia = Inertia()
+    aged = senses.update(Core(battery_decivolts=162), inertia, 0.0)
+    assert aged is not None
+    assert aged.battery_percent < 95
+    full = senses.update(Core(time_ms=20, battery_decivolts=162, charger=18), inertia, 0.02)
+    assert full is not None
+    assert (full.battery_percent, full.charging) == (100.0, False)
+
+
+def test_every_sense_has_its_own_side() -> None:
+    state = Senses().update(Core(bumper=4, cliff=1, wheel_drop=2, buttons=0b101, charger=6), Inertia(), 0.0)
+    assert state is not None
+    assert (state.bumper, state.cliff) == (Sides(left=True), Sides(right=True))
+    assert state.wheel_drop == Sides(left=True)
+    assert (state.buttons, state.charging) == (frozenset({0, 2}), True)
+
+
+# --- the driver's rules, in simulated time ----------------------------------------------------------------------------
+
+
+class DirectLink(Link):
+    """A link without port and thread: a virtual base at its other end, driven by a clock that stands still."""
+
+    def __init__(self, device: VirtualKobuki, clock: ManualClock) -> None:
+        super().__init__("base", "/dev/kobuki", BAUD)
+        self.device = device
+        self.clock = clock
+        self.sent: list[bytes] = []
+        self.talker: Talker | None = None
+        self.plugged = True
+        self.before_close: Callable[[], None] = unheard
+
+    def open(self, talker: Talker) -> None:
+        self.talker = talker
+        talker.connected()
+
+    def close(self) -> None:
+        self.before_close()
+        self.talker = None
+
+    @property
+    def online(self) -> bool:
+        return self.talker is not None and self.plugged
+
+    def health(self) -> Health:
+        return Health(self.online, "" if self.online else "base: /dev/kobuki: no such device")
+
+    def write(self, data: bytes) -> None:
+        if not self.online:
+            raise NotConnected("base: /dev/kobuki: not there")
+        self.sent.append(data)
+        self.device.feed(data, self.clock.now())
+
+    def run(self, seconds: float, *, each: Callable[[], object] = lambda: None) -> None:
+        """Let time pass in steps of 10 ms, calling ``each`` at every one."""
+        for _ in range(round(seconds / 0.01)):
+            now = self.clock.advance(0.01)
+            said = self.device.poll(now)
+            if self.talker is not None and self.plugged:
+                if said:
+                    self.talker.received(said)
+                self.talker.pulse()
+            each()
+
+    def velocities(self) -> list[tuple[float, float]]:
+        """All velocities sent so far, as the base understands them."""
+        return [part.velocity for part in self.commands() if isinstance(part, BaseControl)]
+
+    def commands(self) -> list[object]:
+        kinds = {BaseControl.ID: BaseControl}
+        payloads = FrameFinder().feed(b"".join(self.sent))
+        return [part for payload in payloads for part in decode(payload, kinds).parts]
+
+
+class Bench:
+    """A driver over a ``DirectLink``, and everything it said."""
+
+    def __init__(self, device: VirtualKobuki | None = None) -> None:
+        self.clock = ManualClock(100.0)
+        self.device = device or VirtualKobuki(wheels=Wheels(acceleration=1e6))
+        self.link = DirectLink(self.device, self.clock)
+        self.notices: list[Notice] = []
+        self.changes = 0
+        self.base = KobukiBase(self.link, self.clock, report=self.notices.append, changed=self.count)
+        self.base.open()
+        self.link.run(0.1)
+
+    def count(self) -> None:
+        self.changes += 1
+
+    def drive(self, seconds: float, linear: float, angular: float = 0.0) -> None:
+        """Renew a command all the time for so long."""
+        self.link.run(seconds, each=lambda: self.base.drive(Velocity(linear, angular)))
+
+    def value(self) -> BaseState:
+        reading = self.base.state()
+        assert reading.value is not None
+        assert reading.good
+        return reading.value
+
+
+def test_the_driver_is_a_base() -> None:
+    base: Base = Bench().base
+    assert base.name == "base"
+
+
+def test_nothing_is_sent_nor_known_before_it_is_opened() -> None:
+    clock = ManualClock()
+    base = KobukiBase(DirectLink(VirtualKobuki(), clock), clock)
+    reading = base.state()
+    assert (reading.value, reading.quality) == (None, Quality.NONE)
+    assert base.heading_at(0.0) is None
+    assert not base.health().online
+    with pytest.raises(NotConnected):
+        base.drive(Velocity(0.1, 0.0))
+    base.stop()
+    base.rest()
+    base.close()
+    base.close()
+
+
+def test_the_command_is_renewed_after_every_report() -> None:
+    bench = Bench()
+    before = len(bench.link.velocities())
+    bench.link.run(1.0)
+    assert len(bench.link.velocities()) - before == 50
+
+
+def test_a_start_follows_the_ramp_and_keeps_to_its_arc() -> None:
+    bench = Bench()
+    bench.drive(0.5, 0.4, 0.8)
+    going = [velocity for velocity in bench.link.velocities() if velocity != (0.0, 0.0)]
+    assert going[-1][0] == pytest.approx(0.5 * 0.5, abs=0.02)
+    assert all(later[0] - sooner[0] <= 0.5 * 0.02 + 0.003 for sooner, later in pairwise(going))
+    assert all(angular == pytest.approx(2 * linear, abs=0.03) for linear, angular in going)
+
+
+def test_what_is_too_fast_is_accepted_slower() -> None:
+    accepted = Bench().base.drive(Velocity(1.0, 1.0))
+    assert accepted == Velocity(0.5, 0.5)
+
+
+@pytest.mark.parametrize("wrong", [Velocity(nan, 0.0), Velocity(0.0, inf)])
+def test_a_velocity_that_is_no_number_is_refused(wrong: Velocity) -> None:
+    with pytest.raises(BadRequest, match="cannot drive at"):
+        Bench().base.drive(wrong)
+
+
+def test_a_velocity_that_nobody_renews_ends() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
+    bench.link.run(COMMAND_LIFE - 0.03)
+    assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
+    bench.link.run(0.06)
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+    assert bench.device.wheels.velocity == STILL
+
+
+def test_the_deadman_works_without_reports_too() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.device.frozen = True
+    bench.link.run(SILENT_AFTER + 0.06)
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+    with pytest.raises(NotConnected, match="open but silent"):
+        bench.base.drive(Velocity(0.1, 0.0))
+
+
+def test_stop_is_at_once_and_what_was_asked_before_is_forgotten() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.4)
+    bench.base.stop()
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+    sent = len(bench.link.velocities())
+    bench.link.run(0.2)
+    assert set(bench.link.velocities()[sent:]) == {(0.0, 0.0)}
+
+
+def test_it_does_not_go_on_blind() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.device.frozen = True
+    bench.drive(SILENT_AFTER - 0.02, 0.3)
+    bench.link.run(0.08)  # the last command is not old yet
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+
+
+def test_close_ends_with_zeros_though_others_go_on_commanding_and_renewing() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.4)
+
+    def meanwhile() -> None:
+        """What a caller and the link's thread may still do until the link is closed."""
+        bench.base.drive(Velocity(0.4, 0.0))
+        bench.clock.advance(0.05)
+        bench.base.pulse()
+
+    bench.link.before_close = meanwhile
+    bench.base.close()
+    assert bench.link.velocities()[-4:] == [(0.0, 0.0)] * 4
+
+
+def test_odometry_agrees_with_where_the_base_really_is() -> None:
+    device = VirtualKobuki()
+    device.gyro_offset = 3.0
+    bench = Bench(device)
+    bench.drive(12.0, 0.2, 0.6)
+    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
+    assert true.heading > 2 * pi  # so the gyro has wrapped, and more than once
+    assert (measured.x, measured.y) == pytest.approx((true.x, true.y), abs=0.02)
+    assert measured.heading == pytest.approx(true.heading, abs=0.02)
+    assert bench.value().velocity.linear == pytest.approx(0.2, abs=0.01)
+    assert bench.value().velocity.angular == pytest.approx(0.6, abs=0.01)
+
+
+def test_slipping_wheels_deceive_the_distance_but_not_the_heading() -> None:
+    bench = Bench(VirtualKobuki(wheels=Wheels(slip=0.2)))
+    bench.drive(4.0, 0.3)
+    bench.drive(1.0, 0.0, 1.0)
+    true, measured = bench.device.pose(bench.clock.now()), bench.value().pose
+    assert true.x == pytest.approx(0.8 * measured.x, rel=0.02)
+    assert measured.heading == pytest.approx(true.heading, abs=0.02)
+
+
+def test_the_heading_of_a_moment_ago_is_known() -> None:
+    bench = Bench()
+    bench.drive(2.0, 0.0, 1.0)
+    now = bench.clock.now()
+    newest, before = bench.base.heading_at(now), bench.base.heading_at(now - 0.5)
+    assert newest is not None
+    assert before is not None
+    assert newest - before == pytest.approx(0.5, abs=0.03)
+    assert bench.base.heading_at(now - 60) is None
+
+
+def test_a_state_grows_stale_and_fresh_again() -> None:
+    bench = Bench()
+    assert bench.base.state().quality is Quality.GOOD
+    bench.device.frozen = True
+    bench.link.run(0.15)
+    reading = bench.base.state()
+    assert reading.quality is Quality.STALE
+    assert reading.value is not None
+    assert bench.base.health().online  # not yet missed for long enough
+    bench.device.frozen = False
+    bench.link.run(0.05)
+    assert bench.base.state().quality is Quality.GOOD
+
+
+def test_silence_is_told_once_and_so_is_its_end() -> None:
+    bench = Bench()
+    bench.device.frozen = True
+    bench.link.run(1.0)
+    health = bench.base.health()
+    assert not health.online
+    assert health.detail == "base: /dev/kobuki: open but silent; is the base switched on?"
+    assert "switch the base on" in health.hint
+    bench.device.frozen = False
+    bench.link.run(1.0)
+    assert bench.base.health().online
+    assert [notice.kind for notice in bench.notices] == ["offline", "online"]
+
+
+def test_a_new_connection_begins_anew() -> None:
+    bench = Bench()
+    bench.clock.advance(0.05)
+    bench.base.connected()  # what was heard a moment ago was heard on the port before
+    assert not bench.base.health().online
+    bench.link.run(0.1)
+    bench.device.frozen = True
+    bench.link.run(1.0)
+    bench.base.received(encode(Core(), Inertia())[:10])  # cut in the middle by the plug
+    bench.base.connected()
+    assert not bench.base.health().online
+    with pytest.raises(NotConnected):
+        bench.base.drive(Velocity(0.1, 0.0))
+    bench.link.run(1.0)
+    assert [notice.kind for notice in bench.notices] == ["offline", "offline"]
+    bench.device.frozen = False
+    bench.link.run(0.1)
+    assert bench.base.health().online
+    counters = bench.base.health().counters
+    assert (counters["checksum_errors"], counters["skipped_bytes"]) == (0, 0)
+
+
+def test_a_port_that_speaks_something_else_is_told_apart_from_a_silent_one() -> None:
+    bench = Bench()
+    bench.device.frozen = True
+    bench.link.run(1.0, each=lambda: bench.base.received(b"$GPGGA,"))
+    assert "bytes arrive, but no report of a Kobuki" in bench.base.health().detail
+    assert bench.base.health().counters["skipped_bytes"] > 0
+
+
+def test_a_cliff_ends_forward_motion_in_the_same_instant_and_is_told_once() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.4)
+    bench.device.cliff = Sides(centre=True)
+    bench.drive(0.02, 0.4)
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+    assert bench.base.drive(Velocity(0.4, 0.0)) == STILL
+    bench.drive(0.5, 0.4)
+    assert [(notice.kind, notice.what) for notice in bench.notices] == [
+        ("fault", "cliff centre: it does not drive forward")
+    ]
+    bench.drive(0.5, -0.2)
+    assert bench.link.velocities()[-1][0] == pytest.approx(-0.2)
+
+
+def test_a_cliff_in_several_reports_read_at_once_is_told_once() -> None:
+    bench = Bench()
+    bench.device.cliff = Sides(left=True)
+    bench.base.received(bench.device.poll(bench.clock.advance(0.1)))
+    assert len(bench.notices) == bench.changes == 1
+
+
+def test_a_wheel_in_the_air_ends_all_motion_and_is_told_once() -> None:
+    bench = Bench()
+    bench.drive(1.0, -0.2, 0.5)
+    bench.device.wheel_drop = Sides(left=True, right=True)
+    bench.drive(0.5, -0.2, 0.5)
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+    assert [notice.what for notice in bench.notices] == ["wheel drop left and right: it does not drive"]
+    assert bench.notices[0].hint
+
+
+def test_a_bump_wakes_who_waits_and_forbids_to_push_on() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    assert bench.changes == 0
+    bench.device.bumper = Sides(left=True)
+    bench.drive(0.5, 0.3, 0.5)
+    assert bench.changes == 1
+    assert bench.link.velocities()[-1][0] == 0.0
+    assert bench.link.velocities()[-1][1] > 0.0
+    bench.device.bumper = Sides()
+    bench.drive(1.0, 0.3)
+    assert bench.changes == 2
+    assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
+    assert bench.notices == []
+
+
+def test_buttons_and_battery_are_passed_on() -> None:
+    bench = Bench()
+    bench.device.buttons = frozenset({1})
+    bench.device.battery_voltage, bench.device.charger = 14.8, 22
+    bench.link.run(0.05)
+    state = bench.value()
+    assert (state.buttons, state.charging) == (frozenset({1}), True)
+    assert state.battery_voltage == pytest.approx(14.8)
+    assert state.battery_percent == pytest.approx(5 + 95 * 1.6 / 3.3)
+    assert bench.changes == 1
+
+
+def test_the_base_is_asked_who_it_is_until_it_answers() -> None:
+    bench = Bench(MuteKobuki())
+    bench.link.run(3.0)
+    assert bench.base.identity.missing == Extra.FIRMWARE
+    assert isinstance(bench.device, MuteKobuki)
+    bench.device.mute = False
+    bench.link.run(1.0)
+    assert str(bench.base.identity.firmware) == "1.2.0"
+    assert str(bench.base.identity.hardware) == "1.0.4"
+    asked = sum(b"\x09\x02" in data for data in bench.link.sent)
+    bench.link.run(2.0)
+    assert sum(b"\x09\x02" in data for data in bench.link.sent) == asked
+
+
+class MuteKobuki(VirtualKobuki):
+    """Does not hear the question for its firmware until it is allowed to."""
+
+    mute = True
+
+    def _extras(self, flags: int) -> Iterator[Part]:
+        yield from super()._extras(flags & ~Extra.FIRMWARE if self.mute else flags)
+
+
+def test_a_firmware_of_another_generation_is_told() -> None:
+    bench = Bench(VirtualKobuki(firmware=(2, 0, 1)))
+    bench.link.run(1.0)
+    assert [(notice.kind, notice.what) for notice in bench.notices] == [("fault", "firmware 2.0.1, not 1.x")]
+
+
+def test_the_supplies_are_switched_on_with_the_connection() -> None:
+    device = VirtualKobuki()
+    device.outputs = 0
+    assert Bench(device).device.outputs == OUTPUTS_AT_START == 0xF0
+
+
+@pytest.mark.parametrize("identifier", [3, 5, 6, 13, 16])
+def test_a_part_that_is_short_costs_nothing_else(identifier: int) -> None:
+    bench = Bench()
+    bench.device.shortened = identifier
+    bench.device.chatty = True
+    bench.drive(1.0, 0.2)
+    assert bench.value().pose.x > 0.05
+    counters = bench.base.health().counters
+    assert counters["malformed_parts"] == counters["unknown_parts"] == 50
+
+
+def test_a_lost_heading_is_caught_up_with() -> None:
+    bench = Bench()
+    bench.drive(0.5, 0.0, 1.0)
+    bench.device.shortened = Inertia.ID
+    bench.drive(0.5, 0.0, 1.0)
+    bench.device.shortened = None
+    bench.drive(0.1, 0.0, 1.0)
+    assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.now()).heading, abs=0.03)
+
+
+def test_without_its_core_report_the_base_counts_as_silent() -> None:
+    bench = Bench()
+    bench.drive(0.5, 0.2)
+    bench.device.shortened = Core.ID
+    bench.link.run(0.5)
+    assert not bench.base.health().online
+    assert bench.link.velocities()[-1] == (0.0, 0.0)
+
+
+def test_a_base_that_was_switched_off_and_on_makes_no_jump() -> None:
+    bench = Bench()
+    bench.drive(2.0, 0.3, 0.5)
+    before = bench.value().pose
+    bench.link.device = VirtualKobuki()
+    bench.link.device.frozen = True
+    bench.link.run(3.0)
+    bench.link.device.frozen = False
+    bench.link.run(0.5)
+    after = bench.value().pose
+    assert (after.x, after.y, after.heading) == pytest.approx((before.x, before.y, before.heading), abs=0.1)
+    bench.drive(1.0, 0.0, 0.5)
+    assert bench.value().pose.heading > after.heading + 0.3
+
+
+def test_a_virtual_base_that_nobody_controls_comes_to_rest() -> None:
+    device = VirtualKobuki()
+    device.poll(0.0)
+    device.feed(encode(BaseControl.of(0.3, 0.0)), 0.0)
+    device.pose(COMMAND_TIMEOUT)
+    assert device.wheels.velocity.linear == pytest.approx(0.3)
+    at_rest = device.pose(COMMAND_TIMEOUT + 0.5)
+    assert device.wheels.velocity == STILL
+    assert device.pose(10.0) == at_rest
+
+
+def test_a_virtual_base_tells_its_gains_when_asked() -> None:
+    device = VirtualKobuki()
+    device.poll(0.0)
+    device.feed(encode(SetGains(1, 5, 6, 7), GetGains(), Sound(1000, 10)), 0.01)
+    (payload,) = FrameFinder().feed(device.poll(0.02))
+    assert Gains(1, 5, 6, 7) in decode(payload, FEEDBACK).parts
+    device.feed(encode(SetGains(0, 5, 6, 7), GetGains()), 0.03)
+    (payload,) = FrameFinder().feed(device.poll(0.04))
+    assert Gains() in decode(payload, FEEDBACK).parts
+
+
+# --- the whole of it, over a pseudo-terminal in real time -------------------------------------------------------------
+
+
+def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
+    """Wait for something to become true; fail when it does not in time."""
+    clock = SystemClock()
+    deadline = clock.now() + seconds
+    while not condition():
+        assert clock.now() < deadline, "it did not happen in time"
+        threading.Event().wait(0.01)
+
+
+class Rig:
+    """A driver on a real thread, a virtual base behind a terminal, and the notices of both driver and link."""
+
+    def __init__(self) -> None:
+        self.clock = SystemClock()
+        self.device = VirtualKobuki()
+        self.terminal = Terminal("kobuki", self.device, self.clock)
+        self.notices: list[Notice] = []
+        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
+        self.base = KobukiBase(link, self.clock, report=self.notices.append)
+
+    def online(self) -> bool:
+        return self.base.health().online
+
+    def moves(self) -> bool:
+        self.device.pose(self.clock.now())
+        return self.device.wheels.velocity != STILL
+
+    def driving(self, linear: float = 0.3) -> bool:
+        """Ask for a velocity once, if that is possible, and say whether the base moves."""
+        if self.online():
+            with suppress(NotConnected):  # gone since we asked
+                self.base.drive(Velocity(linear, 0.0))
+        return self.moves()
+
+    def x(self) -> float:
+        """How far it has come by its own account."""
+        return (self.base.state().value or NOWHERE).pose.x
+
+    def kinds(self) -> list[str]:
+        return [notice.kind for notice in self.notices]
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    threads = set(threading.enumerate())
+    rig = Rig()
+    try:
+        yield rig
+    finally:
+        rig.base.close()
+        rig.terminal.close()
+    assert set(threading.enumerate()) == threads
+
+
+@pytest.fixture
+def running(rig: Rig) -> Rig:
+    rig.terminal.open()
+    rig.base.open()
+    until(rig.online)
+    return rig
+
+
+def test_it_drives_and_stops(running: Rig) -> None:
+    until(lambda: running.driving() and running.x() > 0.02)
+    running.base.stop()
+    until(lambda: not running.moves())
+    reading = running.base.state()
+    assert reading.value is not None
+    assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
+
+
+def test_it_stops_when_nobody_renews(running: Rig) -> None:
+    until(running.driving)
+    until(lambda: not running.moves())
+
+
+def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
+    until(running.driving)
+    running.base.close()
+    until(lambda: not running.moves())
+    assert not running.online()
+    running.base.close()
+    running.base.open()
+    until(running.online)
+
+
+def test_a_silent_wire_is_offline_and_comes_back(running: Rig) -> None:
+    until(running.driving)
+    running.terminal.distort = lambda _: b""
+    until(lambda: not running.online())
+    assert "open but silent" in running.base.health().detail
+    until(lambda: not running.moves())
+    running.terminal.distort = bytes
+    until(running.driving)
+
+
+def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(running: Rig) -> None:
+    running.terminal.distort = lambda said: said[:-1] + bytes([said[-1] ^ 0xFF])
+    until(lambda: running.base.health().counters["checksum_errors"] > 2)
+    until(lambda: not running.online())
+    running.terminal.distort = bytes
+    until(running.online)
+
+
+def test_noise_before_the_header_is_no_trouble(running: Rig) -> None:
+    running.terminal.distort = lambda said: b"\xaa\x00\xaa" + said
+    frames = running.base.health().counters["frames"]
+    until(lambda: running.base.health().counters["frames"] > frames + 10)
+    assert running.base.health().counters["skipped_bytes"] >= 30 - 3
+    until(running.driving)
+
+
+def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
+    until(lambda: running.driving() and running.x() > 0.02)
+    running.terminal.unplug()
+    until(lambda: "offline" in running.kinds())
+    until(lambda: "no such device" in running.base.health().detail)
+    with pytest.raises(NotConnected) as caught:
+        running.base.drive(Velocity(0.1, 0.0))
+    assert "/dev/serial/by-id" in caught.value.hint
+    running.base.stop()
+    until(lambda: not running.moves())
+    assert running.base.state().quality is Quality.STALE
+    before = running.x()
+    running.terminal.replug()
+    until(running.online)
+    assert running.x() == pytest.approx(before, abs=1e-6)
+    until(lambda: running.kinds()[-1] == "online")
+    assert running.base.health().counters["connections"] == 2
+    until(lambda: running.driving() and running.x() > before + 0.02)
+
+
+def test_a_base_that_appears_later_is_found(rig: Rig) -> None:
+    rig.base.open()
+    until(lambda: "no such device" in rig.base.health().detail)
+    assert rig.base.health().hint
+    rig.terminal.open()
+    until(rig.driving)
+
+
+def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(rig: Rig) -> None:
+    rig.terminal.open()
+    with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
+        rig.base.open()
+        until(lambda: "in use" in rig.base.health().detail)
+        assert "fuser -v" in rig.base.health().hint
+    until(rig.online)
+
+
+def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    rig.terminal.open()
+    with monkeypatch.context() as forbidden:  # taken away by hand, for root is never refused
+        forbidden.setattr(serial, "Serial", refuse)
+        rig.base.open()
+        until(lambda: "no permission" in rig.base.health().detail)
+        assert "usermod" in rig.base.health().hint
+    until(rig.online)
