@@ -1,0 +1,592 @@
+"""The arm's driver over virtual servos: real packets, real time, every fault that an arm has."""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from math import inf, nan
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+
+from drivers.api import JointState, Notice, Quality
+from drivers.clock import SystemClock
+from drivers.dynamixel import models as m
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.wire import Fault, Instruction, Packet, Parser, status
+from drivers.errors import BadRequest, NotConnected
+from drivers.virtual.dynamixel import VirtualServoBus, chain
+from drivers.virtual.terminal import Terminal
+
+TICK = m.MODELS["AX-12A"].tick
+PLAIN = {"shoulder": JointSpec(1), "elbow": JointSpec(2), "wrist": JointSpec(3)}
+
+
+def wait_until(holds: Callable[[], bool], seconds: float = 15.0) -> None:
+    """Poll until ``holds``, in real time; fail the test if it takes too long."""
+    clock, pause = SystemClock(), Event()
+    end = clock.now() + seconds
+    while not holds():
+        assert clock.now() < end, "it never came true"
+        pause.wait(0.005)
+
+
+class Recorder:
+    """A device that notes every request on its way to the one behind it."""
+
+    def __init__(self, device: VirtualServoBus) -> None:
+        self.requests: list[Packet] = []
+        self._device = device
+        self._parser = Parser()
+
+    @property
+    def baud(self) -> int:
+        return self._device.baud
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        self.requests += self._parser.feed(data)
+        return self._device.feed(data, now)
+
+    def poll(self, now: float) -> bytes:
+        return self._device.poll(now)
+
+    def writes(self, servo: int) -> list[tuple[int, bytes]]:
+        """What one servo was written, in order: the address and the data."""
+        found = []
+        for packet in list(self.requests):
+            if packet.code == Instruction.WRITE and packet.id == servo:
+                found.append((packet.parameters[0], packet.parameters[1:]))
+            elif packet.code == Instruction.SYNC_WRITE:
+                address, size = packet.parameters[:2]
+                blocks = packet.parameters[2:]
+                each = [blocks[at : at + size + 1] for at in range(0, len(blocks), size + 1)]
+                found += [(address, block[1:]) for block in each if block[0] == servo]
+        return found
+
+
+class Arm:
+    """Three virtual servos on a terminal, and the driver over them."""
+
+    def __init__(self, specs: Mapping[str, JointSpec] = PLAIN, **options: Any) -> None:
+        self.clock = SystemClock()
+        self.chain: VirtualServoBus = chain(3)
+        self.wire = Recorder(self.chain)
+        self.terminal = Terminal("arm", self.wire, self.clock)
+        self.terminal.open()
+        self.notices: list[Notice] = []
+        self.rounds = Event()
+        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
+        self.joints = DynamixelJoints(
+            self.bus, specs, self.clock, report=self.notices.append, changed=self.rounds.set, **options
+        )
+
+    def start(self) -> "Arm":
+        self.joints.open()
+        wait_until(lambda: self.joints.health().online and self.told("online"))
+        return self
+
+    def close(self) -> None:
+        self.joints.close()
+        self.terminal.close()
+
+    def told(self, text: str) -> bool:
+        """Whether a notice of that kind, or with these words in it, has come."""
+        return any(text in (notice.kind, notice.what) or text in notice.what for notice in list(self.notices))
+
+    def state(self, name: str) -> JointState:
+        value = self.joints.states()[name].value
+        assert value is not None
+        return value
+
+    def at(self, name: str, angle: float) -> bool:
+        return abs(self.state(name).position - angle) <= TICK
+
+    def fresh_of(self, name: str) -> None:
+        """Wait for a reading of one joint that begins after now."""
+        now = self.clock.now()
+        wait_until(lambda: self.joints.states()[name].stamp > now)
+
+    def limp(self, servo: int) -> bool:
+        return self.chain.servo(servo).limp
+
+    def fresh(self) -> None:
+        """Wait for a whole round of readings that begins after now."""
+        now = self.clock.now()
+        wait_until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
+
+
+Make = Callable[..., Arm]
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    arms: list[Arm] = []
+
+    def build(specs: Mapping[str, JointSpec] = PLAIN, **options: Any) -> Arm:
+        arms.append(Arm(specs, **options))
+        return arms[-1]
+
+    yield build
+    for arm in arms:
+        arm.close()
+
+
+# --- joints as described ----------------------------------------------------------------------------------------------
+
+
+def test_all_faults_of_a_robot_file_are_told_at_once() -> None:
+    specs = {
+        "a": JointSpec(1, model="AX-99"),
+        "b": JointSpec(1, direction=2, speed=nan),
+        "c": JointSpec(300, torque_limit=0, lower=1, upper=-1),
+        "d": JointSpec(4, zero=1.0),
+    }
+    with pytest.raises(BadRequest) as caught:
+        DynamixelJoints(Bus("nowhere", SystemClock()), specs, SystemClock())
+    for fault in ("'AX-99'", "direction is 1 or -1", "not nan", "0..253, not 300", "torque_limit", "lower limit 1"):
+        assert fault in str(caught.value)
+    assert "b: servo 1 is a already" in str(caught.value)
+    assert "d: limits -2.6..2.6 rad reach beyond" in str(caught.value)
+
+
+def test_limits_are_those_of_the_robot_file_in_its_order(make: Make) -> None:
+    arm = make({"z": JointSpec(2, lower=-1, upper=1, speed=3), "a": JointSpec(1, speed=99)})
+    assert list(arm.joints.limits) == ["z", "a"]
+    assert (arm.joints.limits["z"].lower, arm.joints.limits["z"].upper, arm.joints.limits["z"].speed) == (-1, 1, 3)
+    assert arm.joints.limits["a"].speed == pytest.approx(1023 * m.MODELS["AX-12A"].speed_unit)
+
+
+# --- finding the servos -----------------------------------------------------------------------------------------------
+
+
+def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
+    arm = make()
+    arm.terminal.unplug()
+    arm.joints.open()
+    wait_until(lambda: "no such device" in arm.joints.health().detail)
+    assert not arm.joints.health().online
+    assert {reading.quality for reading in arm.joints.states().values()} == {Quality.NONE}
+    with pytest.raises(NotConnected, match="no such device"):
+        arm.joints.move({"elbow": 0.1})
+    arm.terminal.replug()
+    wait_until(lambda: arm.joints.health().online)
+    wait_until(lambda: arm.told("3 of 3 servos answer"))
+    wait_until(lambda: all(reading.good for reading in arm.joints.states().values()))
+    assert [notice.kind for notice in arm.notices] == ["online"]
+    assert arm.joints.health().detail == arm.joints.health().hint == ""
+
+
+def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) -> None:
+    specs = {"a": JointSpec(1), "b": JointSpec(2), "c": JointSpec(3), "d": JointSpec(4)}
+    arm = make({**specs, "e": JointSpec(5)})
+    arm.chain.servo(1).set(m.MODEL_NUMBER, 18)
+    arm.chain.servo(2).set(m.CCW_ANGLE_LIMIT, 0)
+    arm.start()
+    wait_until(lambda: arm.told("fault"))
+    (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
+    assert "4 of 5 servos" in fault.what
+    assert "a (servo 1) is model 18 (AX-18A), not 12 (AX-12A)" in fault.what
+    assert "b (servo 2) is in wheel mode" in fault.what
+    assert "d (servo 4) does not answer; e (servo 5) does not answer" in fault.what
+    assert "power" in fault.hint
+    assert "1000000" in fault.hint
+    health = arm.joints.health()
+    assert health.online
+    assert "d (servo 4) does not answer" in health.detail
+    assert arm.joints.move({"a": 0.5, "c": 0.5}) == {"a": 0.5, "c": 0.5}
+    wait_until(lambda: arm.at("c", 0.5))
+    assert arm.chain.servo(1).angle == 0
+    wait_until(lambda: arm.told("a move left a (servo 1) out: it is model 18"))
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "complaint"),
+    [
+        (m.CCW_ANGLE_LIMIT, 600, "has angle limits of 0..600 ticks, and the joint needs 4..1020"),
+        (m.STATUS_RETURN_LEVEL, 1, "acknowledges no writes"),
+    ],
+)
+def test_a_servo_that_is_set_up_otherwise_is_not_driven_until_it_is_put_right(
+    make: Make, register: m.Register, value: int, complaint: str
+) -> None:
+    arm = make()
+    right = arm.chain.servo(2).get(register)
+    arm.chain.servo(2).set(register, value)
+    arm.start()
+    wait_until(lambda: arm.told(f"elbow (servo 2) {complaint}") or complaint in arm.joints.health().detail)
+    arm.chain.servo(2).set(register, right)
+    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    assert arm.joints.health().detail == ""
+
+
+def test_offline_when_no_servo_answers(make: Make) -> None:
+    arm = make().start()
+    for servo in arm.chain.servos:
+        servo.present = False
+    wait_until(lambda: arm.told("offline"))
+    health = arm.joints.health()
+    assert not health.online
+    assert "does not answer" in health.detail
+    assert "power" in health.hint
+    arm.joints.move({"elbow": 0.3})  # the bus is there: no error, and nobody moves
+    for servo in arm.chain.servos:
+        servo.present = True
+    wait_until(lambda: arm.joints.health().online and arm.joints.health().detail == "")
+
+
+def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> None:
+    arm = make().start()
+    arm.chain.servo(2).present = False
+    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    wait_until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
+    before = {servo: arm.bus.tally(servo).tries for servo in (1, 2)}
+    wait_until(lambda: arm.bus.tally(1).tries >= before[1] + 25)
+    assert arm.bus.tally(2).tries - before[2] <= 6
+    assert arm.joints.health().online
+    assert arm.joints.health().counters["misses of elbow"] > 0
+    arm.chain.servo(2).present = True
+    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    wait_until(lambda: arm.joints.states()["elbow"].good)
+
+
+# --- moving -----------------------------------------------------------------------------------------------------------
+
+
+def test_joints_move_to_their_goals_and_tell_what_they_feel(make: Make) -> None:
+    arm = make().start()
+    assert arm.joints.move({"shoulder": 0.4, "elbow": -0.4}, speeds={"elbow": 1.0}) == {"shoulder": 0.4, "elbow": -0.4}
+    wait_until(lambda: arm.state("elbow").moving)
+    assert arm.state("elbow").velocity == pytest.approx(-1.0, rel=0.02)
+    wait_until(lambda: arm.at("shoulder", 0.4) and arm.at("elbow", -0.4))
+    arm.fresh()
+    state = arm.state("elbow")
+    assert (state.goal, state.voltage, state.temperature, state.torque) == (-0.4, 12.0, 35.0, True)
+    assert arm.limp(3)
+
+
+def test_a_move_of_stiff_joints_is_one_packet_of_goals_and_speeds(make: Make) -> None:
+    arm = make().start()
+    arm.joints.hold()
+    servo = arm.chain.servo(1)
+    already = len(arm.wire.requests)
+    arm.joints.move({"shoulder": 0.2, "wrist": -0.2}, speeds={"shoulder": 0.5})
+    wait_until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.2))
+    (packet,) = [p for p in arm.wire.requests[already:] if p.code != Instruction.READ]
+    assert packet.code == Instruction.SYNC_WRITE
+    assert servo.get(m.MOVING_SPEED) == servo.model.speed_ticks(0.5)
+    assert arm.chain.servo(3).get(m.MOVING_SPEED) == servo.model.speed_ticks(2.0)
+    assert arm.chain.servo(3).get(m.GOAL_POSITION) == servo.model.ticks(-0.2)
+
+
+def test_the_goal_is_where_the_joint_stands_before_its_torque_comes_on(make: Make) -> None:
+    arm = make().start()
+    arm.chain.servo(1).turn_by_hand(0.7)
+    wait_until(lambda: arm.at("shoulder", 0.7))
+    arm.joints.move({"shoulder": 0.0})
+    wait_until(lambda: arm.at("shoulder", 0.0))
+    here = m.GOAL_POSITION.encode(m.MODELS["AX-12A"].ticks(0.7))
+    writes = arm.wire.writes(1)
+    first_goal = next(i for i, (address, _) in enumerate(writes) if address == m.GOAL_POSITION.address)
+    assert writes[first_goal][1][:2] == here
+    assert writes[first_goal + 1] == (m.TORQUE_ENABLE.address, b"\x01")
+
+
+def test_the_eeprom_is_never_written_and_no_speed_is_ever_0(make: Make) -> None:
+    arm = make(at_rest="relax").start()
+    arm.joints.move({"shoulder": 0.2, "elbow": 0.1}, speeds={"elbow": 0.0})
+    arm.joints.hold()
+    arm.joints.recover()
+    arm.joints.close()
+    for servo in (1, 2, 3):
+        writes = arm.wire.writes(servo)
+        assert writes
+        assert min(address for address, _ in writes) >= m.TORQUE_ENABLE.address
+        assert all(data[2:4] != bytes(2) for address, data in writes if address == m.GOAL_POSITION.address)
+        assert all(data != bytes(2) for address, data in writes if address == m.MOVING_SPEED.address)
+
+
+def test_a_joint_mounted_the_other_way_round_turns_the_other_way(make: Make) -> None:
+    arm = make({"neck": JointSpec(1, zero=0.5, direction=-1, lower=-0.4, upper=0.4)}).start()
+    arm.chain.servo(1).turn_by_hand(0.5)
+    wait_until(lambda: arm.at("neck", 0.0))
+    arm.joints.move({"neck": 0.3}, speeds={"neck": 0.5})
+    wait_until(lambda: arm.state("neck").velocity > 0)
+    wait_until(lambda: arm.at("neck", 0.3))
+    assert arm.chain.servo(1).angle == pytest.approx(0.2, abs=TICK)
+
+
+def test_goals_are_clamped_and_speeds_kept_within_bounds(make: Make) -> None:
+    arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3, speed=1.5)}).start()
+    assert arm.joints.move({"elbow": 9.0}, speeds={"elbow": 50.0}) == {"elbow": 0.3}
+    servo = arm.chain.servo(2)
+    wait_until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.3))
+    assert servo.get(m.MOVING_SPEED) == servo.model.speed_ticks(1.5)
+    arm.joints.move({"elbow": -9.0}, speeds={"elbow": 0.0})
+    wait_until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(-0.3))
+    assert servo.get(m.MOVING_SPEED) == 1
+
+
+def test_a_move_that_cannot_be_names_every_fault_and_moves_nothing(make: Make) -> None:
+    arm = make().start()
+    with pytest.raises(BadRequest) as caught:
+        arm.joints.move({"elbow": nan, "knee": 0.1, "wrist": 0.5}, speeds={"shoulder": inf})
+    assert "no joint 'knee' (there are shoulder, elbow, wrist)" in str(caught.value)
+    assert "elbow: a goal of nan is not finite" in str(caught.value)
+    assert "shoulder: a speed of inf is not finite" in str(caught.value)
+    arm.fresh()
+    assert all(servo.limp for servo in arm.chain.servos)
+
+
+def test_a_missing_servo_is_left_out_of_a_move_once_told_and_the_others_go(make: Make) -> None:
+    arm = make().start()
+    arm.chain.servo(2).present = False
+    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    for goal in (0.2, 0.3):
+        assert arm.joints.move({"elbow": goal, "wrist": goal}) == {"elbow": goal, "wrist": goal}
+        wait_until(partial(arm.at, "wrist", goal))
+    wait_until(lambda: arm.told("a move left elbow (servo 2) out: it does not answer"))
+    assert sum("left elbow" in notice.what for notice in arm.notices) == 1
+
+
+# --- stiff and limp ---------------------------------------------------------------------------------------------------
+
+
+def test_stiffening_never_jumps_to_an_old_goal(make: Make) -> None:
+    arm = make().start()
+    servo = arm.chain.servo(1)
+    arm.joints.move({"shoulder": 0.8})
+    wait_until(lambda: arm.at("shoulder", 0.8))
+    arm.joints.relax()
+    assert arm.limp(1)
+    servo.turn_by_hand(-0.5)
+    wait_until(lambda: arm.at("shoulder", -0.5))
+    reached = [servo.angle]
+    arm.joints.hold()
+    assert not arm.limp(1)
+    arm.fresh()
+    reached.append(servo.angle)
+    assert reached == pytest.approx([-0.5, -0.5], abs=TICK)
+    arm.fresh()
+    assert arm.state("shoulder").goal == pytest.approx(-0.5, abs=TICK)
+
+
+def test_a_move_from_limp_starts_where_the_joint_stands_at_the_speed_asked_for(make: Make) -> None:
+    arm = make().start()
+    servo = arm.chain.servo(1)
+    servo.turn_by_hand(1.0)
+    wait_until(lambda: arm.at("shoulder", 1.0))
+    arm.joints.move({"shoulder": 1.05}, speeds={"shoulder": 0.1})
+    seen = []
+
+    def arrived() -> bool:
+        seen.append(servo.angle)
+        return arm.at("shoulder", 1.05)
+
+    wait_until(arrived)
+    assert min(seen) >= 1.0 - TICK
+    assert max(seen) <= 1.05 + TICK
+
+
+def test_holding_stops_a_move_half_way(make: Make) -> None:
+    arm = make().start()
+    arm.joints.move({"elbow": 2.0}, speeds={"elbow": 1.0})
+    wait_until(lambda: arm.state("elbow").position > 0.2)
+    arm.joints.hold()
+    arm.fresh()
+    wait_until(lambda: not arm.state("elbow").moving)
+    stopped = arm.chain.servo(2).angle
+    assert 0.1 < stopped < 1.9
+    arm.fresh()
+    assert arm.chain.servo(2).angle == stopped
+    assert not arm.limp(2)
+
+
+def test_a_joint_turned_beyond_its_limits_is_held_at_the_limit(make: Make) -> None:
+    arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3)}).start()
+    arm.chain.servo(2).turn_by_hand(0.6)
+    wait_until(lambda: arm.at("elbow", 0.6))
+    arm.joints.hold()
+    wait_until(lambda: arm.at("elbow", 0.3))
+
+
+def test_hold_relax_and_rest_are_safe_before_open_after_close_and_twice(make: Make) -> None:
+    arm = make()
+    for _ in range(2):
+        arm.joints.hold()
+        arm.joints.relax()
+        arm.joints.rest()
+        arm.joints.close()
+    arm.start()
+    for _ in range(2):
+        arm.joints.relax()
+        arm.joints.rest()
+    arm.joints.open()
+    arm.joints.close()
+    arm.joints.close()
+    arm.joints.rest()
+    arm.joints.relax()
+    assert not any(notice.kind == "fault" for notice in arm.notices)
+
+
+def test_it_may_be_opened_again_after_it_was_closed(make: Make) -> None:
+    arm = make().start()
+    arm.joints.close()
+    assert "closed" in arm.joints.health().detail
+    arm.notices.clear()
+    arm.start()
+    arm.joints.move({"elbow": 0.1})
+    wait_until(lambda: arm.at("elbow", 0.1))
+    assert [notice.kind for notice in arm.notices] == ["online"]
+
+
+def test_at_the_end_the_arm_rests_as_its_robot_file_asks(make: Make) -> None:
+    for policy, limp in (("hold", False), ("relax", True)):
+        arm = make(at_rest=policy).start()
+        arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
+        wait_until(partial(arm.at, "wrist", 0.2))
+        arm.joints.close()
+        assert [servo.limp for servo in arm.chain.servos] == [limp] * 3
+        assert not arm.bus.is_open
+
+
+def test_closing_tells_which_servos_could_not_be_relaxed_and_relaxes_the_others(make: Make) -> None:
+    arm = make(at_rest="relax").start()
+    arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
+    wait_until(lambda: arm.at("wrist", 0.2))
+    arm.chain.servo(1).present = False
+    arm.joints.close()
+    assert [servo.limp for servo in arm.chain.servos] == [False, True, True]
+    last = arm.notices[-1]
+    assert (last.kind, last.what) == ("fault", "could not be relaxed: shoulder (servo 1)")
+    assert last.hint
+
+
+def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
+    arm = make(at_rest="relax").start()
+    arm.joints.move({"elbow": 0.2})
+    arm.terminal.unplug()
+    arm.joints.close()
+    (fault,) = [notice for notice in arm.notices if "could not be relaxed" in notice.what]
+    assert fault.what.count("servo") == 3
+
+
+# --- what goes wrong on the way ---------------------------------------------------------------------------------------
+
+
+def test_after_replugging_it_goes_on_with_its_settings_restored(make: Make) -> None:
+    arm = make({"elbow": JointSpec(2, torque_limit=0.5)}).start()
+    arm.joints.move({"elbow": 0.4})
+    wait_until(lambda: arm.at("elbow", 0.4))
+    arm.terminal.unplug()
+    wait_until(lambda: arm.told("offline"))
+    with pytest.raises(NotConnected):
+        arm.joints.move({"elbow": 0.0})
+    arm.chain.servo(2).power_cycle()
+    assert arm.limp(2)
+    arm.terminal.replug()
+    wait_until(lambda: arm.joints.health().online)
+    wait_until(lambda: not arm.limp(2))
+    assert arm.chain.servo(2).get(m.TORQUE_LIMIT) == round(0.5 * 1023)
+    assert arm.chain.servo(2).angle == pytest.approx(0.4, abs=TICK)
+    wait_until(lambda: arm.joints.health().counters["connections"] == 2)
+    assert [notice.kind for notice in arm.notices[:3]] == ["online", "offline", "online"]
+
+
+def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
+    arm = make().start()
+    arm.joints.move({"elbow": 0.1})
+    wait_until(lambda: arm.at("elbow", 0.1))
+    arm.chain.servo(2).present = False
+    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.joints.relax()
+    assert not arm.limp(2)  # it could not hear
+    arm.chain.servo(2).present = True
+    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    assert arm.limp(2)
+
+
+def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make: Make) -> None:
+    arm = make().start()
+    refusal = status(2, Fault.RANGE)
+    arm.terminal.distort = lambda data: refusal if data[2:3] == b"\x02" else data
+    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.fresh_of("wrist")
+    arm.terminal.distort = bytes
+    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+
+
+def test_a_dip_of_the_supply_is_noticed_and_made_good(make: Make) -> None:
+    arm = make().start()
+    arm.joints.move({"elbow": 0.3})
+    wait_until(lambda: arm.at("elbow", 0.3))
+    arm.chain.servo(2).power_cycle()
+    wait_until(lambda: arm.told("elbow (servo 2) had lost its settings and was made stiff again where it stood"))
+    assert not arm.limp(2)
+    assert arm.chain.servo(2).get(m.MOVING_SPEED) > 0
+
+
+def test_lasting_faults_are_told_once_and_readings_go_on(make: Make) -> None:
+    arm = make().start()
+    arm.chain.servo(3).voltage = 5.5
+    wait_until(lambda: arm.told("wrist (servo 3) reports voltage (5.5 V, 35 °C, load +0%)"))
+    for _ in range(3):
+        arm.fresh()
+    assert sum("reports voltage" in notice.what for notice in arm.notices) == 1
+    assert arm.joints.states()["wrist"].good
+    arm.chain.servo(3).voltage = 12.0
+    wait_until(lambda: arm.state("wrist").voltage == 12.0)
+    arm.chain.servo(3).voltage = 5.5
+    wait_until(lambda: sum("reports voltage" in notice.what for notice in arm.notices) == 2)
+
+
+def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_when_asked(make: Make) -> None:
+    arm = make().start()
+    servo = arm.chain.servo(2)
+    arm.joints.move({"elbow": 0.5})
+    wait_until(lambda: arm.at("elbow", 0.5))
+    servo.overload()
+    wait_until(lambda: arm.told("elbow (servo 2) reports overload"))
+    wait_until(lambda: arm.told("elbow (servo 2) has shut down"))
+    assert "elbow (servo 2) has shut down" in arm.joints.health().detail
+    servo.turn_by_hand(0.2)
+    wait_until(lambda: arm.at("elbow", 0.2))
+    arm.joints.move({"elbow": 1.0})
+    wait_until(lambda: arm.told("a move left elbow (servo 2) out: it has shut down"))
+    arm.joints.hold()
+    assert arm.limp(2)
+    assert arm.joints.recover() == ("elbow",)
+    assert not arm.limp(2)
+    arm.fresh()
+    assert servo.angle == pytest.approx(0.2, abs=TICK)
+    assert arm.joints.recover() == ()
+    assert arm.joints.health().detail == ""
+
+
+def test_a_port_that_someone_else_holds_is_told_by_health(make: Make) -> None:
+    arm = make()
+    other = Bus(arm.terminal.path, arm.clock, name="other")
+    other.open()
+    arm.joints.open()
+    wait_until(lambda: "in use" in arm.joints.health().detail)
+    other.close()
+    wait_until(lambda: arm.joints.health().online)
+
+
+def test_readings_that_are_never_renewed_turn_stale(make: Make) -> None:
+    arm = make().start()
+    wait_until(lambda: all(reading.good for reading in arm.joints.states().values()))
+    assert arm.rounds.is_set()
+    arm.terminal.distort = lambda _: b""
+    wait_until(lambda: {reading.quality for reading in arm.joints.states().values()} == {Quality.STALE})
+    assert all(reading.value is not None for reading in arm.joints.states().values())
+
+
+def test_nothing_is_opened_before_open(tmp_path: Path) -> None:
+    bus = Bus(str(tmp_path / "servos"), SystemClock(), name="arm")
+    joints = DynamixelJoints(bus, PLAIN, SystemClock())
+    assert joints.name == "arm"
+    assert joints.health().detail.endswith("not opened yet")
+    with pytest.raises(NotConnected, match="not opened yet"):
+        joints.move({})
