@@ -1,0 +1,147 @@
+"""The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
+
+from threading import Lock
+
+from drivers.arduino import wire
+from drivers.sim.servo import Shaft
+
+STARTS = (90.0, 120.0, 90.0, 90.0)
+"""Degrees to which the sketch sends servos 0 to 3 when it starts."""
+
+SERVO_SPEED = 400.0
+"""Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""
+
+ASKS_EVERY = 2.5  # seconds between two questions for the time
+LOST_AFTER = 11.0  # seconds without an answer after which the board no longer counts as configured
+FRAME_TIME = 0.02  # seconds in which a frame must be complete
+TACHO_EVERY = 0.05
+FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo library makes for 0 and 180 degrees
+
+
+class VirtualRodney:
+    """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
+
+    It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``.
+    ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
+    ``commands`` keeps the (index, angle) that it took, as sent. ``wheels`` is what its encoders measure.
+    """
+
+    def __init__(
+        self,
+        *,
+        baud: int = 57600,
+        boot_delay: float = 0.0,
+        tacho: bool = False,
+        buffer: int = 512,
+        servo: wire.Topic = wire.SERVO,
+    ) -> None:
+        self.baud = baud
+        self.commands: list[tuple[int, int]] = []
+        self.wheels = wire.Tacho(0.0, 0.0)
+        self._boot_delay = boot_delay
+        self._buffer = buffer
+        self._listens = wire.TopicInfo(wire.FIRST_USER, servo, buffer)
+        self._publishes = wire.TopicInfo(wire.FIRST_USER + 25, wire.TACHO, buffer) if tacho else None
+        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in STARTS]
+        self._lock = Lock()  # the world looks at the shafts from a thread of its own
+        self._boots_until: float | None = None
+        self._booting = True
+        self._restart()
+
+    def _restart(self) -> None:
+        """Forget what the sketch keeps in memory."""
+        self._finder = wire.FrameFinder(self._buffer)
+        self._configured = False
+        self._frame_began = self._asked = self._answered = self._measured = 0.0
+        self._logs: list[wire.Log] = []
+
+    def angle(self, index: int, now: float) -> float:
+        """Where servo ``index`` stands at time ``now``, in degrees."""
+        with self._lock:
+            return self._shafts[index].advance(now)
+
+    def log(self, line: wire.Log) -> None:
+        """Let the sketch write a line to its log; it is said as soon as the board is configured."""
+        with self._lock:
+            self._logs.append(line)
+
+    def reset(self, now: float) -> None:
+        """Press the reset button at time ``now``."""
+        with self._lock:
+            self._restart()
+            self._booting, self._boots_until = True, now + self._boot_delay
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take bytes from the computer; return the answers."""
+        with self._lock:
+            if not self._running(now):
+                return b""
+            if self._finder.waiting and now - self._frame_began > FRAME_TIME:
+                self._finder = wire.FrameFinder(self._buffer)
+            fresh = not self._finder.waiting
+            frames = self._finder.feed(data)
+            if fresh or frames:
+                self._frame_began = now
+            return b"".join(self._answer(frame, now) for frame in frames)
+
+    def poll(self, now: float) -> bytes:
+        """Let time pass; return what is due."""
+        with self._lock:
+            if not self._running(now):
+                return b""
+            if now - self._answered > LOST_AFTER:
+                self._configured = False
+            if not self._configured:
+                return b""
+            said = b"".join(wire.Frame(wire.LOG, line.pack()).pack() for line in self._logs)
+            self._logs.clear()
+            if now - self._asked >= ASKS_EVERY:
+                self._asked = now
+                said += wire.REQUEST_TIME
+            if self._publishes and now - self._measured >= TACHO_EVERY:
+                self._measured = now
+                said += wire.Frame(self._publishes.id, self.wheels.pack()).pack()
+            return said
+
+    def _running(self, now: float) -> bool:
+        """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
+        if self._boots_until is None:
+            self._boots_until = now + self._boot_delay
+        if self._booting and now >= self._boots_until:
+            self._booting = False
+            for shaft, start in zip(self._shafts, STARTS, strict=True):
+                shaft.advance(now)
+                shaft.goal = start
+        return not self._booting
+
+    def _answer(self, frame: wire.Frame, now: float) -> bytes:
+        if frame.topic == wire.PUBLISHER:
+            return self._negotiate(now)
+        if frame.topic == wire.TIME:
+            self._answered = now
+        elif frame.topic == wire.STOP:
+            self._configured = False
+        elif frame.topic == self._listens.id and len(frame.data) >= 3:
+            self._turn(wire.ServoAngle.unpack(frame.data), now)
+        return b""
+
+    def _negotiate(self, now: float) -> bytes:
+        """Ask for the time, then name the topics: what is published first, then what is listened to."""
+        self._configured = True
+        self._asked = self._answered = now
+        published = wire.Frame(wire.PUBLISHER, self._publishes.pack()).pack() if self._publishes else b""
+        return wire.REQUEST_TIME + published + wire.Frame(wire.SUBSCRIBER, self._listens.pack()).pack()
+
+    def _turn(self, command: wire.ServoAngle, now: float) -> None:
+        """Do as the sketch and the Servo library do with any number."""
+        self.commands.append((command.index, command.angle))
+        if command.index >= len(self._shafts):
+            self._logs.append(wire.Log(0, f"no servo {command.index}"))
+            return
+        shaft = self._shafts[command.index]
+        shaft.advance(now)
+        if command.angle < FEWEST_MICROSECONDS:
+            shaft.goal = float(min(command.angle, 180))
+        else:
+            pulse = min(command.angle, MOST_MICROSECONDS)
+            shaft.goal = 180 * (pulse - FEWEST_MICROSECONDS) / (MOST_MICROSECONDS - FEWEST_MICROSECONDS)

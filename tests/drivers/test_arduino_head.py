@@ -1,0 +1,596 @@
+"""The head: its arithmetic, its conversation with the board on a hand-cranked clock, and the whole in real time."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from math import radians
+from threading import Event
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Head, HeadPose, Health, Notice, Quality
+from drivers.arduino import wire
+from drivers.arduino.axis import ServoAxis
+from drivers.arduino.driver import ArduinoHead
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import BadRequest, NotConnected
+from drivers.link import Link, Talker
+from drivers.profile import LONGEST_STEP, Ramp
+from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.terminal import Terminal
+
+PAN = ServoAxis(0, radians(-80), radians(80))
+TILT = ServoAxis(1, radians(-60), radians(20), flip=True)
+
+
+def servo(index: int, angle: int) -> bytes:
+    return wire.Frame(100, wire.ServoAngle(index, angle).pack()).pack()
+
+
+def degrees(head: ArduinoHead) -> tuple[float, float]:
+    """Return the head's pan and tilt in degrees."""
+    pose = head.pose().value
+    assert pose is not None
+    return math.degrees(pose.pan), math.degrees(pose.tilt)
+
+
+# --- the axis and the ramp --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("angle", "flip", "trim", "sent"),
+    [
+        (0, False, 0, 90),
+        (30, False, 0, 120),
+        (30, True, 0, 60),
+        (-30, True, 0, 120),
+        (30, False, 10, 130),
+        (30, True, 10, 70),
+        (30.4, False, 0, 120),
+        (30.6, False, 0, 121),
+        (90, False, 0, 180),
+        (120, False, 0, 180),
+        (-120, False, 0, 0),
+        (120, True, 0, 0),
+        (60, False, 45, 180),
+        (-60, False, -45, 0),
+    ],
+)
+def test_an_angle_becomes_whole_degrees_within_what_the_sketch_takes(
+    angle: float, flip: bool, trim: float, sent: int
+) -> None:
+    axis = ServoAxis(0, radians(-180), radians(180), flip=flip, trim=radians(trim))
+    assert axis.to_degrees(radians(angle)) == sent
+
+
+@given(st.integers(0, 180), st.booleans(), st.floats(-radians(45), radians(45)))
+def test_what_was_sent_reads_back_as_the_same_degree(sent: int, flip: bool, trim: float) -> None:
+    axis = ServoAxis(3, -math.pi, math.pi, flip=flip, trim=trim)
+    assert axis.to_degrees(axis.to_radians(sent)) == sent
+    assert axis.range[0] - 1e-9 <= axis.to_radians(sent) <= axis.range[1] + 1e-9
+
+
+def test_the_range_is_what_is_allowed_and_within_reach() -> None:
+    assert PAN.range == (PAN.lower, PAN.upper)
+    assert ServoAxis(0, -3.0, 3.0).range == pytest.approx((radians(-90), radians(90)))
+    assert ServoAxis(0, -3.0, 0.5, trim=radians(10)).range == pytest.approx((radians(-100), 0.5))
+    assert ServoAxis(0, -3.0, 3.0, flip=True, trim=radians(10)).range == pytest.approx((radians(-80), radians(100)))
+
+
+@pytest.mark.parametrize(
+    ("index", "lower", "upper", "trim", "complaint"),
+    [
+        (256, -1.0, 1.0, 0.0, "index 256"),
+        (0, 1.0, -1.0, 0.0, "lower limit 1.0"),
+        (0, math.nan, 1.0, 0.0, "lower limit nan"),
+        (0, -1.0, 1.0, 0.8, "trim 0.8 rad"),
+        (0, 2.0, 3.0, 0.0, "within its reach"),
+    ],
+)
+def test_an_axis_that_no_servo_can_have_says_why(
+    index: int, lower: float, upper: float, trim: float, complaint: str
+) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        ServoAxis(index, lower, upper, trim=trim)
+
+
+@given(st.floats(-3, 3), st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 0.5)), max_size=20))
+def test_a_ramp_never_outruns_its_speed_nor_its_goal(start: float, moves: list[tuple[float, float]]) -> None:
+    ramp, now = Ramp(start, speed=2.0), 0.0
+    for goal, seconds in moves:
+        ramp.aim(goal, now)
+        before, now = ramp.position, now + seconds
+        after = ramp.advance(now)
+        assert abs(after - before) <= 2.0 * min(seconds, LONGEST_STEP) + 1e-9
+        assert min(before, goal) - 1e-9 <= after <= max(before, goal) + 1e-9
+
+
+def test_a_ramp_arrives_and_a_halted_one_stays() -> None:
+    ramp = Ramp(0.0, speed=1.0)
+    ramp.aim(0.25, now=5.0)
+    assert [ramp.advance(5.0 + step / 10) for step in range(4)] == pytest.approx([0.0, 0.1, 0.2, 0.25])
+    ramp.aim(-1.0, now=5.3)
+    ramp.advance(5.4)
+    ramp.halt()
+    assert ramp.advance(5.5) == pytest.approx(0.15)
+
+
+# --- the conversation, on a clock cranked by hand ---------------------------------------------------------------------
+
+
+class Wire(Link):
+    """A link without a port: a virtual board hangs on it, and the test turns the crank."""
+
+    def __init__(self, device: VirtualRodney, clock: ManualClock) -> None:
+        super().__init__("head", "/dev/nano", 57600)
+        self.device = device
+        self.clock = clock
+        self.sent = b""
+        self.plugged = False
+        self.noise = b""
+        self._pending = b""
+
+    @property
+    def online(self) -> bool:
+        return self.plugged
+
+    def health(self) -> Health:
+        return Health(self.plugged, "" if self.plugged else "head: /dev/nano: no such device")
+
+    def open(self, talker: Talker) -> None:
+        self.talker = talker
+
+    def close(self) -> None:
+        self.plugged = False
+
+    def write(self, data: bytes) -> None:
+        if not self.plugged:
+            raise NotConnected("head: /dev/nano: no such device")
+        self.sent += data
+        self._pending += self.device.feed(data, self.clock.now())
+
+    def plug(self) -> None:
+        self.plugged = True
+        self.talker.connected()
+
+    def run(self, seconds: float) -> None:
+        """Pulse every 20 ms, as the link's thread does."""
+        for _ in range(round(seconds / 0.02)):
+            self.clock.advance(0.02)
+            data = self.noise + self._pending + self.device.poll(self.clock.now())
+            self.noise = self._pending = b""
+            if data:
+                self.talker.received(data)
+            self.talker.pulse()
+
+    def said(self) -> bytes:
+        """Return what the computer has sent since this was asked last."""
+        data, self.sent = self.sent, b""
+        return data
+
+
+@dataclass
+class Bench:
+    """A head, its board, the wire between them, and what the head reports."""
+
+    clock: ManualClock
+    link: Wire
+    head: ArduinoHead
+    notices: list[Notice]
+    changes: list[HeadPose | None]
+
+
+def bench(
+    device: VirtualRodney | None = None, *, boot_delay: float = 0.0, speed: float = 1.0, start: HeadPose | None = None
+) -> Bench:
+    clock = ManualClock(100.0)
+    notices: list[Notice] = []
+    changes: list[HeadPose | None] = []
+    link = Wire(device or VirtualRodney(), clock)
+    head = ArduinoHead(
+        link,
+        clock,
+        pan=PAN,
+        tilt=TILT,
+        speed=speed,
+        boot_delay=boot_delay,
+        report=notices.append,
+        changed=lambda: changes.append(head.pose().value),
+        start=start or HeadPose(0.0, 0.0),
+    )
+    head.open()
+    return Bench(clock, link, head, notices, changes)
+
+
+def test_the_head_is_a_head() -> None:
+    head: Head = bench().head
+    assert (head.name, head.limits.pan, head.limits.speed) == ("head", PAN.range, 1.0)
+
+
+def test_it_waits_out_the_boot_then_asks_then_sends_the_start_pose_and_nothing_more() -> None:
+    b = bench(VirtualRodney(boot_delay=1.5), boot_delay=2.0, start=HeadPose(radians(10), radians(-20)))
+    b.link.plug()
+    b.link.run(1.9)
+    assert b.link.said() == b""
+    assert b.head.health().detail == "head: /dev/nano: open, waiting for the board to boot"
+    b.link.run(1.0)
+    said = b.link.said()
+    assert said.startswith(wire.REQUEST_TOPICS)
+    assert said.endswith(servo(0, 100) + servo(1, 110))
+    assert b.link.device.commands == [(0, 100), (1, 110)]
+    assert b.head.health().online
+    assert [(one.kind, one.what) for one in b.notices] == [
+        ("online", "the board takes servo_msgs/servo_array as topic 100")
+    ]
+
+
+def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
+    b = bench(speed=radians(50))
+    b.link.plug()
+    b.link.run(0.1)
+    b.link.said()
+    assert b.head.look(HeadPose(radians(30), 0.0)) == HeadPose(radians(30), 0.0)
+    b.link.run(0.3)
+    assert degrees(b.head) == pytest.approx((15, 0), abs=1)
+    b.link.run(0.4)
+    assert b.link.said() == b"".join(servo(0, angle) for angle in range(91, 121))
+    assert degrees(b.head) == pytest.approx((30, 0))
+    assert len(b.changes) == 31
+    assert b.link.device.angle(0, b.clock.now()) == 120
+
+
+def test_a_goal_beyond_the_limits_is_clamped_and_said_so() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(0.1)
+    assert b.head.look(HeadPose(9.0, 9.0)) == HeadPose(radians(80), radians(20))
+    b.link.run(2.0)
+    assert b.link.device.commands[-1] == (0, 170)
+    assert (1, 70) in b.link.device.commands
+    assert max(angle for _, angle in b.link.device.commands) == 170
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_goal_that_is_not_finite_is_a_bad_request(bad: float) -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(0.1)
+    for goal in (HeadPose(bad, 0.0), HeadPose(0.0, bad)):
+        with pytest.raises(BadRequest, match="not a finite number"):
+            b.head.look(goal)
+
+
+def test_a_speed_that_moves_nothing_is_refused() -> None:
+    for speed in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match="gets it nowhere"):
+            bench(speed=speed)
+
+
+def test_two_axes_on_one_servo_are_refused() -> None:
+    b = bench()
+    with pytest.raises(ValueError, match="both servo 0"):
+        ArduinoHead(b.link, b.clock, pan=PAN, tilt=PAN, speed=1.0)
+
+
+def test_stopped_it_holds_where_it_has_got_to() -> None:
+    b = bench(speed=radians(50))
+    b.link.plug()
+    b.link.run(0.1)
+    b.head.look(HeadPose(radians(30), radians(-30)))
+    b.link.run(0.2)
+    b.head.stop()
+    b.head.stop()
+    held = degrees(b.head)
+    assert held == pytest.approx((10, -10), abs=1.01)
+    b.link.said()
+    b.link.run(1.0)
+    assert degrees(b.head) == held
+    assert b.link.said() == b""
+
+
+def test_the_pose_of_a_moment_ago_is_known() -> None:
+    b = bench(speed=radians(50))
+    assert b.head.pose_at(b.clock.now()) is None
+    b.link.plug()
+    b.link.run(0.5)
+    b.head.look(HeadPose(radians(40), 0.0))
+    begun = b.clock.now()
+    b.link.run(1.0)
+    for seconds, angle in ((-0.2, 0), (0.2, 10), (0.41, 20.5), (0.8, 40), (5.0, 40)):
+        past = b.head.pose_at(begun + seconds)
+        assert past is not None
+        assert past.pan == pytest.approx(radians(angle), abs=radians(1.01))
+
+
+def test_the_pose_is_none_then_good_then_stale() -> None:
+    b = bench()
+    assert (b.head.pose().quality, b.head.pose().value) == (Quality.NONE, None)
+    b.link.plug()
+    b.link.run(0.1)
+    assert b.head.pose().good
+    stamp = b.head.pose().stamp
+    b.link.close()
+    b.clock.advance(1.0)
+    assert (b.head.pose().quality, b.head.pose().stamp) == (Quality.STALE, stamp)
+
+
+def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(0.1)
+    b.link.said()
+    b.link.run(2.52)
+    (frame,) = wire.FrameFinder().feed(b.link.said())
+    assert frame.topic == wire.TIME
+    assert wire.Time.unpack(frame.data).seconds == pytest.approx(b.clock.now(), abs=0.1)
+
+
+def test_kept_in_step_it_asks_for_the_topics_once() -> None:
+    b = bench(VirtualRodney(tacho=True))
+    b.link.plug()
+    b.link.run(60)
+    counters = b.head.health().counters
+    assert (counters["requests"], counters["unknown topics"], counters["skipped bytes"]) == (1, 0, 0)
+    assert counters["times"] == 24
+
+
+def test_a_silent_board_is_asked_again_and_says_what_to_try() -> None:
+    b = bench(VirtualRodney(boot_delay=1000))
+    b.link.plug()
+    b.link.run(10)
+    assert b.link.said() == wire.REQUEST_TOPICS * 4
+    health = b.head.health()
+    assert not health.online
+    assert "which topics it has; is the Rodney sketch on it?" in health.detail
+    assert "57600 on a Nano" in health.hint
+    with pytest.raises(NotConnected, match="which topics it has") as caught:
+        b.head.look(HeadPose(0.1, 0.0))
+    assert caught.value.hint == health.hint
+
+
+def test_another_sketchs_chatter_is_told_from_silence() -> None:
+    b = bench(VirtualRodney(boot_delay=1000))
+    b.link.plug()
+    b.link.noise = b"Temperature: 21.5\r\n"
+    b.link.run(1)
+    assert "19 bytes heard at 57600 baud, none of them rosserial" in b.head.health().detail
+    assert "miniterm /dev/nano 57600" in b.head.health().hint
+
+
+def test_noise_before_a_frame_and_a_wrong_checksum_are_counted_and_survived() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.noise = b"\x00\xff\xff\xfe\x10" + wire.REQUEST_TIME[:-1] + b"\x00"
+    b.link.run(0.3)
+    health = b.head.health()
+    assert health.online
+    assert health.counters["checksum errors"] >= 1
+    assert health.counters["skipped bytes"] == 5 + len(wire.REQUEST_TIME)
+
+
+def test_a_false_header_does_not_hold_up_what_is_behind_it() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.noise = bytes.fromhex("FF FE 00 01 FE")  # announces 256 bytes that never come
+    b.link.run(0.3)
+    assert b.head.health().online
+
+
+def test_other_message_definitions_are_named_and_nothing_moves() -> None:
+    other = wire.Topic("servo", "std_msgs/UInt16", "1df79edf208b629fe6b81923a544552d")
+    b = bench(VirtualRodney(servo=other))
+    b.link.plug()
+    b.link.run(10)
+    (notice,) = b.notices
+    assert notice.kind == "fault"
+    for part in ("std_msgs/UInt16", other.md5, "servo_msgs/servo_array", wire.SERVO.md5):
+        assert part in notice.what
+    assert "make_libraries" in notice.hint
+    assert notice.what in b.head.health().detail
+    assert b.link.device.commands == []
+    with pytest.raises(NotConnected):
+        b.head.look(HeadPose(0.1, 0.0))
+
+
+def test_a_board_without_servos_is_told_by_its_topics() -> None:
+    b = bench(VirtualRodney(tacho=True, servo=wire.Topic("led", "std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")))
+    b.link.plug()
+    b.link.run(1)
+    assert "the board has the topics tacho, led, but no servo" in b.head.health().detail
+    assert b.link.device.commands == []
+
+
+def test_a_topic_that_it_never_heard_of_makes_it_ask_again() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(4)
+    b.link.noise = wire.Frame(125, bytes(8)).pack()
+    b.link.run(0.1)
+    assert b.head.health().counters["unknown topics"] == 1
+    assert b.head.health().counters["requests"] == 2
+    assert b.head.health().online
+
+
+def test_the_boards_log_is_counted_and_its_warnings_are_reported() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(0.1)
+    b.link.device.log(wire.Log(1, "ready"))
+    b.link.device.log(wire.Log(2, "supply is low"))
+    b.link.run(0.1)
+    assert b.head.health().counters["log lines"] == 2
+    assert [one.what for one in b.notices if one.kind == "fault"] == ["the board says: supply is low"]
+
+
+def test_malformed_messages_are_counted_and_survived() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.noise = wire.Frame(wire.SUBSCRIBER, b"\x64\x00\xff").pack() + wire.Frame(wire.LOG, b"").pack()
+    b.link.run(0.3)
+    assert b.head.health().counters["malformed"] == 2
+    assert b.head.health().online
+
+
+def test_a_board_that_reset_itself_is_noticed_and_led_back_to_the_pose_commanded_last() -> None:
+    b = bench()
+    b.link.plug()
+    b.link.run(0.1)
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(1.0)
+    assert b.link.device.angle(0, b.clock.now()) == 110
+    b.link.device.reset(b.clock.now())
+    b.link.run(5.0)
+    assert b.link.device.angle(0, b.clock.now()) == 90
+    b.link.device.commands.clear()
+    b.link.run(11.0)
+    assert [one.kind for one in b.notices] == ["online", "offline", "online"]
+    assert "has not asked for the time for 15 s" in b.notices[1].what
+    assert b.link.device.commands == [(0, 110), (1, 90)]
+    assert b.head.health().online
+
+
+def test_a_goal_does_not_survive_the_loss_of_the_connection() -> None:
+    b = bench(speed=radians(50))
+    b.link.plug()
+    b.link.run(0.1)
+    b.head.look(HeadPose(radians(60), 0.0))
+    b.link.run(0.4)
+    b.link.close()
+    with pytest.raises(NotConnected, match="no such device"):
+        b.head.look(HeadPose(0.0, 0.0))
+    held = degrees(b.head)
+    b.clock.advance(30)
+    b.link.device.commands.clear()
+    b.link.plug()
+    b.link.run(1.0)
+    assert degrees(b.head) == held
+    assert b.link.device.commands == [(0, 90 + round(held[0])), (1, 90)]
+    assert b.head.health().counters["requests"] == 2
+
+
+def test_closing_tells_the_board_to_stop_sending_and_may_be_done_twice() -> None:
+    b = bench()
+    b.head.close()
+    b.link.plug()
+    b.link.run(0.1)
+    b.link.said()
+    b.head.close()
+    b.head.close()
+    b.head.rest()
+    assert b.link.said() == wire.STOP_SENDING
+
+
+# --- the whole of it, in real time ------------------------------------------------------------------------------------
+
+
+@dataclass
+class Rig:
+    """A head over a pseudo-terminal."""
+
+    clock: SystemClock
+    device: VirtualRodney
+    terminal: Terminal
+    head: ArduinoHead
+    notices: list[Notice] = field(default_factory=list)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    clock, device = SystemClock(), VirtualRodney(tacho=True)
+    terminal = Terminal("nano", device, clock)
+    notices: list[Notice] = []
+    link = Link("head", terminal.path, 57600, retry=0.05, report=notices.append)
+    head = ArduinoHead(
+        link, clock, pan=PAN, tilt=TILT, speed=radians(200), boot_delay=0.0, report=notices.append, name="head"
+    )
+    try:
+        yield Rig(clock, device, terminal, head, notices)
+    finally:
+        head.close()
+        terminal.close()
+
+
+def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    """Wait until ``condition`` holds."""
+    clock, pause = SystemClock(), Event()
+    deadline = clock.now() + seconds
+    while not condition():
+        assert clock.now() < deadline, "it did not happen in time"
+        pause.wait(0.01)
+
+
+def online(rig: Rig) -> bool:
+    return rig.head.health().online
+
+
+def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
+    """Return a condition: the servos stand at these angles, and the head knows it."""
+
+    def there() -> bool:
+        now = rig.clock.now()
+        stands = (rig.device.angle(0, now), rig.device.angle(1, now)) == (90 + pan, 90 - tilt)
+        return stands and rig.head.pose().good and degrees(rig.head) == pytest.approx((pan, tilt))
+
+    return there
+
+
+def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
+    rig.terminal.open()
+    rig.head.open()
+    until(looks(rig, 0, 0))
+    rig.head.look(HeadPose(radians(30), radians(15)))
+    until(looks(rig, 30, 15))
+    assert rig.device.commands[:2] == [(0, 90), (1, 90)]
+    assert rig.device.commands[-1][0] in (0, 1)
+    assert [angle for index, angle in rig.device.commands if index == 0] == sorted(
+        {angle for index, angle in rig.device.commands if index == 0}
+    )
+
+
+def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> None:
+    rig.head.open()
+    until(lambda: "no such device" in rig.head.health().detail)
+    with pytest.raises(NotConnected, match="no such device"):
+        rig.head.look(HeadPose(0.1, 0.0))
+    rig.terminal.open()
+    until(lambda: online(rig))
+
+
+def test_unplugged_and_plugged_in_again_it_takes_up_its_pose(rig: Rig) -> None:
+    rig.terminal.open()
+    rig.head.open()
+    until(lambda: online(rig))
+    rig.head.look(HeadPose(radians(-20), 0.0))
+    until(looks(rig, -20, 0))
+    rig.terminal.unplug()
+    until(lambda: not online(rig))
+    assert rig.head.pose().quality is Quality.STALE
+    rig.device.reset(rig.clock.now())  # a board that hangs on USB loses its power with the plug
+    rig.terminal.replug()
+    until(lambda: online(rig))
+    until(looks(rig, -20, 0))
+    assert "offline" in [one.kind for one in rig.notices]
+
+
+def test_a_line_that_lies_is_survived(rig: Rig) -> None:
+    rig.terminal.open()
+    rig.terminal.distort = lambda data: b"\x00\xff" + data.replace(b"servo_array", b"servo_arrbz")
+    rig.head.open()
+    until(lambda: rig.head.health().counters.get("checksum errors", 0) > 0)
+    assert not online(rig)
+    rig.terminal.distort = bytes
+    until(lambda: online(rig))
+    rig.head.look(HeadPose(radians(10), 0.0))
+    until(looks(rig, 10, 0))
+
+
+def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
+    rig.head.close()
+    rig.terminal.open()
+    for _ in range(2):
+        rig.head.open()
+        until(lambda: online(rig))
+        rig.head.close()
+        assert not online(rig)

@@ -1,0 +1,132 @@
+"""The sketch's behaviour towards the computer, without any terminal: bytes and the time in, bytes out."""
+
+import pytest
+
+from drivers.arduino import wire
+from drivers.virtual.rodney import SERVO_SPEED, STARTS, VirtualRodney
+
+
+def command(index: int, angle: int) -> bytes:
+    return wire.Frame(100, wire.ServoAngle(index, angle).pack()).pack()
+
+
+def answer_time(device: VirtualRodney, now: float) -> None:
+    device.feed(wire.Frame(wire.TIME, wire.Time(now).pack()).pack(), now)
+
+
+def topics(data: bytes) -> list[int]:
+    finder = wire.FrameFinder()
+    found = [frame.topic for frame in finder.feed(data)]
+    assert finder.skipped == 0
+    return found
+
+
+def test_asked_for_its_topics_it_asks_the_time_and_names_the_servos() -> None:
+    golden = wire.REQUEST_TIME + wire.Frame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO, 512).pack()).pack()
+    assert VirtualRodney().feed(wire.REQUEST_TOPICS, 1.0) == golden
+
+
+def test_the_later_sketch_names_and_publishes_its_encoders() -> None:
+    device = VirtualRodney(tacho=True)
+    device.wheels = wire.Tacho(10.0, -10.0)
+    assert topics(device.feed(wire.REQUEST_TOPICS, 1.0)) == [wire.TIME, wire.PUBLISHER, wire.SUBSCRIBER]
+    said = device.poll(1.01)
+    assert said == bytes.fromhex("FF FE 08 00 F7 7D 00 00 00 20 41 00 00 20 C1 40")
+    assert device.poll(1.04) == b""
+    assert device.poll(1.07) == said
+
+
+def test_it_is_deaf_and_dumb_until_it_has_booted() -> None:
+    device = VirtualRodney(boot_delay=2.0)
+    assert device.poll(10.0) == b""
+    assert device.feed(wire.REQUEST_TOPICS, 11.9) == b""
+    assert device.feed(wire.REQUEST_TOPICS, 12.0) != b""
+
+
+def test_it_asks_the_time_every_two_and_a_half_seconds_once_configured() -> None:
+    device = VirtualRodney()
+    assert device.poll(0.0) + device.poll(5.0) == b""
+    device.feed(wire.REQUEST_TOPICS, 5.0)
+    assert device.poll(7.4) == b""
+    assert device.poll(7.5) == wire.REQUEST_TIME
+    assert device.poll(9.9) == b""
+
+
+def test_it_falls_silent_eleven_seconds_after_the_last_answer() -> None:
+    device = VirtualRodney(tacho=True)
+    device.feed(wire.REQUEST_TOPICS, 0.0)
+    answer_time(device, 4.0)
+    assert device.poll(15.0) != b""
+    assert device.poll(15.1) == b""
+    assert device.feed(wire.REQUEST_TOPICS, 15.2) != b""
+
+
+def test_told_to_stop_it_says_nothing_more() -> None:
+    device = VirtualRodney(tacho=True)
+    device.feed(wire.REQUEST_TOPICS, 0.0)
+    assert device.feed(wire.STOP_SENDING, 1.0) == b""
+    assert device.poll(5.0) == b""
+
+
+def test_servos_start_where_the_sketch_puts_them_and_turn_at_their_speed() -> None:
+    device = VirtualRodney()
+    assert [device.angle(index, 0.0) for index in range(4)] == list(STARTS)
+    device.feed(command(0, 130), 1.0)
+    assert device.angle(0, 1.05) == pytest.approx(90 + 0.05 * SERVO_SPEED)
+    assert device.angle(0, 1.2) == 130
+    assert device.commands == [(0, 130)]
+
+
+@pytest.mark.parametrize(
+    ("sent", "reached"), [(0, 0), (180, 180), (181, 180), (543, 180), (544, 0), (1472, 90), (2400, 180), (65535, 180)]
+)
+def test_numbers_mean_what_they_mean_to_the_servo_library(sent: int, reached: float) -> None:
+    device = VirtualRodney()
+    device.feed(command(2, sent), 0.0)
+    assert device.angle(2, 1.0) == pytest.approx(reached)
+
+
+def test_a_servo_that_it_has_not_is_logged_and_moves_nothing() -> None:
+    device = VirtualRodney()
+    device.feed(wire.REQUEST_TOPICS, 0.0)
+    device.feed(command(4, 10), 0.1)
+    (frame,) = wire.FrameFinder().feed(device.poll(0.2))
+    assert wire.Log.unpack(frame.data) == wire.Log(0, "no servo 4")
+    assert [device.angle(index, 1.0) for index in range(4)] == list(STARTS)
+
+
+def test_a_frame_that_dawdles_is_dropped_and_the_next_one_taken() -> None:
+    device = VirtualRodney()
+    device.feed(command(0, 10)[:6], 0.0)
+    device.feed(command(0, 10)[6:], 0.021)
+    assert device.commands == []
+    device.feed(command(0, 20)[:6], 1.0)
+    device.feed(command(0, 20)[6:], 1.019)
+    assert device.commands == [(0, 20)]
+
+
+def test_a_frame_larger_than_the_buffer_is_dropped() -> None:
+    device = VirtualRodney(buffer=128)
+    device.feed(wire.Frame(100, wire.ServoAngle(0, 10).pack() + bytes(126)).pack(), 0.0)
+    device.feed(wire.Frame(100, wire.ServoAngle(0, 20).pack() + bytes(125)).pack(), 1.0)
+    assert device.commands == [(0, 20)]
+
+
+def test_a_wrong_checksum_and_a_short_message_move_nothing() -> None:
+    device = VirtualRodney()
+    device.feed(command(0, 10)[:-1] + b"\x00", 0.0)
+    device.feed(wire.Frame(100, b"\x00\x0a").pack(), 1.0)
+    assert device.commands == []
+    assert device.angle(0, 2.0) == 90
+
+
+def test_reset_it_boots_again_forgets_the_computer_and_sends_the_servos_to_their_starts() -> None:
+    device = VirtualRodney(boot_delay=1.0)
+    device.poll(0.0)
+    device.feed(wire.REQUEST_TOPICS + command(0, 10), 1.0)
+    assert device.angle(0, 2.0) == 10
+    device.reset(2.0)
+    assert device.feed(wire.REQUEST_TOPICS, 2.5) == b""
+    assert device.poll(3.0) == b""
+    assert device.angle(0, 4.0) == 90
+    assert device.poll(30.0) == b""
