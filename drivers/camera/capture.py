@@ -1,0 +1,138 @@
+"""One run of a camera, from its opening to its closing: the thread that always holds the newest picture ready."""
+
+from threading import Condition, Event, Thread
+
+from drivers.api import CameraFrame, Health, Image, Notice, Report
+from drivers.camera.feed import Feed
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+
+_GLANCE = 0.005
+"""Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
+
+_SILENCE = 2.0
+"""Seconds without a picture after which a camera counts as offline."""
+
+_PATIENCE = 1.0
+"""Seconds that ``end`` waits for a thread that may be stuck in OpenCV."""
+
+
+class Capture:
+    """Drains a feed on its own thread, and opens it again, every ``retry`` seconds, while it is away.
+
+    A thread that is stuck in a driver is left behind by ``end`` and ends by itself; so the feed and all state belong
+    to one run, and the next run gets new ones.
+    """
+
+    def __init__(self, name: str, feed: Feed, clock: Clock, *, loop: bool, retry: float, report: Report) -> None:
+        self._name = name
+        self._feed = feed
+        self._clock = clock
+        self._loop = loop
+        self._retry = retry
+        self._report = report
+        self._arrived = Condition()
+        self._frame: CameraFrame | None = None
+        self._given = -1
+        self._frames = self._dropped = self._starts = 0
+        self._online = False
+        self._trouble = NotConnected(f"{name}: {feed.what}: no picture yet", hint=feed.hint)
+        self._silence = _SILENCE
+        self._due = 0.0
+        self._ending = Event()
+        self._thread = Thread(target=self._run, name=f"camera {name}", daemon=True)
+
+    def begin(self) -> None:
+        """Start the thread."""
+        self._due = self._clock.now()
+        self._thread.start()
+
+    def end(self) -> None:
+        """End the thread, and a ``read`` that waits; returns within about a second whatever OpenCV does."""
+        self._ending.set()
+        with self._arrived:
+            self._arrived.notify_all()
+        self._thread.join(_PATIENCE)
+
+    def read(self, timeout: float) -> CameraFrame | None:
+        """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._ending.is_set() or self._newest() is not None, timeout)
+            frame = None if self._ending.is_set() else self._newest()
+            if frame is not None:
+                self._dropped += frame.number - self._given - 1
+                self._given = frame.number
+            return frame
+
+    def health(self) -> Health:
+        """Say whether pictures arrive, and if not, why."""
+        with self._arrived:
+            counters = {"frames": self._frames, "dropped": self._dropped, "starts": self._starts}
+            trouble = self._trouble
+            if self._online and self._frame is not None:
+                silent = self._clock.now() - self._frame.stamp
+                if silent <= self._silence:
+                    return Health(online=True, counters=counters)
+                detail = f"{self._name}: {self._feed.what}: no picture for {silent:.1f} s"
+                trouble = NotConnected(detail, hint=self._feed.hint)
+        return Health(online=False, detail=str(trouble), hint=trouble.hint, counters=counters)
+
+    def _newest(self) -> CameraFrame | None:
+        return self._frame if self._frame is not None and self._frame.number > self._given else None
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            try:
+                trouble = self._serve()
+            except NotConnected as error:
+                trouble = error
+            finally:
+                self._feed.stop()
+            if trouble is not None and not self._ending.is_set():
+                self._lost(trouble)
+                self._ending.wait(self._retry)
+
+    def _serve(self) -> NotConnected | None:
+        """Pass pictures on until there are no more; return what is the matter then, None to start at once again."""
+        period = self._feed.start()
+        self._starts += 1
+        before = self._frames
+        self._silence = max(_SILENCE, 3 * (period or 0.0))
+        while (image := self._feed.grab()) is not None:
+            if self._ending.is_set() or (period is not None and not self._paced(period)):
+                return None
+            self._offer(image)
+        who, shown = f"{self._name}: {self._feed.what}", self._frames - before
+        if shown == 0:
+            return NotConnected(f"{who}: gives no picture that can be decoded", hint=self._feed.hint)
+        if period is None:
+            return NotConnected(f"{who}: gives no more pictures, after {shown}", hint=self._feed.hint)
+        if self._loop:
+            return None
+        self._lost(NotConnected(f"{who}: has ended after {shown} pictures", hint="with loop on it would start again"))
+        self._ending.wait()
+        return None
+
+    def _paced(self, period: float) -> bool:
+        """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
+        while (left := self._due - self._clock.now()) > 1e-6:
+            if self._ending.wait(min(left, _GLANCE)):
+                return False
+        self._due = max(self._due + period, self._clock.now())
+        return True
+
+    def _offer(self, image: Image) -> None:
+        with self._arrived:
+            self._frame = CameraFrame(image, self._clock.now(), self._frames)
+            self._frames += 1
+            was_online, self._online = self._online, True
+            self._arrived.notify_all()
+        if not was_online:
+            self._report(Notice(self._name, "online", f"{self._feed.what} gives pictures"))
+
+    def _lost(self, trouble: NotConnected) -> None:
+        with self._arrived:
+            self._trouble = trouble
+            was_online, self._online = self._online, False
+        if was_online:
+            self._report(Notice(self._name, "offline", str(trouble), trouble.hint))

@@ -1,0 +1,86 @@
+"""A camera that shows the pictures of a folder, or one picture, at a steady rate."""
+
+from collections.abc import Iterator
+from math import radians
+from pathlib import Path
+
+from drivers.api import Image, Report, unreported
+from drivers.camera.decode import load
+from drivers.camera.source import PICTURES
+from drivers.camera.threaded import ThreadedCamera
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NotConnected
+
+
+class FolderFeed:
+    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped."""
+
+    def __init__(self, name: str, path: Path, rate: float) -> None:
+        self._name = name
+        self._path = path
+        self._rate = rate
+        self._left: Iterator[Path] = iter(())
+
+    @property
+    def what(self) -> str:
+        """The path."""
+        return str(self._path)
+
+    @property
+    def hint(self) -> str:
+        """What to type next when no picture decodes."""
+        return f"`file {self._path / '*' if self._path.is_dir() else self._path}` shows what is in there"
+
+    def start(self) -> float:
+        """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
+        if not self._path.exists():
+            hint = f"`ls {self._path.parent}` lists what is there"
+            raise NotConnected(f"{self._name}: {self._path}: no such file or folder", hint=hint)
+        if self._path.is_dir():
+            found = sorted(path for path in self._path.iterdir() if path.suffix.lower() in PICTURES)
+        else:
+            found = [self._path]
+        if not found:
+            kinds = " ".join(sorted(PICTURES))
+            raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
+        self._left = iter(found)
+        return 1.0 / self._rate
+
+    def grab(self) -> Image | None:
+        """Return the next picture that decodes, None after the last."""
+        return next((image for image in map(load, self._left) if image is not None), None)
+
+    def stop(self) -> None:
+        """Forget the list."""
+        self._left = iter(())
+
+
+class FolderCamera(ThreadedCamera):
+    """Shows the pictures at ``path`` (a folder, or one picture), ``rate`` a second; meets ``drivers.api.Camera``.
+
+    With ``loop`` it goes on for ever, and lists the folder anew in each round. Raises BadRequest unless ``rate`` > 0.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        clock: Clock,
+        *,
+        rate: float = 5.0,
+        name: str = "camera",
+        field_of_view: float = radians(60.0),
+        loop: bool = True,
+        retry: float = 1.0,
+        report: Report = unreported,
+    ) -> None:
+        if rate <= 0:
+            raise BadRequest(f"{name}: {rate} pictures a second: must be above 0")
+        super().__init__(
+            lambda: FolderFeed(name, Path(path), rate),
+            clock,
+            name=name,
+            field_of_view=field_of_view,
+            loop=loop,
+            retry=retry,
+            report=report,
+        )

@@ -1,0 +1,64 @@
+"""Walks through pictures, videos and folders one frame at a time, without clock or thread: for work offline."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import cv2
+
+from drivers.api import Image
+from drivers.camera.decode import grab, hush, load
+from drivers.camera.source import PICTURES, VIDEOS
+from drivers.errors import BadRequest
+
+Picture = tuple[Path, int, Image]
+"""The file, the number of the frame in it from 0, and the frame."""
+
+
+def pictures(paths: Iterable[str | Path]) -> Iterator[Picture]:
+    """Yield every frame of the files at ``paths``; of a folder those of its pictures and videos, sorted by name.
+
+    Raises BadRequest at once when paths are absent or folders empty, all of them named; while iterating when a file
+    cannot be decoded.
+    """
+    files: list[Path] = []
+    faults: list[str] = []
+    for path in map(Path, paths):
+        found = _files(path)
+        files += found
+        if not found:
+            faults.append(f"{path}: {'holds no pictures or videos' if path.is_dir() else 'no such file'}")
+    if faults:
+        raise BadRequest("; ".join(faults), hint=f"pictures and videos end in {' '.join(sorted(PICTURES | VIDEOS))}")
+    return (picture for file in files for picture in _frames(file))
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_dir():
+        return sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURES | VIDEOS)
+    return [path] if path.is_file() else []
+
+
+def _frames(path: Path) -> Iterator[Picture]:
+    number = -1
+    if path.suffix.lower() in PICTURES:
+        image = load(path)
+        if image is not None:
+            number = 0
+            yield path, number, image
+    else:
+        for number, image in enumerate(_video(path)):
+            yield path, number, image
+    if number < 0:
+        raise BadRequest(
+            f"{path}: cannot be decoded, {path.stat().st_size} bytes", hint=f"`file {path}` says what it is"
+        )
+
+
+def _video(path: Path) -> Iterator[Image]:
+    hush()
+    video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        while (image := grab(video)) is not None:
+            yield image
+    finally:
+        video.release()

@@ -1,0 +1,89 @@
+"""A camera in the simulated world: it draws what the robot would see from where its head is."""
+
+from collections.abc import Callable
+from math import radians
+from threading import Event
+
+from drivers.api import CameraFrame, Health
+from drivers.clock import Clock
+from drivers.sim.render import Renderer
+from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.world import World
+
+_GLANCE = 0.005
+"""Seconds between looks at the clock, which may be a simulated one that no waiting can be matched to."""
+
+
+class RenderedCamera:
+    """Renders ``world`` from ``viewpoint(time)``, ``rate`` times a second of the clock; meets ``drivers.api.Camera``.
+
+    A frame is exposed when it is read: its stamp is the time for which the viewpoint was asked. Frames that fell due
+    in between were dropped, and their numbers with them. ``read`` is for one thread at a time.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        viewpoint: Callable[[float], Viewpoint],
+        clock: Clock,
+        *,
+        rate: float = 20.0,
+        size: tuple[int, int] = (640, 480),
+        field_of_view: float = radians(60.0),
+        noise: float = 3.0,
+        seed: int = 0,
+        name: str = "camera",
+    ) -> None:
+        self.name = name
+        self.field_of_view = field_of_view
+        self._viewpoint = viewpoint
+        self._clock = clock
+        self._rate = rate
+        self._renderer = Renderer(world, Pinhole(*size, field_of_view), noise=noise, seed=seed)
+        self._opened: float | None = None
+        self._number = -1
+        self._frames = 0
+        self._closed = Event()
+
+    def open(self) -> None:
+        """Start to count frames; the first is due at once."""
+        if self._opened is None:
+            self._closed.clear()
+            self._number = -1
+            self._frames = 0
+            self._opened = self._clock.now()
+
+    def rest(self) -> None:
+        """Do nothing: a camera moves nothing."""
+
+    def close(self) -> None:
+        """End a ``read`` that is waiting. Safe from any state, more than once."""
+        self._opened = None
+        self._closed.set()
+
+    def health(self) -> Health:
+        """Online between ``open`` and ``close``."""
+        if self._opened is None:
+            return Health(online=False, detail=f"{self.name}: not open")
+        return Health(online=True, counters={"frames": self._frames, "dropped": self._number + 1 - self._frames})
+
+    def read(self, timeout: float) -> CameraFrame | None:
+        """Return the next frame when it is due; None after ``timeout`` seconds of waiting, or when closed."""
+        waited = 0.0
+        while (opened := self._opened) is not None:
+            now = self._clock.now()
+            number = int((now - opened) * self._rate + 1e-6)  # a clock moved on in steps of 1/rate is a hair early
+            if number > self._number:
+                return self._expose(number, now)
+            due = opened + (self._number + 1) / self._rate
+            pause = min(max(due - now, 0.0005), _GLANCE, timeout - waited)
+            if pause <= 0 or self._closed.wait(pause):
+                return None
+            waited += pause
+        Event().wait(timeout)  # not open: no frame will come, but a reader must not spin
+        return None
+
+    def _expose(self, number: int, now: float) -> CameraFrame:
+        self._number = number
+        self._frames += 1
+        return CameraFrame(self._renderer.draw(self._viewpoint(now), now), now, number)

@@ -1,0 +1,59 @@
+"""Where a camera is and how it maps the world onto a picture: the pinhole model, nothing drawn.
+
+Camera axes are those of computer vision: X to the right of the picture, Y down, Z along the optical axis.
+Pixel coordinates are those of pixel centres, so the optical axis meets a picture of width w at x = (w - 1) / 2.
+"""
+
+from dataclasses import dataclass
+from math import cos, hypot, sin, tan
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """The pose of a camera: place in metres, ``yaw`` about z (positive left), ``pitch`` about y (positive down)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    pitch: float = 0.0
+
+    def place(self) -> Floats:
+        """Return (x, y, z) in metres, float64."""
+        return np.array((self.x, self.y, self.z))
+
+    def rotation(self) -> Floats:
+        """Return the matrix (3, 3) from world axes to camera axes: its rows are right, down and forward."""
+        right = (sin(self.yaw), -cos(self.yaw), 0.0)
+        down = (-sin(self.pitch) * cos(self.yaw), -sin(self.pitch) * sin(self.yaw), -cos(self.pitch))
+        forward = (cos(self.pitch) * cos(self.yaw), cos(self.pitch) * sin(self.yaw), -sin(self.pitch))
+        return np.array((right, down, forward))
+
+
+@dataclass(frozen=True, slots=True)
+class Pinhole:
+    """An ideal lens. ``width``, ``height`` of the picture in pixels; ``field_of_view`` horizontal, in radians."""
+
+    width: int
+    height: int
+    field_of_view: float
+
+    @property
+    def focal(self) -> float:
+        """The focal length in pixels."""
+        return self.width / 2 / tan(self.field_of_view / 2)
+
+    @property
+    def half_diagonal(self) -> float:
+        """The angle in radians from the optical axis to a corner of the picture."""
+        return float(np.arctan(hypot(self.width, self.height) / 2 / self.focal))
+
+    def matrix(self) -> Floats:
+        """Return the camera matrix K (3, 3): camera coordinates to homogeneous pixels."""
+        f = self.focal
+        return np.array(((f, 0.0, (self.width - 1) / 2), (0.0, f, (self.height - 1) / 2), (0.0, 0.0, 1.0)))

@@ -1,0 +1,99 @@
+"""A fixed camera made to pan and tilt: geometry against the renderer, and recorded people."""
+
+from math import radians
+from pathlib import Path
+
+import cv2
+import cv2.data
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.api import Camera, Image
+from drivers.clock import ManualClock
+from drivers.sim.panned import PannedCamera, turned
+from drivers.sim.people import Person
+from drivers.sim.render import Renderer
+from drivers.sim.rendered import RenderedCamera
+from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.world import World
+
+SIXTY = radians(60)
+CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
+WORLD = World(people=(Person("p", x=1.5, y=0.2),))
+RENDERER = Renderer(WORLD, Pinhole(640, 480, SIXTY), noise=0.0)
+STRAIGHT = RENDERER.draw(Viewpoint(z=1.5), 0.0)
+
+
+@pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (0.2, 0.0), (-0.3, 0.1), (0.1, -0.25)])
+def test_a_turned_picture_is_what_a_turned_camera_would_have_seen(yaw: float, pitch: float) -> None:
+    source = np.full_like(STRAIGHT, 255)
+    within = turned(source, Viewpoint(yaw=yaw, pitch=pitch), SIXTY)  # all white: the border takes the mean too
+    assert within.min() >= 254
+    seen = RENDERER.draw(Viewpoint(z=1.5, yaw=yaw, pitch=pitch), 0.0)
+    made = turned(STRAIGHT, Viewpoint(yaw=yaw, pitch=pitch), SIXTY)
+    centre = (slice(200, 280), slice(270, 370))  # in the source for all of these angles
+    difference = np.abs(seen[centre].astype(int) - made[centre])
+    assert float(difference.mean()) < 3.0
+    if (yaw, pitch) != (0.0, 0.0):
+        assert float(np.abs(seen[centre].astype(int) - STRAIGHT[centre]).mean()) > 6.0
+
+
+def test_looking_left_moves_the_picture_to_the_right_and_leaves_a_dull_edge() -> None:
+    marked: Image = np.full((480, 640, 3), 90, np.uint8)
+    cv2.circle(marked, (320, 240), 12, (0, 0, 255), -1)
+    moved = turned(marked, Viewpoint(yaw=radians(10)), SIXTY)
+    rows, columns = np.nonzero(moved[..., 2] > 200)
+    assert columns.mean() == pytest.approx(319.5 + Pinhole(640, 480, SIXTY).focal * np.tan(radians(10)), abs=1.5)
+    assert rows.mean() == pytest.approx(240, abs=1.5)
+    assert float(moved[:, :60].std()) == pytest.approx(0.0, abs=1.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-7, 7), st.floats(-1.5, 1.5), st.sampled_from([0.5, 1.05, 1.6, 2.2]))
+def test_what_is_behind_the_camera_never_shows(yaw: float, pitch: float, field_of_view: float) -> None:
+    marked: Image = np.full((48, 64, 3), 100, np.uint8)
+    marked[20:28, 28:36] = 255
+    view = Viewpoint(yaw=yaw, pitch=pitch)
+    moved = turned(marked, view, field_of_view)
+    ahead = (view.rotation() @ (1.0, 0.0, 0.0))[2] > 0  # the marked middle is in front of the turned camera
+    assert ahead or moved.max() < 200
+    assert moved.shape == marked.shape
+
+
+def test_a_panned_camera_asks_for_the_view_at_the_stamp_of_the_frame() -> None:
+    clock, asked = ManualClock(start=2.0), []
+
+    def look(time: float) -> Viewpoint:
+        asked.append(time)
+        return Viewpoint(yaw=0.2)
+
+    inner = RenderedCamera(WORLD, lambda _: Viewpoint(z=1.5), clock, noise=0.0, name="eye")
+    camera: Camera = PannedCamera(inner, look)
+    assert (camera.name, camera.field_of_view) == ("eye", inner.field_of_view)
+    assert not camera.health().online
+    camera.open()
+    frame = camera.read(0.0)
+    assert frame is not None
+    assert (frame.stamp, frame.number, asked) == (2.0, 0, [2.0])
+    assert np.array_equal(frame.image, turned(STRAIGHT, Viewpoint(yaw=0.2), SIXTY))
+    assert camera.read(0.0) is None
+    assert camera.health().online
+    camera.rest()
+    camera.close()
+    assert not inner.health().online
+
+
+@pytest.mark.skipif(not CLIPS.exists(), reason="the recorded clips are not on this machine")
+def test_recorded_people_are_still_found_after_a_turn() -> None:
+    haar = cv2.CascadeClassifier(str(Path(cv2.data.haarcascades) / "haarcascade_frontalface_default.xml"))
+    clip = cv2.VideoCapture(str(CLIPS / "again.mkv"))
+    _, image = clip.read()
+    clip.release()
+    for yaw in (-0.3, 0.0, 0.3):
+        moved = turned(np.asarray(image, np.uint8), Viewpoint(yaw=yaw), SIXTY)
+        found = haar.detectMultiScale(cv2.cvtColor(moved, cv2.COLOR_BGR2GRAY), 1.2, 4, minSize=(40, 40))
+        assert len(found) == 1
+        ((x, _, width, _),) = found
+        assert np.sign(x + width / 2 - 320) == np.sign(yaw) or yaw == 0.0

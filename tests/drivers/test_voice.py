@@ -1,0 +1,321 @@
+"""The voice: printed words on a clock cranked by hand, and a real program that stands in for a synthesiser."""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from drivers.api import Notice, Voice
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import NotConnected
+from drivers.voice.printed import PrintedVoice
+from drivers.voice.speaker import Speaker
+from drivers.voice.synthesiser import Synthesiser, find_synthesiser
+
+# Writes down its number and what it reads; then speaks until the file "hush" appears, or fails when told to.
+PROGRAM = """
+import os, pathlib, subprocess, sys, threading
+here = pathlib.Path(sys.argv[1])
+text = sys.stdin.buffer.read().decode()
+helper = subprocess.Popen([sys.executable, "-c", "import sys; sys.stdin.read()"], stdin=subprocess.PIPE)
+with (here / "spoken").open("a") as spoken:
+    spoken.write(f"{os.getpid()} {helper.pid} {text}\\n")
+if "fail" in text:
+    helper.communicate()
+    sys.exit("no sound card")
+while "long" in text and not (here / "hush").exists():
+    threading.Event().wait(0.01)
+helper.communicate()
+"""
+
+
+def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Wait until ``condition`` holds."""
+    clock, pause = SystemClock(), Event()
+    deadline = clock.now() + seconds
+    while not condition():
+        assert clock.now() < deadline, "it did not happen in time"
+        pause.wait(0.01)
+
+
+def runs(process: int) -> bool:
+    """Say whether a process is there and not just a dead one that nobody has waited for."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@dataclass
+class Booth:
+    """A speaker, and what is known of it."""
+
+    folder: Path
+    speaker: Speaker
+    printed: list[str] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    changes: list[None] = field(default_factory=list)
+
+    def spoken(self) -> list[str]:
+        """What the program was told to say, in order."""
+        return [line.split(" ", 2)[2] for line in self._lines()]
+
+    def processes(self) -> list[int]:
+        """The programs and their helpers."""
+        return [int(number) for line in self._lines() for number in line.split(" ", 2)[:2]]
+
+    def _lines(self) -> list[str]:
+        book = self.folder / "spoken"
+        return [line for line in book.read_text().split("\n") if line] if book.exists() else []
+
+
+@pytest.fixture
+def booth(tmp_path: Path) -> Iterator[Booth]:
+    program = tmp_path / "synthesiser.py"
+    program.write_text(PROGRAM)
+    printed: list[str] = []
+    notices: list[Notice] = []
+    changes: list[None] = []
+    speaker = Speaker(
+        Synthesiser(sys.executable, (str(program), str(tmp_path))),
+        printed.append,
+        report=notices.append,
+        changed=lambda: changes.append(None),
+    )
+    speaker.open()
+    booth = Booth(tmp_path, speaker, printed, notices, changes)
+    try:
+        yield booth
+    finally:
+        speaker.close()
+        until(lambda: not any(runs(process) for process in booth.processes()))
+        assert not [thread for thread in threading.enumerate() if thread.name.startswith("voice ")]
+
+
+# --- the speaker ------------------------------------------------------------------------------------------------------
+
+
+def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
+    first, second = booth.speaker.say("a long word"), booth.speaker.say("and another")
+    until(lambda: booth.spoken() == ["a long word"])
+    assert not first.done()
+    assert not second.done()
+    (booth.folder / "hush").touch()
+    until(second.done)
+    assert first.done()
+    assert booth.spoken() == ["a long word", "and another"]
+    until(lambda: len(booth.changes) == 2)
+    health = booth.speaker.health()
+    assert (health.online, health.detail, health.counters["said"]) == (True, "", 2)
+    assert booth.printed == []
+
+
+@pytest.mark.parametrize("text", ["--version", "$(touch pwned); `id` | x", "Grüß Gott, ç'est ça", 'say "so" \\ now'])
+def test_any_text_reaches_the_program_as_it_is(booth: Booth, text: str) -> None:
+    until(booth.speaker.say(text).done)
+    assert booth.spoken() == [text]
+
+
+def test_text_that_has_no_utf8_is_spoken_with_a_question_mark(booth: Booth) -> None:
+    until(booth.speaker.say("odd \udc80 one").done)
+    assert booth.spoken() == ["odd ? one"]
+
+
+def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has_its_turn(booth: Booth) -> None:
+    first, second = booth.speaker.say("a long word"), booth.speaker.say("next")
+    until(lambda: len(booth.processes()) == 2)
+    program, helper = booth.processes()
+    first.cancel()
+    first.cancel()
+    assert first.done()
+    until(lambda: not runs(program) and not runs(helper))
+    until(second.done)
+    assert booth.spoken() == ["a long word", "next"]
+    assert booth.notices == []
+
+
+def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> None:
+    first, second, third = (booth.speaker.say(text) for text in ("a long one", "not this", "but this"))
+    second.cancel()
+    assert second.done()
+    (booth.folder / "hush").touch()
+    until(third.done)
+    assert first.done()
+    assert booth.spoken() == ["a long one", "but this"]
+
+
+def test_resting_silences_everything_and_it_can_speak_again(booth: Booth) -> None:
+    waiting = [booth.speaker.say("a long word") for _ in range(3)]
+    until(lambda: len(booth.spoken()) == 1)
+    booth.speaker.rest()
+    booth.speaker.rest()
+    assert all(one.done() for one in waiting)
+    until(booth.speaker.say("again").done)
+    assert booth.spoken() == ["a long word", "again"]
+
+
+def test_closing_kills_the_program_at_once_and_may_be_done_twice(booth: Booth) -> None:
+    speaking, waiting = booth.speaker.say("a long word"), booth.speaker.say("and another")
+    until(lambda: len(booth.processes()) == 2)
+    booth.speaker.close()
+    booth.speaker.close()
+    assert speaking.done()
+    assert waiting.done()
+    until(lambda: not any(runs(process) for process in booth.processes()))
+    assert booth.spoken() == ["a long word"]
+    assert "not opened yet" in booth.speaker.health().detail
+    with pytest.raises(NotConnected, match="cannot say 'more'"):
+        booth.speaker.say("more")
+    booth.speaker.open()
+    until(booth.speaker.say("back").done)
+    assert booth.spoken() == ["a long word", "back"]
+
+
+def test_closed_while_the_program_is_starting_nothing_is_left(booth: Booth) -> None:
+    for _ in range(5):
+        words = booth.speaker.say("a long word")
+        booth.speaker.close()
+        assert words.done()
+        booth.speaker.open()
+    until(lambda: not any(runs(process) for process in booth.processes()))
+
+
+@pytest.mark.parametrize("text", ["", "  \n"])
+def test_nothing_to_say_is_said_at_once(booth: Booth, text: str) -> None:
+    assert booth.speaker.say(text).done()
+    assert booth.spoken() == []
+
+
+def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed(booth: Booth) -> None:
+    until(booth.speaker.say("this will fail").done)
+    assert booth.printed == ["this will fail"]
+    (notice,) = booth.notices
+    assert (notice.device, notice.kind) == ("voice", "fault")
+    assert "ended with 1: no sound card" in notice.what
+    assert notice.hint.startswith("echo hello | ")
+    health = booth.speaker.health()
+    assert (health.online, health.detail, health.counters["failed"]) == (True, notice.what, 1)
+    until(booth.speaker.say("this works").done)
+    assert booth.speaker.health().detail == ""
+
+
+def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_path: Path) -> None:
+    printed: list[str] = []
+    notices: list[Notice] = []
+    speaker = Speaker(Synthesiser(str(tmp_path / "gone")), printed.append, report=notices.append)
+    speaker.open()
+    until(speaker.say("hello").done)
+    speaker.close()
+    assert printed == ["hello"]
+    assert "No such file or directory" in notices[0].what
+
+
+# --- which synthesiser ------------------------------------------------------------------------------------------------
+
+
+def test_the_best_synthesiser_on_the_path_is_found(tmp_path: Path) -> None:
+    assert find_synthesiser(str(tmp_path)) is None
+    for name, arguments in (("say", ["-f", "-"]), ("espeak", ["--stdin"]), ("espeak-ng", ["--stdin"])):
+        program = tmp_path / name
+        program.write_text("#!/bin/sh\n")
+        program.chmod(0o755)
+        found = find_synthesiser(str(tmp_path))
+        assert found is not None
+        assert found.command == [str(program), *arguments]
+
+
+def test_a_file_that_is_no_program_is_not_taken_for_one(tmp_path: Path) -> None:
+    (tmp_path / "espeak").write_text("not executable")
+    assert find_synthesiser(str(tmp_path)) is None
+
+
+@pytest.mark.skipif(find_synthesiser() is None, reason="no speech synthesiser is installed")
+def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
+    synthesiser = find_synthesiser()
+    assert synthesiser is not None
+    printed: list[str] = []
+    speaker = Speaker(synthesiser, printed.append)
+    speaker.open()
+    until(speaker.say("one two").done)
+    speaker.close()
+    counters = speaker.health().counters
+    assert (counters["said"], counters["failed"]) == (1, 0) or printed == ["one two"]  # no sound card: it may fail
+
+
+# --- printed words ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(50.0)
+
+
+def test_printed_words_take_as_long_as_spoken_ones(clock: ManualClock) -> None:
+    printed: list[str] = []
+    changes: list[None] = []
+    voice: Voice = PrintedVoice(clock, printed.append, changed=lambda: changes.append(None))
+    voice.open()
+    words = voice.say("five words in two seconds")
+    assert printed == ["five words in two seconds"]
+    clock.advance(1.99)
+    assert not words.done()
+    clock.advance(0.02)
+    assert words.done()
+    assert words.done()
+    assert len(changes) == 1
+    assert voice.health().counters["said"] == 1
+
+
+def test_printed_words_wait_for_those_before_them(clock: ManualClock) -> None:
+    voice = PrintedVoice(clock, lambda _: None)
+    voice.open()
+    first, second = voice.say("one two three four five"), voice.say("one two three four five")
+    clock.advance(2.1)
+    assert (first.done(), second.done()) == (True, False)
+    third = voice.say("one")
+    clock.advance(1.95)
+    assert (second.done(), third.done()) == (True, False)
+    clock.advance(10.0)
+    assert third.done()
+    late = voice.say("one")
+    assert not late.done()
+
+
+def test_printed_words_move_up_when_those_before_them_are_cancelled(clock: ManualClock) -> None:
+    voice = PrintedVoice(clock, lambda _: None)
+    voice.open()
+    first, second, third = (voice.say("one two three four five") for _ in range(3))
+    clock.advance(1.0)
+    first.cancel()
+    second.cancel()
+    second.cancel()
+    assert (first.done(), second.done(), third.done()) == (True, True, False)
+    clock.advance(2.01)
+    assert third.done()
+
+
+def test_nothing_to_print_is_done_at_once(clock: ManualClock) -> None:
+    printed: list[str] = []
+    voice = PrintedVoice(clock, printed.append)
+    voice.open()
+    assert voice.say("").done()
+    assert voice.say(" \n").done()
+    assert printed == []
+
+
+def test_a_printed_voice_that_is_not_open_refuses_and_closing_ends_all(clock: ManualClock) -> None:
+    voice = PrintedVoice(clock, lambda _: None)
+    voice.close()
+    with pytest.raises(NotConnected, match="not open"):
+        voice.say("hello")
+    assert not voice.health().online
+    voice.open()
+    words = [voice.say("hello there"), voice.say("and again")]
+    assert voice.health().online
+    voice.close()
+    voice.close()
+    assert all(one.done() for one in words)
