@@ -1,0 +1,186 @@
+"""Reading one mapping of a file, key by key, and noting everything that is wrong with it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from config.faults import Fault, InvalidFileError, Mark, Source, one_of
+from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
+from config.units import in_dimension, written
+
+
+class Fields:
+    """The keys of one mapping. A getter notes a fault and returns its default (or a harmless value) when one is wrong.
+
+    A getter without a default asks for a key that must be there. Call ``done`` at the end: keys that nobody asked for
+    are faults too. Faults gather in the list that all sections of a file share.
+    """
+
+    def __init__(self, source: Source, node: Node, faults: list[Fault], *, what: str) -> None:
+        self.source = source
+        self.node = node
+        self.faults = faults
+        self.what = what
+        self._known: list[str] = []
+        if not isinstance(node, Mapping):
+            self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'")
+
+    def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
+        """Note a mistake."""
+        self.faults.append(Fault(self.source, mark, message, suggestion))
+
+    def node_of(self, key: str, *, required: bool = False) -> Node | None:
+        """Return the node of ``key``, None where it is missing."""
+        self._known.append(key)
+        found = self.node.get(key) if isinstance(self.node, Mapping) else None
+        if found is None and required and isinstance(self.node, Mapping):
+            self.fault(self.node.mark, f"{self.what} needs '{key}'")
+        return found
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a text."""
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return default or ""
+        if not isinstance(node, Scalar) or node.value is None:
+            self.fault(node.mark, f"'{key}' needs a text")
+            return default or ""
+        return node.text
+
+    def choice(self, key: str, among: Sequence[str], default: str | None = None) -> str:
+        """Return one of the words ``among``."""
+        found = self.text(key, default)
+        node = self.node_of(key)
+        if node is not None and found not in among:
+            self.fault(node.mark, f"'{key}' cannot be '{found}'", one_of(found, among))
+        return found if found in among else among[0]
+
+    def flag(self, key: str, default: bool) -> bool:
+        """Return true or false."""
+        node = self.node_of(key)
+        if node is None:
+            return default
+        if not isinstance(node, Scalar) or not isinstance(node.value, bool):
+            self.fault(node.mark, f"'{key}' needs true or false")
+            return default
+        return node.value
+
+    def number(
+        self, key: str, default: float | None = None, *, low: float | None = None, high: float | None = None
+    ) -> float:
+        """Return a plain number between ``low`` and ``high``."""
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return default or 0.0
+        value = node.value if isinstance(node, Scalar) else None
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            self.fault(node.mark, f"'{key}' needs a plain number")
+            return default or 0.0
+        return self._within(key, node.mark, float(value), low, high, str)
+
+    def integer(self, key: str, default: int | None = None, *, low: int | None = None, high: int | None = None) -> int:
+        """Return a whole number between ``low`` and ``high``."""
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return default or 0
+        value = node.value if isinstance(node, Scalar) else None
+        if not isinstance(value, int) or isinstance(value, bool):
+            self.fault(node.mark, f"'{key}' needs a whole number")
+            return default or 0
+        return int(self._within(key, node.mark, value, low, high, str))
+
+    def quantity(
+        self,
+        key: str,
+        dimension: str,
+        default: float | None = None,
+        *,
+        low: float | None = None,
+        high: float | None = None,
+    ) -> float:
+        """Return a quantity of ``dimension`` in SI units, between ``low`` and ``high`` (SI)."""
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return default or 0.0
+        return self.measure(node, key, dimension, low=low, high=high, fallback=default or 0.0)
+
+    def measure(
+        self,
+        node: Node,
+        key: str,
+        dimension: str,
+        *,
+        low: float | None = None,
+        high: float | None = None,
+        fallback: float = 0.0,
+    ) -> float:
+        """Return the quantity that ``node`` holds."""
+        try:
+            value = in_dimension(node.value if isinstance(node, Scalar) else (), dimension)
+        except ValueError as error:
+            self.fault(node.mark, f"'{key}' {error}")
+            return fallback
+        return self._within(key, node.mark, value, low, high, lambda bound: written(bound, dimension))
+
+    def span(self, key: str, dimension: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
+        """Return ``[low, high]``, two quantities of ``dimension`` in SI units."""
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return default or (0.0, 0.0)
+        if not isinstance(node, Listing) or len(node.items) != 2:
+            self.fault(node.mark, f"'{key}' needs two values: [low, high]")
+            return default or (0.0, 0.0)
+        low, high = (self.measure(item, key, dimension) for item in node.items)
+        if low >= high:
+            self.fault(node.mark, f"'{key}': the first value must be below the second")
+        return low, high
+
+    def section(self, key: str, *, required: bool = False) -> "Fields | None":
+        """Return the mapping under ``key``."""
+        node = self.node_of(key, required=required)
+        return None if node is None else Fields(self.source, node, self.faults, what=f"'{key}'")
+
+    def items(self, key: str, *, required: bool = False) -> list[Node]:
+        """Return the nodes of the list under ``key``."""
+        node = self.node_of(key, required=required)
+        if node is None:
+            return []
+        if not isinstance(node, Listing):
+            self.fault(node.mark, f"'{key}' needs a list")
+            return []
+        return node.items
+
+    def entries(self) -> Iterator[tuple[Scalar, Node]]:
+        """Every key with its node, for a mapping whose keys are names that the file chooses."""
+        if isinstance(self.node, Mapping):
+            for key, value in self.node.entries:
+                self._known.append(key.text)
+                yield key, value
+
+    def done(self) -> None:
+        """Note every key that nobody asked for."""
+        if not isinstance(self.node, Mapping):
+            return
+        for key, _ in self.node.entries:
+            if key.text not in self._known:
+                self.fault(key.mark, f"{self.what} has no key '{key.text}'", one_of(key.text, self._known))
+
+    def _within(
+        self, key: str, mark: Mark, value: float, low: float | None, high: float | None, show: Callable[[float], str]
+    ) -> float:
+        if low is not None and value < low:
+            self.fault(mark, f"'{key}' must be at least {show(low)}")
+            return low
+        if high is not None and value > high:
+            self.fault(mark, f"'{key}' must be at most {show(high)}")
+            return high
+        return value
+
+
+def read_fields(path: Path, *, what: str, name: str | None = None) -> Fields:
+    """Read a YAML file whose top is one mapping. Raises InvalidFileError when it is not."""
+    source = read_source(path, name)
+    faults: list[Fault] = []
+    fields = Fields(source, compose(source), faults, what=what)
+    if faults:
+        raise InvalidFileError(faults)
+    return fields

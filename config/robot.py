@@ -1,0 +1,259 @@
+"""Robot files: which parts a robot has, where they are plugged in, and how far and fast they may go.
+
+A part that the file does not name is a part that the robot does not have. SI units and radians throughout.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from config.faults import InvalidFileError
+from config.fields import Fields, read_fields
+from config.marked import Node
+
+
+@dataclass(frozen=True, slots=True)
+class BaseConfig:
+    """A Kobuki base: its port, and its limits."""
+
+    port: str
+    baud: int
+    max_speed: float
+    max_turn: float
+    acceleration: float
+    turn_acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class ServoConfig:
+    """One servo of the head: which output of the board, its limits, whether it is mounted the other way round."""
+
+    index: int
+    lower: float
+    upper: float
+    flip: bool
+    trim: float
+
+
+@dataclass(frozen=True, slots=True)
+class HeadConfig:
+    """A pan/tilt head on an Arduino with the Rodney sketch.
+
+    ``boot`` is how long the board needs after its port was opened, ``speed`` the rate at which both axes turn.
+    """
+
+    port: str
+    baud: int
+    boot: float
+    speed: float
+    pan: ServoConfig
+    tilt: ServoConfig
+
+
+@dataclass(frozen=True, slots=True)
+class JointConfig:
+    """One Dynamixel servo as a joint. ``zero`` is where the joint's 0 lies from the servo's centre."""
+
+    id: int
+    model: str
+    zero: float
+    reverse: bool
+    lower: float
+    upper: float
+    speed: float
+    torque: float
+
+
+@dataclass(frozen=True, slots=True)
+class ArmConfig:
+    """Dynamixel servos on one bus, by joint name; ``at_end`` is ``hold`` or ``relax``."""
+
+    port: str
+    baud: int
+    at_end: str
+    joints: Mapping[str, JointConfig]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """A camera: an index, a device, a file, a URL or a folder; its view and where it sits.
+
+    ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead;
+    ``delay`` how long after the exposure a picture arrives.
+    """
+
+    source: str
+    field_of_view: float
+    width: int
+    height: int
+    delay: float
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class VoiceConfig:
+    """How the robot speaks: ``driver`` is ``auto`` (a synthesiser where there is one) or ``print``."""
+
+    driver: str
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """A whole robot. ``rate`` is the ceiling of ticks per second."""
+
+    name: str
+    summary: str
+    rate: float
+    base: BaseConfig | None = None
+    head: HeadConfig | None = None
+    arm: ArmConfig | None = None
+    camera: CameraConfig | None = None
+    voice: VoiceConfig | None = None
+    path: Path | None = field(default=None, compare=False)
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The names of the parts that it has."""
+        return frozenset(part for part in ("base", "head", "arm", "camera", "voice") if getattr(self, part) is not None)
+
+
+def load_robot(path: Path) -> RobotConfig:
+    """Read a robot file. Raises InvalidFileError with every mistake in it."""
+    fields = read_fields(path, what="a robot file")
+    robot = RobotConfig(
+        name=fields.text("robot"),
+        summary=fields.text("summary", ""),
+        rate=fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0),
+        base=_base(fields.section("base")),
+        head=_head(fields.section("head")),
+        arm=_arm(fields.section("arm")),
+        camera=_camera(fields.section("camera")),
+        voice=_voice(fields.section("voice")),
+        path=path,
+    )
+    fields.done()
+    if fields.faults:
+        raise InvalidFileError(fields.faults)
+    return robot
+
+
+def _base(fields: Fields | None) -> BaseConfig | None:
+    if fields is None:
+        return None
+    fields.choice("driver", ["kobuki"])
+    base = BaseConfig(
+        port=fields.text("port"),
+        baud=fields.integer("baud", 115_200, low=1),
+        max_speed=fields.quantity("max_speed", "speed", 0.5, low=0.01, high=0.7),
+        max_turn=fields.quantity("max_turn", "turn rate", 1.9, low=0.01, high=3.2),
+        acceleration=fields.quantity("acceleration", "acceleration", 0.5, low=0.01),
+        turn_acceleration=fields.quantity("turn_acceleration", "turn acceleration", 3.5, low=0.01),
+    )
+    fields.done()
+    return base
+
+
+def _head(fields: Fields | None) -> HeadConfig | None:
+    if fields is None:
+        return None
+    fields.choice("driver", ["arduino"])
+    head = HeadConfig(
+        port=fields.text("port"),
+        baud=fields.integer("baud", 57_600, low=1),
+        boot=fields.quantity("boot", "duration", 2.0, low=0.0),
+        speed=fields.quantity("speed", "turn rate", 2.0, low=0.01),
+        pan=_servo(fields.section("pan", required=True), 0),
+        tilt=_servo(fields.section("tilt", required=True), 1),
+    )
+    fields.done()
+    return head
+
+
+def _servo(fields: Fields | None, index: int) -> ServoConfig:
+    if fields is None:
+        return ServoConfig(index, 0.0, 0.0, flip=False, trim=0.0)
+    # A hobby servo turns from 0 to 180 degrees; 90 is straight ahead. Limits as in the Rodney head_control node.
+    quarter, eighth = 1.5707963268, 0.7853981634
+    lower, upper = fields.span("limits", "angle", (-quarter, quarter))
+    servo = ServoConfig(
+        index=fields.integer("servo", index, low=0, high=3),
+        lower=lower,
+        upper=upper,
+        flip=fields.flag("flip", False),
+        trim=fields.quantity("trim", "angle", 0.0, low=-eighth, high=eighth),
+    )
+    fields.done()
+    return servo
+
+
+def _arm(fields: Fields | None) -> ArmConfig | None:
+    if fields is None:
+        return None
+    fields.choice("driver", ["dynamixel"])
+    joints: dict[str, JointConfig] = {}
+    section = fields.section("joints", required=True)
+    if section is not None:
+        owners: dict[int, str] = {}
+        for key, node in section.entries():
+            joint = _joint(section, key.text, node)
+            if joint.id in owners:
+                section.fault(node.mark, f"'{key.text}' has id {joint.id}, as '{owners[joint.id]}' has")
+            owners[joint.id] = key.text
+            joints[key.text] = joint
+    arm = ArmConfig(
+        port=fields.text("port"),
+        baud=fields.integer("baud", 1_000_000, low=1),
+        at_end=fields.choice("at_end", ["hold", "relax"], "hold"),
+        joints=joints,
+    )
+    fields.done()
+    return arm
+
+
+def _joint(section: Fields, name: str, node: Node) -> JointConfig:
+    fields = Fields(section.source, node, section.faults, what=f"joint '{name}'")
+    lower, upper = fields.span("limits", "angle", (-2.6, 2.6))
+    joint = JointConfig(
+        id=fields.integer("id", low=0, high=253),
+        model=fields.text("model", "AX-12A"),
+        zero=fields.quantity("zero", "angle", 0.0),
+        reverse=fields.flag("reverse", False),
+        lower=lower,
+        upper=upper,
+        speed=fields.quantity("speed", "turn rate", 2.0, low=0.02),
+        torque=fields.quantity("torque", "share", 1.0, low=0.01, high=1.0),
+    )
+    fields.done()
+    return joint
+
+
+def _camera(fields: Fields | None) -> CameraConfig | None:
+    if fields is None:
+        return None
+    fields.choice("driver", ["opencv"], "opencv")
+    position = (0.0, 0.0, 1.0)
+    nodes = fields.items("position")
+    if nodes:
+        lengths = [fields.measure(node, "position", "length") for node in nodes]
+        if len(lengths) == 3:
+            position = (lengths[0], lengths[1], lengths[2])
+        else:
+            fields.fault(nodes[0].mark, "'position' needs three lengths: [x, y, z]")
+    camera = CameraConfig(
+        source=fields.text("source", "0"),
+        field_of_view=fields.quantity("field_of_view", "angle", 1.0471975512, low=0.2, high=2.6),
+        width=fields.integer("width", 640, low=64, high=4096),
+        height=fields.integer("height", 480, low=48, high=4096),
+        delay=fields.quantity("delay", "duration", 0.0, low=0.0, high=1.0),
+        position=position,
+    )
+    fields.done()
+    return camera
+
+
+def _voice(fields: Fields | None) -> VoiceConfig | None:
+    if fields is None:
+        return None
+    voice = VoiceConfig(driver=fields.choice("driver", ["auto", "print"], "auto"))
+    fields.done()
+    return voice
