@@ -1,0 +1,35 @@
+"""Every leaf that ships with MissionTree, by its word."""
+
+from collections.abc import Mapping
+
+from behaviours.arm import Gesture
+from behaviours.base import Drive, Stop, Turn
+from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
+from behaviours.head import Look
+from behaviours.leaf import Leaf
+from behaviours.sight import FaceCentred, FaceSeen, FindFace
+from behaviours.tracking.track_face import TrackFace
+from behaviours.voice import Say
+
+LEAVES: Mapping[str, type[Leaf]] = {
+    leaf.word: leaf
+    for leaf in (
+        FaceSeen,
+        FaceCentred,
+        FindFace,
+        TrackFace,
+        Look,
+        Drive,
+        Turn,
+        Stop,
+        Gesture,
+        Say,
+        Wait,
+        Log,
+        Set,
+        Succeed,
+        Fail,
+        Pretend,
+    )
+}
+"""The vocabulary of missions."""

@@ -1,0 +1,207 @@
+"""The common base of all leaves, and the one declaration that the checker, the catalogue and the docs read."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from py_trees.common import Status
+
+from behaviours.node import Node
+from behaviours.robot import Robot
+from behaviours.run import log
+from drivers.errors import DriverError, NotConnected
+
+RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
+
+REQUIRED: Any = object()
+"""The default of an argument that must be given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """One argument of a leaf.
+
+    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "name", "value"
+    (anything), "outcomes" (a list of statuses), or "gesture" or "controller" (looked up by name). ``span`` asks for
+    two values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without
+    its name.
+    """
+
+    name: str
+    kind: str
+    help: str
+    default: Any = REQUIRED
+    principal: bool = False
+    span: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def required(self) -> bool:
+        """True when a mission must give it."""
+        return self.default is REQUIRED
+
+
+def argument(kind: str, help: str, **options: Any) -> Any:  # noqa: A002 - the word that argparse and click use
+    """Declare an argument of a leaf, as a class attribute.
+
+    ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
+    SI floats for quantities, a pair of them for a span.
+    """
+    return Argument(name="", kind=kind, help=help, **options)
+
+
+class Leaf(Node):
+    """A behaviour that senses or acts. A subclass declares itself and says what to do.
+
+    Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
+    and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
+    ``voice``), ``needs`` the parts without which it is of no use. ``stores`` says what ``as: NAME`` keeps; the
+    subclass puts it into ``result``. An ``open_ended`` leaf takes any names: they come in ``given``.
+
+    It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
+    ``terminate`` unless it succeeded. Nothing in it may block or sleep.
+    """
+
+    word: ClassVar[str] = ""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    drives: ClassVar[frozenset[str]] = frozenset()
+    stores: ClassVar[str] = ""
+    open_ended: ClassVar[bool] = False
+    halt_limit: ClassVar[float] = 1.0
+    arguments: ClassVar[Mapping[str, Argument]] = {}
+
+    robot: Robot
+    result: object = None
+    keep_as: str | None = None
+    computed: Mapping[str, Callable[[], object]] = {}
+    given: Mapping[str, Callable[[], object]] = {}
+    _started = False
+    _halt_by: float | None = None
+    _halt_tick = -1
+
+    def __init_subclass__(cls) -> None:
+        """Collect the arguments that the class declares, after those of its bases."""
+        super().__init_subclass__()
+        declared = dict(cls.arguments)
+        for name, value in list(vars(cls).items()):
+            if isinstance(value, Argument):
+                declared[name] = Argument(
+                    name, value.kind, value.help, value.default, value.principal, value.span, value.low, value.high
+                )
+                delattr(cls, name) if value.required else setattr(cls, name, value.default)
+        cls.arguments = declared
+
+    @property
+    def claims(self) -> frozenset[str]:
+        """The actuators it drives."""
+        return self.drives
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since it started."""
+        return self.run.now() - self._since
+
+    def update(self) -> Status:
+        """Do one tick's work; running unless a subclass says otherwise."""
+        return RUNNING
+
+    def halting(self) -> bool:
+        """Called at each tick after ``terminate(INVALID)``: True while it still needs time to stop cleanly.
+
+        After ``halt_limit`` seconds its actuators are stopped for it.
+        """
+        return False
+
+    def fail(self, reason: str) -> Status:
+        """Fail, and say why: ``return self.fail("no face seen")``."""
+        self.feedback_message = reason
+        return FAILURE
+
+    def wait(self, reason: str) -> Status:
+        """Go on running, and say what for: ``return self.wait("no face yet")``."""
+        self.feedback_message = reason
+        return RUNNING
+
+    def work(self) -> Status:
+        """Start if need be, update once, and turn whatever goes wrong into a failure with a reason."""
+        try:
+            status: object = self._work()
+        except NotConnected as error:
+            # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
+            return self.wait(f"waiting: {error}")
+        except DriverError as error:
+            status = self.fail(str(error))
+        except Exception as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
+            log.exception("%s (%s, line %d) raised", self.name, self.kind, self.line)
+            status = self.fail(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
+        if status not in (RUNNING, SUCCESS, FAILURE):
+            status = self.fail(f"{self.kind} returned {status!r} instead of a status")
+        if status is not RUNNING:
+            self._end(status)
+        return status
+
+    def _work(self) -> Status:
+        if not self._started:
+            if self.drives and not self.run.make_way():
+                return self.wait("waiting for another behaviour to stop")
+            self.feedback_message = ""
+            self.result = None
+            for name, compute in self.computed.items():
+                setattr(self, name, compute())
+            self._since = self.run.now()
+            self.initialise()
+            self._started = True
+        return self.update()
+
+    def _end(self, status: Status) -> None:
+        """Let it clean up after itself, and keep what it found out."""
+        if self._started:
+            self._started = False
+            self._terminate(status)
+        if status is SUCCESS and self.keep_as is not None:
+            self.run.variables[self.keep_as] = self.result
+
+    def _terminate(self, status: Status) -> None:
+        try:
+            self.terminate(status)
+        except Exception as error:  # what cannot be stopped politely is stopped by its driver
+            if not isinstance(error, NotConnected):
+                log.exception("%s (%s, line %d) raised while it stopped", self.name, self.kind, self.line)
+            self._settle()
+
+    def _settle(self) -> None:
+        if self.drives:
+            self.run.settle(self.drives)
+
+    def halt(self) -> bool:
+        """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
+        if self.status is not RUNNING:
+            return True
+        if self._started:
+            now = self.run.now()
+            if self._halt_by is None:
+                self._halt_by = now + self.halt_limit
+                self._terminate(Status.INVALID)
+            elif self._halt_tick == self.run.tick:
+                return False
+            self._halt_tick = self.run.tick
+            if self._still_halting():
+                if now < self._halt_by:
+                    return False
+                self._settle()
+            self._halt_by = None
+            self._started = False
+        self.publish(Status.INVALID)
+        return True
+
+    def _still_halting(self) -> bool:
+        try:
+            return self.halting()
+        except Exception:  # as in _terminate
+            log.exception("%s (%s, line %d) raised while it stopped", self.name, self.kind, self.line)
+            self._settle()
+            return False
+
+    _since = 0.0

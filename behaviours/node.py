@@ -1,0 +1,84 @@
+"""The node that all our behaviours and composites are: a py_trees behaviour that is ticked without generators.
+
+py_trees drives its nodes through ``tick()``, a generator, and stops them through ``stop()``, which it also sends to
+nodes that have ended already. Ours are driven through three plain methods instead: ``advance`` (one tick), ``halt``
+(stop what is running, once, if need be over several ticks) and ``reset`` (forget an old result). ``tick()`` and
+``stop()`` still work, so py_trees' own tools do too.
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from behaviours.run import Run
+
+
+class Node(Behaviour):
+    """A py_trees behaviour with a place in a mission.
+
+    ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
+    stands in the file. ``feedback_message``, py_trees' own, is the reason: why it failed, or what it waits for.
+    """
+
+    key = ""
+    kind = ""
+    line = 0
+    run: Run
+
+    @property
+    def reason(self) -> str:
+        """Why it failed, or what it is waiting for."""
+        return self.feedback_message
+
+    @property
+    def claims(self) -> frozenset[str]:
+        """The actuators that it, or anything below it, may drive."""
+        return frozenset().union(*(child.claims for child in self.children if isinstance(child, Node)))
+
+    def advance(self) -> Status:
+        """Tick once and return the new status."""
+        status = self.work()
+        self.publish(status)
+        return status
+
+    @abstractmethod
+    def work(self) -> Status:
+        """Do one tick's work and return the new status, without publishing it yet."""
+
+    def update(self) -> Status:
+        """Do one tick's work, for py_trees, whose own tick asks for it; ours does not."""
+        return self.work()
+
+    def publish(self, status: Status) -> None:
+        """Take on ``status``, and tell whoever watches if that is news."""
+        if status is not self.status:
+            self.status = status
+            observer = self.run.observer
+            if observer is not None:
+                observer(self)
+
+    @abstractmethod
+    def halt(self) -> bool:
+        """Stop, if running; True once it is at rest. Call it again at the next tick while it is False."""
+
+    def reset(self) -> None:
+        """Forget the result of a run that has ended, and the results below. Nothing is told to stop: it has stopped."""
+        if self.status is not Status.INVALID:
+            for child in self.children:
+                if isinstance(child, Node):
+                    child.reset()
+            self.feedback_message = ""
+            self.publish(Status.INVALID)
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick as py_trees does: advance once, then yield every node that has a status, this one last."""
+        self.advance()
+        yield from (node for node in self.iterate() if node is self or node.status is not Status.INVALID)
+
+    def stop(self, new_status: Status = Status.INVALID) -> None:
+        """Stop as py_trees does. Only a running node is halted."""
+        self.halt()
+        if self.status is not new_status:
+            self.publish(new_status)

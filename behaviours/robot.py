@@ -1,0 +1,57 @@
+"""The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+from drivers.api import Base, Head, Joints, Voice
+from drivers.errors import BadRequest
+from perception.api import Sight
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
+
+    The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
+    forgot to declare one.
+    """
+
+    base_part: Base | None = None
+    head_part: Head | None = None
+    arm_part: Joints | None = None
+    voice_part: Voice | None = None
+    sight_part: Sight | None = None
+    latency: float = 0.0
+
+    @property
+    def base(self) -> Base:
+        """The base."""
+        return _there(self.base_part, "base")
+
+    @property
+    def head(self) -> Head:
+        """The head."""
+        return _there(self.head_part, "head")
+
+    @property
+    def arm(self) -> Joints:
+        """The arm's joints."""
+        return _there(self.arm_part, "arm")
+
+    @property
+    def voice(self) -> Voice:
+        """The voice."""
+        return _there(self.voice_part, "voice")
+
+    @property
+    def sight(self) -> Sight:
+        """What the camera sees."""
+        return _there(self.sight_part, "camera")
+
+
+def _there(part: Part | None, name: str) -> Part:
+    if part is None:
+        raise BadRequest(f"this robot has no {name}", hint=f"declare needs = frozenset({{'{name}'}}) in the leaf")
+    return part
