@@ -1,0 +1,63 @@
+"""A robot, put together: its parts, its eyes, and, where simulated, the virtual devices behind them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from behaviours.robot import Robot
+from drivers.api import Device
+from missions.assembly.simulation import Simulation
+from perception.eyes import Eyes
+
+
+@dataclass(slots=True)
+class Assembled:
+    """Everything that a run opens and must close.
+
+    ``devices`` are the parts by name, in the order in which they open. ``rest`` and ``close`` do their work on every
+    part, whatever goes wrong with another, and say what did.
+    """
+
+    name: str
+    robot: Robot
+    devices: Mapping[str, Device]
+    eyes: Eyes | None = None
+    simulation: Simulation | None = None
+
+    def open(self) -> None:
+        """Start everything; returns at once, hardware or not."""
+        if self.simulation is not None:
+            self.simulation.open()
+        for device in self.devices.values():
+            device.open()
+        if self.eyes is not None:
+            self.eyes.open()
+
+    def missing(self) -> dict[str, tuple[str, str]]:
+        """Return the parts that are not there yet: what is the matter with each, and what to try."""
+        health = {name: device.health() for name, device in self.devices.items()}
+        return {name: (each.detail, each.hint) for name, each in health.items() if not each.online}
+
+    def settle(self, claims: frozenset[str]) -> None:
+        """Bring the named actuators to rest."""
+        for name, device in self.devices.items():
+            if name in claims:
+                device.rest()
+
+    def close(self) -> list[str]:
+        """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""
+        problems: list[str] = []
+        steps: list[tuple[str, Callable[[], None]]] = [
+            *((name, device.rest) for name, device in self.devices.items()),
+            *((name, device.close) for name, device in self.devices.items() if name != "camera"),
+        ]
+        if self.eyes is not None:
+            steps.append(("eyes", self.eyes.close))
+        steps += [(name, device.close) for name, device in self.devices.items() if name == "camera"]
+        if self.simulation is not None:
+            steps.append(("simulation", self.simulation.close))
+        for name, step in steps:
+            try:
+                step()
+            except Exception as error:
+                problems.append(f"{name}: {error}")
+        return problems

@@ -1,0 +1,108 @@
+"""What a person sees while a mission runs: a line for each thing done, and a live line for what runs now, and why."""
+
+import logging
+from types import TracebackType
+from typing import Self, TextIO
+
+from py_trees.common import Status
+from rich.console import Console
+from rich.live import Live
+from rich.logging import RichHandler
+from rich.text import Text
+
+from behaviours.leaf import Leaf
+from behaviours.node import Node
+from missions.executive.events import Ended, Event, FaultRaised, NodeChanged, Started, Ticked
+
+REFRESH = 0.1
+"""Seconds between two drawings of the live line."""
+
+SIGNS = {"success": ("✓", "green"), "failure": ("✗", "red"), "idle": ("-", "dim")}
+
+
+class Watcher:
+    """A listener that shows a run on a terminal, or as plain lines where there is none."""
+
+    def __init__(self, out: TextIO) -> None:
+        self.root: Node | None = None
+        self._console = Console(file=out, highlight=False, soft_wrap=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=True) if out.isatty() else None
+        self._drawn = -REFRESH
+        self._started: dict[str, float] = {}
+        self.log_handler: logging.Handler = RichHandler(
+            console=self._console, show_time=False, show_path=False, show_level=True
+        )
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def say(self, text: str) -> None:
+        """Show what the robot says aloud where no synthesiser speaks."""
+        self._console.print(Text.assemble(("  robot: ", "bold cyan"), text))
+
+    def __call__(self, event: Event) -> None:
+        """Show one event."""
+        match event:
+            case Started():
+                self._console.print(Text.assemble(("mission ", "bold"), event.mission, f" on {event.robot}"))
+            case NodeChanged() if event.kind:
+                self._node(event)
+            case FaultRaised():
+                self._fault(event)
+            case Ticked() if event.t - self._drawn >= REFRESH:
+                self._draw(event.t)
+            case Ended():
+                self._end(event)
+            case _:
+                pass
+
+    def _node(self, event: NodeChanged) -> None:
+        """Show a behaviour that has done something: one that ran for a while, and has ended."""
+        if event.status == "running":
+            self._started[event.node] = event.t
+            return
+        began = self._started.pop(event.node, None)
+        if began is None or not self._is_leaf(event.node):
+            return
+        sign, style = SIGNS[event.status]
+        line = Text.assemble(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}")
+        note = "halted" if event.status == "idle" else event.reason if event.status == "failure" else ""
+        line.append(f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
+        self._console.print(line)
+
+    def _is_leaf(self, key: str) -> bool:
+        return self.root is None or any(isinstance(node, Leaf) and node.key == key for node in self.root.iterate())
+
+    def _fault(self, event: FaultRaised) -> None:
+        if event.what == "online":
+            return
+        line = Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.detail}")
+        if event.hint:
+            line.append(f"\n            try: {event.hint}")
+        self._console.print(line)
+
+    def _draw(self, time: float) -> None:
+        self._drawn = time
+        if self._live is None or self.root is None:
+            return
+        running = [node for node in self.root.iterate() if isinstance(node, Leaf) and node.status is Status.RUNNING]
+        words = [f"{node.name}: {node.reason}" if node.reason else node.name for node in running]
+        line = Text(f"{time:6.1f} s  > {' | '.join(words)}", no_wrap=True, overflow="ellipsis")
+        self._live.update(line, refresh=True)
+
+    def _end(self, event: Ended) -> None:
+        if self._live is not None:
+            self._live.update(Text(""), refresh=True)
+        sign, style = SIGNS.get(event.result, ("✗", "yellow"))
+        line = Text.assemble((f"{sign} {event.mission}: {event.result}", style), f" after {event.seconds:.1f} s")
+        if event.reason:
+            line.append(f": {event.reason}")
+        self._console.print(line)

@@ -1,0 +1,33 @@
+"""What several subcommands share: options of the form NAME=VALUE."""
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+
+def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
+    """Return a click callback that reads NAME=VALUE, as often as it is given."""
+
+    def read(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+        found: dict[str, str] = {}
+        for value in values:
+            name, equals, text = value.partition("=")
+            if not equals or not name.strip():
+                raise click.BadParameter(f"'{value}' is not NAME=VALUE, such as {example}", ctx=ctx, param=option)
+            found[name.strip()] = text
+        return found
+
+    return read
+
+
+def params_option(command: Any) -> Any:
+    """Add ``--param NAME=VALUE`` to a command, which gets them as ``params``."""
+    return click.option(
+        "--param",
+        "params",
+        multiple=True,
+        metavar="NAME=VALUE",
+        callback=pairs('patience="5 s"'),
+        help='Set one of the mission\'s params, such as patience="5 s". Repeat it for more.',
+    )(command)

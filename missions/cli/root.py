@@ -1,0 +1,88 @@
+"""The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+
+import click
+
+SUCCESS, FAILURE, USAGE, DEVICE, INTERRUPTED = 0, 1, 2, 3, 130
+"""The exit codes: a mission's success and failure, bad usage or a bad file, a device, Ctrl-C or SIGTERM."""
+
+COMMANDS = {
+    "run": "Run a mission: simulated, unless a robot is named.",
+    "check": "Check missions without running them.",
+    "show": "Draw a mission's tree.",
+    "list": "List the missions, robots, worlds, gestures and controllers there are.",
+    "behaviours": "Say what a mission can be made of.",
+    "simulate": "Run a robot's virtual devices alone, for other programs to use.",
+    "see": "Look for faces in pictures, folders and videos.",
+}
+"""The subcommands: each is ``command`` in a module of its name, imported only when it is used."""
+
+
+class Commands(click.Group):
+    """A group that imports a subcommand when it is asked for, and lists them all without importing any."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of ``COMMANDS``."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one subcommand; None for an unknown name, on which click makes suggestions."""
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(f"missions.cli.{cmd_name}").command
+        return command if isinstance(command, click.Command) else None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list for ``--help``."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="missiontree", prog_name="mission")
+def mission() -> None:
+    """Missions for robots, as readable behaviour trees.
+
+    Begin with: mission run greet
+    """
+
+
+def main() -> None:
+    """Run ``mission`` with the arguments of the process, and exit."""
+    sys.exit(guarded(lambda: mission.main(standalone_mode=False)))
+
+
+def guarded(work: Callable[[], object]) -> int:
+    """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
+    from config.faults import InvalidFileError  # noqa: PLC0415 - `mission --help` needs none of this
+    from config.library import UnknownNameError  # noqa: PLC0415
+    from drivers.errors import DriverError  # noqa: PLC0415
+
+    try:
+        code = work()
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.ClickException as error:
+        error.show()
+        return USAGE
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except InvalidFileError as error:
+        click.echo(str(error), err=True)
+        return USAGE
+    except UnknownNameError as error:
+        click.echo(f"mission: {error}", err=True)
+        return USAGE
+    except DriverError as error:
+        click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+        return DEVICE
+    except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
+        sys.stdout = None  # so that Python does not flush into the pipe at exit
+        return SUCCESS
+    return code if isinstance(code, int) else SUCCESS

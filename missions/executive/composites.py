@@ -1,0 +1,234 @@
+"""The composites of the mission language, as py_trees composites that halt what runs before something else starts."""
+
+from collections.abc import Sequence as Many
+from typing import ClassVar
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import ParallelPolicy, Status
+
+from behaviours.node import Node
+
+RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
+
+
+class Composite(Node):
+    """What all composites share: starting afresh, halting children, and an end that waits for them.
+
+    ``ending`` is the result that will stand once every child that still runs has been halted.
+    """
+
+    ending: Status | None = None
+    members: tuple[Node, ...] = ()
+
+    def work(self) -> Status:
+        """Start if need be, then tick the children by this composite's rule."""
+        if self.ending is not None:
+            return self.end(self.ending)
+        if self.status is not RUNNING:
+            self.feedback_message = ""
+            for child in self.members:
+                child.reset()
+            self.begin()
+        return self.tick_children()
+
+    def begin(self) -> None:
+        """Forget where an earlier run of it was."""
+
+    def tick_children(self) -> Status:
+        """Tick the children by this composite's rule."""
+        raise TypeError(f"{type(self).__name__} has no rule for its children")
+
+    def end(self, status: Status) -> Status:
+        """End with ``status`` once the children that still run are at rest; running until then."""
+        self.ending = None if self._halt_children() else status
+        return status if self.ending is None else RUNNING
+
+    def blame(self, child: Node) -> Status:
+        """End with a failure, for the reason that ``child`` gives."""
+        self.feedback_message = child.feedback_message
+        return FAILURE
+
+    def halt(self) -> bool:
+        """Halt every child that runs; True once all are at rest."""
+        if self.status is not RUNNING:
+            return True
+        if not self._halt_children():
+            return False
+        self.ending = None
+        self.publish(Status.INVALID)
+        return True
+
+    def _halt_children(self) -> bool:
+        at_rest = True
+        for child in self.members:
+            if child.status is RUNNING:
+                at_rest &= child.halt()
+        return at_rest
+
+
+class _InOrder(Composite):
+    """One child after another, resuming at the running one. ``passes`` is the status that leads to the next."""
+
+    passes: ClassVar[Status]
+    _index = 0
+    current_child: Behaviour | None
+
+    def begin(self) -> None:
+        self._index = 0
+
+    def tick_children(self) -> Status:
+        members = self.members
+        while True:
+            child = members[self._index]
+            self.current_child = child
+            status = child.advance()
+            if status is not self.passes:
+                return self.blame(child) if status is FAILURE else status
+            if self._index + 1 == len(members):
+                return self.blame(child) if status is FAILURE else status
+            self._index += 1
+
+
+class _Reactive(Composite):
+    """The children from the first at every tick; one that ends the search halts the running one behind it first."""
+
+    passes: ClassVar[Status]
+    current_child: Behaviour | None
+    _running: Node | None = None
+    _retiring: Node | None = None
+
+    def begin(self) -> None:
+        self._running = self._retiring = None
+
+    def tick_children(self) -> Status:
+        if not self._retired():
+            return RUNNING
+        behind = self._running  # the child that runs, while we are still before it
+        status = self.passes
+        for child in self.members:
+            self.current_child = child
+            if child is behind:
+                behind = None
+            status = child.advance() if behind is None else self._advance_before(child, behind)
+            if status is not self.passes:
+                break
+        self._running = child if status is RUNNING else None
+        if status is RUNNING:
+            return RUNNING
+        return self.end(self.blame(child) if status is FAILURE else status)
+
+    def _retired(self) -> bool:
+        """True once what gave way at an earlier tick is at rest."""
+        if self._retiring is not None and self._retiring.halt():
+            self._retiring = None
+        return self._retiring is None
+
+    def _advance_before(self, child: Node, behind: Node) -> Status:
+        """Tick a child of higher priority than the one that runs; where it takes over, that one is halted first.
+
+        A leaf that is about to drive an actuator halts it before it starts (through ``Run.make_way``). Others show
+        only by their status that they take over: it is halted before that status is published.
+        """
+        preemptible = self.run.preemptible
+        preemptible.append(behind)
+        try:
+            status = child.work()
+        finally:
+            preemptible.pop()
+        if status is not self.passes and not behind.halt():
+            self._retiring = behind
+        child.publish(status)
+        return status
+
+    def halt(self) -> bool:
+        if not super().halt():
+            return False
+        self._running = self._retiring = None
+        return True
+
+
+class Sequence(_InOrder, composites.Sequence):
+    """Does its children one after another; fails at the first failure."""
+
+    passes = SUCCESS
+
+    def __init__(self, name: str) -> None:
+        composites.Sequence.__init__(self, name, memory=True)
+
+
+class Selector(_InOrder, composites.Selector):
+    """Tries its children one after another until one succeeds."""
+
+    passes = FAILURE
+
+    def __init__(self, name: str) -> None:
+        composites.Selector.__init__(self, name, memory=True)
+
+
+class ReactiveSequence(_Reactive, composites.Sequence):
+    """A sequence from the first child at every tick."""
+
+    passes = SUCCESS
+
+    def __init__(self, name: str) -> None:
+        composites.Sequence.__init__(self, name, memory=False)
+
+
+class ReactiveSelector(_Reactive, composites.Selector):
+    """A selector from the first child at every tick."""
+
+    passes = FAILURE
+
+    def __init__(self, name: str) -> None:
+        composites.Selector.__init__(self, name, memory=False)
+
+
+class Parallel(Composite, composites.Parallel):
+    """Does its children all at once; succeeds when all have, fails at the first failure, halting the rest."""
+
+    def __init__(self, name: str) -> None:
+        composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
+
+    def tick_children(self) -> Status:
+        left = False
+        for child in self.members:
+            if child.status is SUCCESS:
+                continue
+            status = child.advance()
+            if status is FAILURE:
+                return self.end(self.blame(child))
+            left = left or status is RUNNING
+        return RUNNING if left else SUCCESS
+
+
+class Race(Composite, composites.Parallel):
+    """Does its children all at once; ends with the first that ends, halting the rest."""
+
+    def __init__(self, name: str) -> None:
+        composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
+
+    def tick_children(self) -> Status:
+        for child in self.members:
+            status = child.advance()
+            if status is not RUNNING:
+                return self.end(self.blame(child) if status is FAILURE else status)
+        return RUNNING
+
+
+COMPOSITES: dict[str, type[Sequence | Selector | ReactiveSequence | ReactiveSelector | Parallel | Race]] = {
+    "sequence": Sequence,
+    "selector": Selector,
+    "reactive_sequence": ReactiveSequence,
+    "reactive_selector": ReactiveSelector,
+    "parallel": Parallel,
+    "race": Race,
+}
+
+
+def adopt(parent: Composite, children: Many[Node]) -> None:
+    """Give ``parent`` its children, in py_trees' list and in the tuple that the tick walks."""
+    for child in children:
+        child.parent = parent
+    parent.children = list(children)
+    parent.members = tuple(children)

@@ -1,0 +1,161 @@
+"""The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
+
+from dataclasses import dataclass
+
+from py_trees.common import Status
+
+from behaviours.node import Node
+from behaviours.run import Run
+from missions.executive.events import STATUS_WORDS, Ended, NodeChanged, Started, Stream, Ticked
+
+HALT_TIME = 2.0
+"""Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run ended: ``result`` is success, failure, interrupted or error."""
+
+    mission: str
+    result: str
+    reason: str
+    seconds: float
+    ticks: int
+
+
+class Executive:
+    """Ticks a tree at up to ``rate`` ticks a second, at once when woken, until it ends or is told to stop.
+
+    The rate is a ceiling on waiting: ticks keep to an absolute schedule, and ``Run.wake`` brings the next one forward.
+    ``tick`` may also be called by hand, with no loop and no waiting: for tests, simulated time and single steps.
+    """
+
+    def __init__(self, root: Node, run: Run, stream: Stream, *, rate: float = 20.0, mission: str = "") -> None:
+        self.root = root
+        self.run = run
+        self.stream = stream
+        self.mission = mission
+        self.overruns = 0
+        self._period = 1.0 / rate
+        self._woken = run.woken
+        self._stop_reason: str | None = None
+        self._paused = False
+        self._steps = 0
+        run.observer = self._node_changed
+
+    # --- called from any thread, or from a signal handler -------------------------------------------------------------
+
+    def stop(self, reason: str) -> None:
+        """End the run after the present tick."""
+        self._stop_reason = reason
+        self._woken.set()
+
+    @property
+    def stopping(self) -> bool:
+        """True once ``stop`` was called."""
+        return self._stop_reason is not None
+
+    def pause(self) -> None:
+        """Stop ticking; the mission keeps its place, and its actuators hold still."""
+        self._paused = True
+        self._woken.set()
+
+    def step(self) -> None:
+        """Tick once while paused."""
+        self._steps += 1
+        self._woken.set()
+
+    def resume(self) -> None:
+        """Go on after ``pause``."""
+        self._paused = False
+        self._woken.set()
+
+    # --- the loop -----------------------------------------------------------------------------------------------------
+
+    def tell_start(self, *, file: str, robot: str) -> None:
+        """Begin the stream of events."""
+        params = {name: str(value) for name, value in self.run.variables.items()}
+        self.stream.emit(Started(self.time(), self.mission, file, robot, params))
+
+    def loop(self) -> Result:
+        """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
+        due = self.run.now()
+        held = False
+        while self._stop_reason is None:
+            if self._paused and self._steps == 0:
+                if not held:
+                    self.run.settle(self.root.claims)
+                    held = True
+                self._woken.wait()
+                self._woken.clear()
+                due = self.run.now()
+                continue
+            self._steps = max(0, self._steps - 1)
+            held = False
+            self._woken.clear()
+            late = self.run.now() - due
+            if self.tick(late=late if late > self._period else None) is not Status.RUNNING:
+                break
+            due = self._wait(due)
+        return self._end()
+
+    def _wait(self, due: float) -> float:
+        """Wait until the next tick is due, or until woken; return when the next scheduled tick is due.
+
+        The schedule is absolute: a tick that came early because it was woken moves nothing, and ticks that were missed
+        are counted, not made up for.
+        """
+        now = self.run.now()
+        if now >= due:
+            missed = int((now - due) / self._period)
+            self.overruns += missed
+            due += (missed + 1) * self._period
+        self._woken.wait(due - now)
+        return due
+
+    def tick(self, *, late: float | None = None) -> Status:
+        """Tick the tree once and return its status."""
+        self.run.tick += 1
+        status = self.root.advance()
+        self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
+        return status
+
+    def time(self) -> float:
+        """Seconds since the start of the run."""
+        return self.run.now()
+
+    def _end(self) -> Result:
+        status = self.root.status
+        if self._stop_reason is not None and status not in (Status.SUCCESS, Status.FAILURE):
+            outcome, reason = "interrupted", self._stop_reason
+            self._halt()
+        else:
+            outcome = "success" if status is Status.SUCCESS else "failure"
+            reason = self.root.reason if status is Status.FAILURE else ""
+        return Result(self.mission, outcome, reason, self.time(), self.run.tick)
+
+    def _halt(self) -> None:
+        """Halt the tree; leaves that need several ticks get them."""
+        deadline = self.run.now() + HALT_TIME
+        while not self.root.halt() and self.run.now() < deadline:
+            self.run.tick += 1
+            self._woken.clear()
+            self._woken.wait(self._period)
+
+    def tell_end(self, result: Result) -> None:
+        """End the stream of events."""
+        self.stream.emit(Ended(self.time(), result.mission, result.result, result.reason, result.seconds, result.ticks))
+
+    def _node_changed(self, node: Node) -> None:
+        self.stream.emit(
+            NodeChanged(
+                self.time(),
+                self.run.tick,
+                node.key,
+                node.name,
+                node.kind,
+                node.line,
+                STATUS_WORDS[node.status],
+                node.reason,
+            )
+        )

@@ -1,0 +1,270 @@
+"""The modifiers of the mission language, as py_trees decorators."""
+
+from typing import Any
+
+from py_trees.common import Status
+from py_trees.decorators import Decorator
+
+from behaviours.node import Node
+from config.units import written
+from missions.language.expressions import ExpressionError
+from missions.language.values import Value
+
+RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
+
+
+class Modifier(Node, Decorator):
+    """One node around another. ``value`` is what stands in the mission; ``setting`` what it was when the node started.
+
+    ``ending`` is the result that will stand once the child, which still runs, has been halted.
+    """
+
+    child: Node
+    setting: Any = None
+    ending: Status | None = None
+    since = 0.0
+
+    def __init__(self, name: str, child: Node, value: Value) -> None:
+        Decorator.__init__(self, name, child)
+        self.child = child
+        self.value = value
+
+    def work(self) -> Status:
+        """Start if need be, then do what this modifier does."""
+        if self.ending is not None:
+            return self.end(self.ending)
+        if self.status is not RUNNING:
+            self.feedback_message = ""
+            self.since = self.run.now()
+            try:
+                self.setting = self.value.resolve(self.run.variables)
+            except (ExpressionError, ValueError) as error:
+                self.feedback_message = f"{self.kind}: {error}"
+                return FAILURE
+            self.begin()
+        try:
+            return self.modify()
+        except ExpressionError as error:
+            self.feedback_message = f"{self.kind}: {error}"
+            return self.end(FAILURE)
+
+    def begin(self) -> None:
+        """Forget an earlier run of it."""
+
+    def modify(self) -> Status:
+        """Tick the child, or not, and turn its status into this node's."""
+        raise TypeError(f"{type(self).__name__} does not say what it modifies")
+
+    def tick_child(self) -> Status:
+        """Tick the child and pass its reason on."""
+        status = self.child.advance()
+        self.feedback_message = self.child.feedback_message
+        return status
+
+    def end(self, status: Status) -> Status:
+        """End with ``status`` once the child is at rest; running until then."""
+        self.ending = None if self.child.halt() else status
+        return status if self.ending is None else RUNNING
+
+    def true_now(self) -> bool:
+        """Ask the expression in ``value`` now. Raises ExpressionError."""
+        return bool(self.value.resolve(self.run.variables))
+
+    def halt(self) -> bool:
+        """Halt the child if it runs; True once it is at rest."""
+        if self.status is not RUNNING:
+            return True
+        if not self.child.halt():
+            return False
+        self.ending = None
+        self.publish(Status.INVALID)
+        return True
+
+
+class If(Modifier):
+    """Asked once, at the start; where it is false the node is skipped and succeeds."""
+
+    def modify(self) -> Status:
+        return self.tick_child() if self.setting else SUCCESS
+
+
+class While(Modifier):
+    """Asked at every tick; once it is false the node is halted and fails."""
+
+    def modify(self) -> Status:
+        if self.true_now():
+            return self.tick_child()
+        self.feedback_message = "no longer true"
+        return self.end(FAILURE)
+
+
+class Until(Modifier):
+    """Asked at every tick; once it is true the node is halted and succeeds."""
+
+    def modify(self) -> Status:
+        return self.end(SUCCESS) if self.true_now() else self.tick_child()
+
+
+class Timeout(Modifier):
+    """Fails, halting the node, when it still runs after that long; at the deadline it is not ticked once more."""
+
+    def modify(self) -> Status:
+        if self.child.status is RUNNING and self.run.now() - self.since >= self.setting:
+            waited = f"timed out after {written(self.setting, 'duration')}"
+            why = _tip(self.child).feedback_message
+            self.feedback_message = f"{why} ({waited})" if why else f"{self.child.name} {waited}"
+            return self.end(FAILURE)
+        return self.tick_child()
+
+
+class Retry(Modifier):
+    """Starts again, at the next tick, after a failure; the setting counts attempts, None is for ever."""
+
+    _attempts = 0
+
+    def begin(self) -> None:
+        self._attempts = 0
+
+    def modify(self) -> Status:
+        if self.child.status is not RUNNING:
+            self._attempts += 1
+            self.child.reset()
+        status = self.tick_child()
+        if status is not FAILURE or self._attempts == self.setting:
+            return status
+        return RUNNING
+
+
+class Repeat(Modifier):
+    """Starts again, at the next tick, after a success; the setting counts runs, None is for ever."""
+
+    _runs = 0
+
+    def begin(self) -> None:
+        self._runs = 0
+
+    def modify(self) -> Status:
+        if self.child.status is not RUNNING:
+            self._runs += 1
+            self.child.reset()
+        status = self.tick_child()
+        if status is not SUCCESS or self._runs == self.setting:
+            return status
+        return RUNNING
+
+
+class Invert(Modifier):
+    """Success for failure and failure for success."""
+
+    def modify(self) -> Status:
+        status = self.tick_child()
+        if status is SUCCESS:
+            self.feedback_message = f"{self.child.name} succeeded"
+            return FAILURE
+        return SUCCESS if status is FAILURE else status
+
+
+class OnFailure(Modifier):
+    """A failure counts as success."""
+
+    def modify(self) -> Status:
+        status = self.tick_child()
+        return SUCCESS if status is FAILURE else status
+
+
+class OnSuccess(Modifier):
+    """A success counts as failure."""
+
+    def modify(self) -> Status:
+        status = self.tick_child()
+        if status is SUCCESS:
+            self.feedback_message = f"{self.child.name} succeeded"
+            return FAILURE
+        return status
+
+
+class Hold(Modifier):
+    """Succeeds once the node has succeeded at every tick for that long; until then it runs."""
+
+    _succeeding_since: float | None = None
+
+    def begin(self) -> None:
+        self._succeeding_since = None
+
+    def modify(self) -> Status:
+        if self.tick_child() is not SUCCESS:
+            self._succeeding_since = None
+            return RUNNING
+        now = self.run.now()
+        if self._succeeding_since is None:
+            self._succeeding_since = now
+        return SUCCESS if now - self._succeeding_since >= self.setting else RUNNING
+
+
+class Delay(Modifier):
+    """Waits before the node starts."""
+
+    def modify(self) -> Status:
+        if self.child.status is RUNNING or self.run.now() - self.since >= self.setting:
+            return self.tick_child()
+        return RUNNING
+
+
+class Cooldown(Modifier):
+    """Fails without starting within that long after its last success."""
+
+    _succeeded_at: float | None = None
+
+    def modify(self) -> Status:
+        now = self.run.now()
+        if self.child.status is not RUNNING and self._succeeded_at is not None:
+            left = self._succeeded_at + self.setting - now
+            if left > 0:
+                self.feedback_message = f"cooling down for {written(round(left, 1), 'duration')} more"
+                return FAILURE
+        status = self.tick_child()
+        if status is SUCCESS:
+            self._succeeded_at = now
+        return status
+
+
+class Once(Modifier):
+    """After its first end, keeps answering with that result for the rest of the mission."""
+
+    _result: tuple[Status, str] | None = None
+
+    def modify(self) -> Status:
+        if self._result is not None:
+            status, self.feedback_message = self._result
+            return status
+        status = self.tick_child()
+        if status is not RUNNING:
+            self._result = status, self.feedback_message
+        return status
+
+
+def _tip(node: Node) -> Node:
+    """Return the running leaf that best tells why ``node`` still runs: the first that has something to say."""
+    for child in node.children:
+        if isinstance(child, Node) and child.status is RUNNING:
+            found = _tip(child)
+            if found.feedback_message:
+                return found
+    return node
+
+
+MODIFIERS: dict[str, type[Modifier]] = {
+    "if": If,
+    "while": While,
+    "until": Until,
+    "timeout": Timeout,
+    "retry": Retry,
+    "repeat": Repeat,
+    "invert": Invert,
+    "on_failure": OnFailure,
+    "on_success": OnSuccess,
+    "hold": Hold,
+    "delay": Delay,
+    "cooldown": Cooldown,
+    "once": Once,
+}

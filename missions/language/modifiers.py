@@ -1,0 +1,93 @@
+"""The modifiers: what may stand beside a behaviour, and what value each takes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from config.marked import Node, Scalar
+from config.units import in_dimension
+from missions.language.expressions import ExpressionError, parse
+from missions.language.notes import Notes
+from missions.language.values import Value, shown
+
+
+@dataclass(frozen=True, slots=True)
+class Modifier:
+    """One modifier: what its value is ("a duration"), and what it does to the node that it stands beside."""
+
+    takes: str
+    help: str
+    read: Callable[[Notes, str, Scalar], Value]
+
+
+def read_modifier(notes: Notes, word: str, node: Node) -> Value:
+    """Read the value of the modifier ``word``."""
+    modifier = MODIFIERS[word]
+    if not isinstance(node, Scalar):
+        notes.fault(node.mark, f"'{word}' needs {modifier.takes}")
+        return Value()
+    return modifier.read(notes, word, node)
+
+
+def _duration(notes: Notes, word: str, node: Scalar) -> Value:
+    def positive(value: object) -> float:
+        seconds = value if type(value) is float else in_dimension(value, "duration")
+        if seconds <= 0:
+            raise ValueError("must be longer than 0 s")
+        return seconds
+
+    return notes.value(node, f"'{word}'", positive)
+
+
+def _count(notes: Notes, word: str, node: Scalar) -> Value:
+    def count(value: object) -> int | None:
+        if value == "forever":
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 1:
+            raise ValueError(f"needs a count of 1 or more, or forever, got '{shown(value)}'")
+        return int(value)
+
+    return notes.value(node, f"'{word}'", count)
+
+
+def _condition(notes: Notes, word: str, node: Scalar) -> Value:
+    text = node.text.strip()
+    # Both `if: count < 3` and `if: ${count < 3}` are what people write.
+    bare = text[2:-1] if text.startswith("${") and text.endswith("}") else text
+    try:
+        expression = parse(bare)
+    except ExpressionError as error:
+        notes.fault(node.mark, f"'{word}': {error}")
+        return Value()
+    return notes.computed(node, expression, f"'{word}'", bool)
+
+
+def _only(answer: object) -> Callable[[Notes, str, Scalar], Value]:
+    def read(notes: Notes, word: str, node: Scalar) -> Value:
+        if node.value != answer:
+            notes.fault(node.mark, f"'{word}' takes only {shown_yaml(answer)}")
+        return Value(answer)
+
+    return read
+
+
+def shown_yaml(value: object) -> str:
+    """Write a constant as YAML does."""
+    return str(value).lower() if isinstance(value, bool) else f"'{value}'"
+
+
+MODIFIERS = {
+    "if": Modifier("an expression", "asked once, at the start; where it is false the node is skipped", _condition),
+    "while": Modifier("an expression", "asked at every tick; once false, the node is halted and fails", _condition),
+    "until": Modifier("an expression", "asked at every tick; once true, the node is halted and succeeds", _condition),
+    "timeout": Modifier("a duration", "fails, halting the node, when it still runs after that long", _duration),
+    "retry": Modifier("a count or forever", "starts again after a failure; the count is of attempts", _count),
+    "repeat": Modifier("a count or forever", "starts again after a success; the count is of runs", _count),
+    "invert": Modifier("true", "success for failure and failure for success", _only(True)),
+    "on_failure": Modifier("succeed", "a failure counts as success", _only("succeed")),
+    "on_success": Modifier("fail", "a success counts as failure", _only("fail")),
+    "hold": Modifier("a duration", "succeeds once the node has succeeded at every tick for that long", _duration),
+    "delay": Modifier("a duration", "waits before the node starts", _duration),
+    "cooldown": Modifier("a duration", "fails without starting within that long after its last success", _duration),
+    "once": Modifier("true", "after its first end, keeps answering with that result", _only(True)),
+}
+"""Every modifier by its word."""

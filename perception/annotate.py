@@ -1,0 +1,37 @@
+"""Drawing what was seen onto a picture, for people to look at."""
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+
+from perception.api import Box, Image
+
+INK = (80, 220, 60)  # blue, green, red: a green that shows on skin and on walls
+PAPER = (0, 0, 0)
+
+
+def annotate(image: Image, marks: Iterable[tuple[Box, str]]) -> Image:
+    """Return a copy of the picture with a frame around each box and its label, unless empty, above it.
+
+    Boxes may reach beyond the picture; labels are kept inside it. The lines grow with the picture.
+    """
+    drawn = np.ascontiguousarray(image).copy()
+    line = max(1, round(min(drawn.shape[:2]) / 240))
+    for box, label in marks:
+        corner = round(box.x), round(box.y)
+        cv2.rectangle(drawn, corner, (round(box.x + box.width), round(box.y + box.height)), INK, line)
+        if label:
+            _write(drawn, label, corner, line)
+    return drawn
+
+
+def _write(image: Image, label: str, corner: tuple[int, int], line: int) -> None:
+    """Write a label on a dark strip with its lower left end at ``corner``, moved inside the picture."""
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45 * line
+    (width, height), below = cv2.getTextSize(label, font, size, line)
+    tall = height + below + line
+    x = max(0, min(corner[0], image.shape[1] - width))
+    y = max(tall, min(corner[1], image.shape[0]))
+    cv2.rectangle(image, (x, y - tall), (x + width, y), PAPER, cv2.FILLED)
+    cv2.putText(image, label, (x, y - below), font, size, INK, line, cv2.LINE_AA)

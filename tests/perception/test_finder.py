@@ -1,0 +1,136 @@
+"""Finding faces over time: a real face on a textured wall, and a detector that keeps count."""
+
+from collections.abc import Sequence
+from math import cos, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from perception.api import Box, Detection, Image
+from perception.faces import HaarFaces
+from perception.finder import FaceFinder
+from perception.light import Grey
+
+if TYPE_CHECKING:
+    from tests.perception.conftest import Scene
+
+
+class Counting:
+    """The real detector; it counts its searches, and can be told to see nothing, or a ghost."""
+
+    def __init__(self) -> None:
+        self._haar = HaarFaces()
+        self.blind = False
+        self.ghost: Detection | None = None
+        self.whole = 0
+        self.regions = 0
+
+    def detect(self, image: Grey) -> Sequence[Detection]:
+        self.whole += 1
+        if self.ghost is not None:
+            return [self.ghost]
+        return [] if self.blind else self._haar.detect(image)
+
+    def near(self, image: Grey, box: Box) -> Detection | None:
+        self.regions += 1
+        return None if self.blind else self._haar.near(image, box)
+
+
+def wall() -> Image:
+    return np.random.default_rng(2).integers(90, 150, (480, 640, 3), dtype=np.uint8)
+
+
+def test_a_walking_face_is_covered_in_every_frame(scene: "Scene") -> None:
+    detector, sizes = Counting(), (0.8, 1.2)
+    finder = FaceFinder(detector)
+    for step in range(60):
+        turn = 2 * pi * step / 60
+        picture, (true,) = scene((320 - 180 * cos(turn), 240), size=sizes[0] + (sizes[1] - sizes[0]) * step / 60)
+        (sighting,) = finder.find(picture)
+        assert sighting.detection.box.overlap(true) > 0.5, step
+    assert detector.whole == 2
+    assert detector.regions <= 16
+
+
+def test_between_searches_a_face_is_marked_as_carried(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces(), every=4)
+    found = [finder.find(scene((200 + 4 * step, 240))[0])[0].found for step in range(10)]
+    assert found == [True, True, False, False, False, True, False, False, False, True]
+
+
+def test_a_jump_in_the_film_finds_the_face_again_at_once(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces())
+    for _ in range(4):
+        finder.find(scene((120, 120))[0])
+    picture, (true,) = scene((500, 330))
+    (sighting,) = finder.find(picture)
+    assert sighting.found
+    assert sighting.detection.box.overlap(true) > 0.5
+
+
+def test_a_face_that_left_is_gone_in_the_same_frame(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces())
+    for _ in range(4):
+        finder.find(scene((320, 240))[0])
+    assert finder.find(wall()) == []
+
+
+def test_a_face_that_turned_aside_is_carried_for_a_while_and_then_given_up(scene: "Scene") -> None:
+    detector = Counting()
+    finder = FaceFinder(detector, every=3, patience=2)
+    picture, _ = scene((320, 240))
+    for _ in range(2):
+        finder.find(picture)
+    detector.blind = True
+    assert [len(finder.find(picture)) for _ in range(8)] == [1, 1, 1, 1, 1, 0, 0, 0]
+
+
+def test_a_ghost_lasts_for_one_frame(scene: "Scene") -> None:
+    detector = Counting()
+    finder = FaceFinder(detector)
+    detector.ghost = Detection(Box(60, 60, 80, 80), 1.0)
+    picture, (true,) = scene((420, 300))
+    assert [sighting.detection for sighting in finder.find(picture)] == [detector.ghost]
+    detector.ghost = None
+    (sighting,) = finder.find(picture)
+    assert sighting.detection.box.overlap(true) > 0.5
+
+
+def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces(), newcomers=6)
+    for _ in range(3):
+        assert len(finder.find(scene((150, 240))[0])) == 1
+    picture, (old, new) = scene((150, 240), (480, 260))
+    counts = [len(finder.find(picture)) for _ in range(6)]
+    assert counts[-1] == 2
+    boxes = [sighting.detection.box for sighting in finder.find(picture)]
+    assert all(max(box.overlap(true) for box in boxes) > 0.5 for true in (old, new))
+
+
+def test_two_who_meet_do_not_stay_two_boxes_on_one_face(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces())
+    for x in range(0, 161, 8):
+        seen = finder.find(scene((160 + x, 240), (480 - x, 240))[0])
+        assert x > 100 or len(seen) == 2
+    for _ in range(15):
+        seen = finder.find(scene((320, 240))[0])
+    assert len(seen) == 1
+
+
+def test_a_picture_of_another_size_starts_afresh(scene: "Scene") -> None:
+    finder = FaceFinder(HaarFaces())
+    picture, _ = scene((320, 240))
+    finder.find(picture)
+    half = np.ascontiguousarray(picture[::2, ::2])
+    (sighting,) = finder.find(half)
+    assert sighting.detection.box.centre == pytest.approx((160, 120), abs=8)
+
+
+def test_after_a_reset_nothing_is_remembered(scene: "Scene") -> None:
+    detector = Counting()
+    finder = FaceFinder(detector)
+    finder.find(scene((320, 240))[0])
+    finder.reset()
+    detector.blind = True
+    assert finder.find(scene((320, 240))[0]) == []

@@ -1,0 +1,114 @@
+"""The pinhole camera and the gaze, against plain linear algebra."""
+
+from math import cos, degrees, pi, radians, sin
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.api import Box, Gaze
+from perception.geometry import FACE_WIDTH, Pinhole, look, wrap
+
+CAMERA = Pinhole(640, 480, radians(60))
+pixels = st.tuples(st.floats(0, 640), st.floats(0, 480))
+turns = st.floats(-10, 10)
+tilts = st.floats(-1.2, 1.2)
+
+
+def matrix(gaze: Gaze) -> npt.NDArray[np.float64]:
+    """The camera's axes in the odometry frame: a turn about z after one about y."""
+    c, s = cos(gaze.yaw), sin(gaze.yaw)
+    about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    c, s = cos(gaze.pitch), sin(gaze.pitch)
+    about_y = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    return np.asarray(about_z @ about_y, dtype=np.float64)
+
+
+def direction(left: float, down: float) -> npt.NDArray[np.float64]:
+    return np.array([cos(down) * cos(left), cos(down) * sin(left), -sin(down)])
+
+
+def test_the_middle_of_the_picture_is_straight_ahead() -> None:
+    assert CAMERA.angles(320, 240) == (0, 0)
+
+
+def test_left_in_the_picture_is_positive_and_so_is_down() -> None:
+    bearing, drop = CAMERA.angles(100, 400)
+    assert bearing > 0
+    assert drop > 0
+
+
+def test_the_edge_of_the_picture_is_half_the_angle_of_view_away() -> None:
+    assert CAMERA.angles(0, 240)[0] == pytest.approx(radians(30))
+    assert CAMERA.angles(640, 240)[0] == pytest.approx(-radians(30))
+
+
+@given(pixels)
+def test_a_pixel_comes_back_from_its_angles(place: tuple[float, float]) -> None:
+    assert CAMERA.pixel(*CAMERA.angles(*place)) == pytest.approx(place, abs=1e-6)
+
+
+@given(pixels)
+def test_a_pixels_angles_are_those_of_its_ray(place: tuple[float, float]) -> None:
+    ray = np.array([CAMERA.focal, 320 - place[0], 240 - place[1]])
+    assert direction(*CAMERA.angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=1e-9)
+
+
+@given(turns, tilts, pixels)
+def test_looking_turns_the_ray_by_the_cameras_rotation(yaw: float, pitch: float, place: tuple[float, float]) -> None:
+    gaze, seen = Gaze(yaw, pitch), CAMERA.angles(*place)
+    assert direction(*look(gaze, *seen)) == pytest.approx(matrix(gaze) @ direction(*seen), abs=1e-9)
+
+
+@given(pixels)
+def test_a_level_gaze_straight_on_changes_nothing(place: tuple[float, float]) -> None:
+    seen = CAMERA.angles(*place)
+    assert look(Gaze(0, 0), *seen) == pytest.approx(seen, abs=1e-9)
+
+
+def test_adding_the_angles_would_not_do() -> None:
+    yaw, pitch = look(Gaze(0, radians(20)), radians(20), 0)
+    assert degrees(yaw) == pytest.approx(21.17, abs=0.01)
+    assert degrees(pitch) == pytest.approx(18.75, abs=0.01)
+
+
+def test_the_yaw_goes_on_past_half_a_turn_as_the_gaze_does() -> None:
+    assert look(Gaze(7.0, 0), 0.1, 0)[0] == pytest.approx(7.1)
+
+
+@given(st.floats(-1e4, 1e4))
+def test_wrapping_keeps_the_direction_and_stays_within_half_a_turn(angle: float) -> None:
+    assert -pi <= wrap(angle) <= pi
+    assert (cos(wrap(angle)), sin(wrap(angle))) == pytest.approx((cos(angle), sin(angle)), abs=1e-9)
+
+
+def test_a_face_twice_as_small_is_twice_as_far() -> None:
+    near, far = CAMERA.distance(Box(0, 0, 94, 94)), CAMERA.distance(Box(300, 200, 47, 47))
+    assert near == pytest.approx(FACE_WIDTH * CAMERA.focal / 94)
+    assert far == pytest.approx(2 * near)
+
+
+@pytest.mark.parametrize("size", [(0, 480), (640, 0), (-1, 1)])
+def test_a_camera_without_pixels_is_refused(size: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="pixels cannot be"):
+        Pinhole(*size, radians(60))
+
+
+@pytest.mark.parametrize("angle", [0.0, pi, -1.0, float("nan")])
+def test_an_impossible_angle_of_view_is_refused(angle: float) -> None:
+    with pytest.raises(ValueError, match="angle of view"):
+        Pinhole(640, 480, angle)
+
+
+@pytest.mark.parametrize("seen", [(pi / 2, 0.0), (0.0, -2.0), (float("nan"), 0.0)])
+def test_what_is_behind_the_camera_has_no_pixel(seen: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="not in front"):
+        CAMERA.pixel(*seen)
+
+
+@pytest.mark.parametrize("width", [0.0, -3.0, float("inf")])
+def test_a_face_without_a_width_has_no_distance(width: float) -> None:
+    with pytest.raises(ValueError, match="has no distance"):
+        CAMERA.distance(Box(0, 0, width, 10))
