@@ -1,5 +1,6 @@
 """Leaves that move the arm."""
 
+import math
 from collections.abc import Mapping
 
 from py_trees.common import Status
@@ -17,6 +18,9 @@ PATIENCE = 1.5
 AHEAD = 0.05
 """Seconds that the goals run ahead of the time: a tick and the bus."""
 
+LONGEST_STEP = 0.1
+"""Seconds: a tick counts for no longer, so that after a late one, a pause or a lost arm nothing leaps."""
+
 
 class Gesture(Leaf):
     """Play a gesture with the arm.
@@ -32,20 +36,27 @@ class Gesture(Leaf):
     gesture: Movement = argument("gesture", "which one", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.1, high=2.0)
     _playing: Playing | None = None
+    _time = 0.0  # of the gesture
+    _moved_at = 0.0
 
     def initialise(self) -> None:
         self._playing = None
 
     def update(self) -> Status:
-        if self._playing is None:
-            problem = self._prepare()
-            if problem:
-                return self.fail(problem)
         playing = self._playing
         if playing is None:
-            return self.wait("waiting for the arm to report")
-        time = self.run.now() - self._begun
+            problem = self._misfit()
+            if problem:
+                return self.fail(problem)
+            start = self._positions()
+            joints = {joint for frame in self.gesture.keyframes for joint in frame.positions}
+            if silent := joints - start.keys():
+                return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
+            playing = self._begin({joint: start[joint] for joint in joints})
+        now = self.run.now()
+        time = self._time + min(now - self._moved_at, LONGEST_STEP)
         self.robot.arm.move(playing.at(time + AHEAD))
+        self._time, self._moved_at = time, now
         if time < playing.duration:
             return self.wait(f"{self.gesture.name}: {time:.1f} of {playing.duration:.1f} s")
         late = self._late(playing.at(playing.duration))
@@ -56,13 +67,11 @@ class Gesture(Leaf):
         return self.wait(f"{self.gesture.name}: waiting for {', '.join(late)}")
 
     def terminate(self, new_status: Status) -> None:
-        if new_status is not SUCCESS:
+        if new_status is not SUCCESS and self._playing is not None:
             self.robot.arm.hold()
 
-    _begun = 0.0
-
-    def _prepare(self) -> str:
-        """Check the whole gesture, and lay it out from where the joints are now; return what is wrong with it."""
+    def _misfit(self) -> str:
+        """Check the whole gesture; return why the arm cannot play it."""
         limits = self.robot.arm.limits
         for frame in self.gesture.keyframes:
             for joint, angle in frame.positions.items():
@@ -71,21 +80,21 @@ class Gesture(Leaf):
                 if not limits[joint].lower - 1e-6 <= angle <= limits[joint].upper + 1e-6:
                     span = f"{limits[joint].lower:.2f} to {limits[joint].upper:.2f}"
                     return f"gesture '{self.gesture.name}': {joint} at {angle:.2f} rad is outside its limits ({span})"
-        joints = {joint for frame in self.gesture.keyframes for joint in frame.positions}
-        states = self.robot.arm.states()
-        start = {joint: states[joint].value for joint in joints}
-        if all(state is not None for state in start.values()):
-            positions = {joint: state.position for joint, state in start.items() if state is not None}
-            speeds = {joint: limits[joint].speed for joint in joints}
-            self._playing = slowed(positions, self.gesture.keyframes, speeds, pace=self.speed)
-            self._begun = self.run.now()
         return ""
 
+    def _begin(self, start: Mapping[str, float]) -> Playing:
+        """Lay the gesture out from where its joints are now."""
+        speeds = {joint: limits.speed for joint, limits in self.robot.arm.limits.items()}
+        playing = slowed(start, self.gesture.keyframes, speeds, pace=self.speed)
+        self._playing, self._time, self._moved_at = playing, 0.0, self.run.now()
+        return playing
+
+    def _positions(self) -> dict[str, float]:
+        """Return where the joints are now, as far as that is known."""
+        states = self.robot.arm.states().items()
+        return {joint: state.value.position for joint, state in states if state.good and state.value is not None}
+
     def _late(self, goals: Mapping[str, float]) -> list[str]:
-        states = self.robot.arm.states()
-        found = []
-        for joint, goal in goals.items():
-            state = states[joint].value
-            if state is None or abs(state.position - goal) > ARRIVED:
-                found.append(joint)
-        return found
+        """Return the joints that are not, or not known to be, at their goals."""
+        at = self._positions()
+        return [joint for joint, goal in goals.items() if abs(at.get(joint, math.inf) - goal) > ARRIVED]

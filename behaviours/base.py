@@ -4,7 +4,7 @@ import math
 
 from py_trees.common import Status
 
-from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
+from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import BaseState, Pose2D, Velocity
 
 BRAKING = 0.25
@@ -13,8 +13,14 @@ BRAKING = 0.25
 TURN_BRAKING = 1.2
 """The same in rad/s^2."""
 
-LATENCY = 0.15
-"""Seconds from a command to the motion, as the Kobuki shows them (users measured about 0.2 s on the metal)."""
+CRAWL = 0.02
+"""Speed in m/s of the last bit: what the base still rolls after it was told to stop is then a few millimetres."""
+
+TURN_CRAWL = math.radians(4)
+"""The same in rad/s."""
+
+REACTION = 0.25
+"""Seconds from a report to the motion that answers it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
 
 STANDSTILL = 0.01
 """Below this speed (m/s or rad/s) it has stopped."""
@@ -32,7 +38,7 @@ class _Motion(Leaf):
         self._start, self._stopping = None, False
 
     def state(self) -> BaseState | None:
-        """Return the base's newest report, None while there is no fresh one; the first one sets the start."""
+        """Return the base's newest report, None while there is no fresh one; the first one is where it starts."""
         reading = self.robot.base.state()
         if not reading.good or reading.value is None:
             return None
@@ -56,6 +62,17 @@ class _Motion(Leaf):
             self._stopping = True
             self.robot.base.stop()
         return SUCCESS if abs(speed) < STANDSTILL else self.wait("stopping")
+
+    def approach(self, left: float, *, braking: float, crawl: float) -> float:
+        """Return how fast to go with ``left`` (m or rad) to go; 0 when it is time to stop.
+
+        A motion that ends at the goal with an even deceleration b has v^2 / 2b left. A command that acts a time T
+        after its report meets v + b T at that report, hence (v + b T)^2 / 2b. How long T really is, matters little: the
+        last bit is done at a crawl, and half of what that covers in T is where to stop.
+        """
+        if self._stopping or left <= crawl * REACTION / 2:
+            return 0.0
+        return max(crawl, math.sqrt(2 * braking * left) - braking * REACTION)
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
@@ -82,14 +99,12 @@ class Drive(_Motion):
         if trouble:
             return self.fail(trouble)
         gone = _along(self._start, state.pose)
-        left = (self.distance - gone) * direction
-        ahead = left - abs(state.velocity.linear) * LATENCY
-        if self._stopping or ahead <= 0.002:
+        speed = self.approach((self.distance - gone) * direction, braking=BRAKING, crawl=CRAWL)
+        if speed == 0.0:
             return self.come_to_rest(state.velocity.linear)
-        speed = min(self.speed, max(0.02, math.sqrt(2 * BRAKING * ahead)))
         # Hold the line: a heading error of 1 degree is turned back within about a second.
-        steer = -2.0 * (state.pose.heading - self._start.heading)
-        self.robot.base.drive(Velocity(direction * speed, max(-0.5, min(0.5, steer))))
+        steer = 2.0 * (self._start.heading - state.pose.heading)
+        self.robot.base.drive(Velocity(direction * min(speed, self.speed), max(-0.5, min(0.5, steer))))
         return self.wait(f"{gone:.2f} of {self.distance:.2f} m")
 
 
@@ -113,11 +128,10 @@ class Turn(_Motion):
             return self.fail(trouble)
         direction = math.copysign(1.0, self.angle)
         turned = state.pose.heading - self._start.heading
-        ahead = (self.angle - turned) * direction - abs(state.velocity.angular) * LATENCY
-        if self._stopping or ahead <= math.radians(0.2):
+        rate = self.approach((self.angle - turned) * direction, braking=TURN_BRAKING, crawl=TURN_CRAWL)
+        if rate == 0.0:
             return self.come_to_rest(state.velocity.angular)
-        rate = min(self.speed, max(math.radians(4), math.sqrt(2 * TURN_BRAKING * ahead)))
-        self.robot.base.drive(Velocity(0.0, direction * rate))
+        self.robot.base.drive(Velocity(0.0, direction * min(rate, self.speed)))
         return self.wait(f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg")
 
 
@@ -138,7 +152,8 @@ class Stop(_Motion):
         if state is None:
             return self.wait("waiting for the base to report")
         moving = max(abs(state.velocity.linear), abs(state.velocity.angular))
-        return SUCCESS if moving < STANDSTILL else RUNNING
+        # What it was told a moment before may still be on its way to the wheels.
+        return SUCCESS if moving < STANDSTILL and self.elapsed >= REACTION else self.wait("stopping")
 
 
 def _along(start: Pose2D, now: Pose2D) -> float:

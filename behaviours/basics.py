@@ -46,7 +46,7 @@ class Set(Leaf):
     open_ended = True
 
     def update(self) -> Status:
-        self.run.variables.update({name: value() for name, value in self.given.items()})
+        self.run.variables.update(self.values)
         return SUCCESS
 
 

@@ -58,10 +58,12 @@ class Leaf(Node):
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
     and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
     ``voice``), ``needs`` the parts without which it is of no use. ``stores`` says what ``as: NAME`` keeps; the
-    subclass puts it into ``result``. An ``open_ended`` leaf takes any names: they come in ``given``.
+    subclass puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
+    ``open_ended`` leaf takes any names: their values come in ``values``.
 
     It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
-    ``terminate`` unless it succeeded. Nothing in it may block or sleep.
+    ``terminate`` unless it succeeded. ``initialise`` is called again while it raises NotConnected; once it was called,
+    ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
     """
 
     word: ClassVar[str] = ""
@@ -77,7 +79,10 @@ class Leaf(Node):
     keep_as: str | None = None
     computed: Mapping[str, Callable[[], object]] = {}
     given: Mapping[str, Callable[[], object]] = {}
-    _started = False
+    values: Mapping[str, object] = {}
+    _since = 0.0
+    _entered = False  # initialise was called: terminate is due
+    _initialised = False  # initialise is through: update is next
     _halt_by: float | None = None
     _halt_tick = -1
 
@@ -136,32 +141,51 @@ class Leaf(Node):
         except Exception as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
             log.exception("%s (%s, line %d) raised", self.name, self.kind, self.line)
             status = self.fail(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
-        if status not in (RUNNING, SUCCESS, FAILURE):
+        if not isinstance(status, Status) or status is Status.INVALID:
             status = self.fail(f"{self.kind} returned {status!r} instead of a status")
         if status is not RUNNING:
             self._end(status)
+        if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
+            self.run.variables[self.keep_as] = self.result
         return status
 
     def _work(self) -> Status:
-        if not self._started:
+        if self._halt_by is not None and not self._come_to_rest():
+            return self.wait("still stopping")
+        if not self._initialised:
+            problem = self._fill_in()
+            if problem:
+                return self.fail(problem)
             if self.drives and not self.run.make_way():
                 return self.wait("waiting for another behaviour to stop")
-            self.feedback_message = ""
             self.result = None
-            for name, compute in self.computed.items():
-                setattr(self, name, compute())
             self._since = self.run.now()
+            self._entered = True
             self.initialise()
-            self._started = True
+            self._initialised = True
+        self.feedback_message = ""
         return self.update()
 
+    def _fill_in(self) -> str:
+        """Compute the arguments that are known only now; return what is wrong with them."""
+        found = {}
+        for name, compute in (self.given if self.open_ended else self.computed).items():
+            try:
+                found[name] = compute()
+            except (ValueError, LookupError) as error:
+                return f"{name}: {error}"
+        if self.open_ended:
+            self.values = found
+        else:
+            for name, value in found.items():
+                setattr(self, name, value)
+        return ""
+
     def _end(self, status: Status) -> None:
-        """Let it clean up after itself, and keep what it found out."""
-        if self._started:
-            self._started = False
+        """Let it clean up after itself."""
+        if self._entered:
+            self._entered = self._initialised = False
             self._terminate(status)
-        if status is SUCCESS and self.keep_as is not None:
-            self.run.variables[self.keep_as] = self.result
 
     def _terminate(self, status: Status) -> None:
         try:
@@ -173,27 +197,40 @@ class Leaf(Node):
 
     def _settle(self) -> None:
         if self.drives:
-            self.run.settle(self.drives)
+            try:
+                self.run.settle(self.drives)
+            except Exception:  # as in _terminate
+                log.exception("%s (%s, line %d): its actuators could not be stopped", self.name, self.kind, self.line)
 
     def halt(self) -> bool:
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
         if self.status is not RUNNING:
             return True
-        if self._started:
-            now = self.run.now()
-            if self._halt_by is None:
-                self._halt_by = now + self.halt_limit
-                self._terminate(Status.INVALID)
-            elif self._halt_tick == self.run.tick:
-                return False
-            self._halt_tick = self.run.tick
-            if self._still_halting():
-                if now < self._halt_by:
-                    return False
-                self._settle()
-            self._halt_by = None
-            self._started = False
+        if self._entered and not self._come_to_rest():
+            return False
         self.publish(Status.INVALID)
+        return True
+
+    def reset(self) -> None:
+        self._halt_by = None
+        self._entered = self._initialised = False
+        super().reset()
+
+    def _come_to_rest(self) -> bool:
+        """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
+        now = self.run.now()
+        if self._halt_by is None:
+            self._halt_by = now + self.halt_limit
+            self._terminate(Status.INVALID)
+        elif self._halt_tick == self.run.tick:
+            return False
+        self._halt_tick = self.run.tick
+        if self._still_halting():
+            if now < self._halt_by:
+                return False
+            self._settle()
+        self._halt_by = None
+        self._entered = self._initialised = False
         return True
 
     def _still_halting(self) -> bool:
@@ -203,5 +240,3 @@ class Leaf(Node):
             log.exception("%s (%s, line %d) raised while it stopped", self.name, self.kind, self.line)
             self._settle()
             return False
-
-    _since = 0.0

@@ -78,7 +78,9 @@ class Node(Behaviour):
         yield from (node for node in self.iterate() if node is self or node.status is not Status.INVALID)
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """Stop as py_trees does. Only a running node is halted."""
-        self.halt()
+        """Stop as py_trees does, which does not ask again: what takes more time is brought to rest for it."""
+        if not self.halt():
+            self.run.settle(self.claims)
+            self.reset()
         if self.status is not new_status:
             self.publish(new_status)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from drivers.api import Keyframe
 
@@ -25,14 +26,11 @@ class Playing:
         """Return the joints' positions at ``time``; before the start and after the end, the first and the last."""
         if time <= self.times[0]:
             return self.positions[0]
-        for (begin, here), (end, there) in zip(self._frames(), self._frames()[1:], strict=False):
+        for (begin, here), (end, there) in pairwise(zip(self.times, self.positions, strict=True)):
             if time < end:
                 share = _minimum_jerk((time - begin) / (end - begin))
                 return {joint: here[joint] + share * (there[joint] - here[joint]) for joint in here}
         return self.positions[-1]
-
-    def _frames(self) -> list[tuple[float, Mapping[str, float]]]:
-        return list(zip(self.times, self.positions, strict=True))
 
 
 def slowed(

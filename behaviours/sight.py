@@ -1,5 +1,6 @@
 """Leaves that look for people: two conditions, and a search with the head."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -10,6 +11,9 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import HeadPose
 from perception.api import Face
 
+BLIND = 2.0
+"""Seconds without a picture searched after which a face is missed for want of pictures."""
+
 
 class _Seeing(Leaf):
     """What all have in common: the faces that were seen lately enough to count."""
@@ -18,15 +22,20 @@ class _Seeing(Leaf):
     stores = "the face: id, yaw, pitch, distance"
     max_age: float
 
-    def fresh(self) -> Face | None:
-        """Return the largest face that was seen within ``max_age``."""
-        oldest = self.run.now() - self.max_age
+    def fresh(self, *, since: float = -math.inf) -> Face | None:
+        """Return the largest face that was seen within ``max_age``, and not before ``since``."""
+        oldest = max(since, self.run.now() - self.max_age)
         return next((face for face in self.robot.sight.faces() if face.stamp >= oldest), None)
+
+    def nobody(self, so_far: str = "no face in view") -> str:
+        """Say that no face is seen; or that nothing is, which is another trouble."""
+        looked = self.robot.sight.looked()
+        blind = looked is None or self.run.now() - looked > BLIND
+        return "no pictures from the camera" if blind else so_far
 
     def see(self, face: Face) -> Status:
         """Succeed with ``face``."""
         self.result = face
-        self.feedback_message = ""
         return SUCCESS
 
 
@@ -41,7 +50,7 @@ class FaceSeen(_Seeing):
 
     def update(self) -> Status:
         face = self.fresh()
-        return self.see(face) if face is not None else self.fail("no face in view")
+        return self.see(face) if face is not None else self.fail(self.nobody())
 
 
 class FaceCentred(_Seeing):
@@ -57,7 +66,7 @@ class FaceCentred(_Seeing):
     def update(self) -> Status:
         face = self.fresh()
         if face is None:
-            return self.fail("no face in view")
+            return self.fail(self.nobody())
         if max(abs(face.bearing), abs(face.drop)) <= self.within:
             return self.see(face)
         return self.fail(f"the face is {math.degrees(face.bearing):+.0f}, {math.degrees(face.drop):+.0f} deg off")
@@ -86,46 +95,40 @@ class FindFace(_Seeing):
     _route: Iterator[HeadPose] = iter(())
     _goal: HeadPose | None = None
     _there_since: float | None = None
-    _scan = 0
 
     def initialise(self) -> None:
         # Where it looks now comes first: the one we look for may be right there.
-        now = self.robot.head.pose().value
-        self._scan, self._goal, self._there_since = 0, now, None
-        self._route = serpentine(self.pan, self.tilt, self.step)
+        self._goal, self._there_since = self.robot.head.pose().value, None
+        self._route = self._rounds()
 
     def update(self) -> Status:
-        face = self.fresh()
-        if face is not None and self._still_there(face):
+        face = self.fresh(since=self._since)
+        if face is not None:
             return self.see(face)
-        if self._goal is not None and not self._looked_long_enough(self._goal):
-            return self.wait("no face found")
-        self._goal = self.robot.head.look(next(self._route, None) or self._next_scan())
-        self._there_since = None
-        if self.scans and self._scan >= self.scans:
-            return self.fail(f"no face found in {self.scans} scans")
-        return self.wait("no face found")
+        if self._goal is None or self._looked_long_enough():
+            self._goal = next(self._route, None)
+        if self._goal is None:
+            return self.fail(f"no face found in {self.scans} scan{'s' if self.scans > 1 else ''}")
+        # Said at every tick: a head that was gone for a moment has forgotten where to look.
+        accepted = self.robot.head.look(self._goal)
+        if not arrived(self.robot.head.pose(), accepted):
+            self._there_since = None
+        elif self._there_since is None:
+            self._there_since = self.run.now()
+        return self.wait(self.nobody("no face found"))
 
     def terminate(self, new_status: Status) -> None:
         del new_status  # found or not, the head stays where it looks
         self.robot.head.stop()
 
-    def _looked_long_enough(self, goal: HeadPose) -> bool:
-        now = self.run.now()
-        if self._there_since is None and arrived(self.robot.head.pose().value, goal):
-            self._there_since = now
-        # Count from when perception has caught up: pictures taken since the head arrived, not the wall clock.
+    def _looked_long_enough(self) -> bool:
+        """True once the pictures taken since the head arrived, and searched, span the pause: no matter what is late."""
         looked = self.robot.sight.looked()
         return self._there_since is not None and looked is not None and looked - self._there_since >= self.pause
 
-    def _still_there(self, face: Face) -> bool:
-        """True for a face seen since the search began."""
-        return face.stamp >= self._since
-
-    def _next_scan(self) -> HeadPose:
-        self._scan += 1
-        self._route = serpentine(self.pan, self.tilt, self.step)
-        return next(self._route)
+    def _rounds(self) -> Iterator[HeadPose]:
+        for _ in range(self.scans) if self.scans else itertools.count():
+            yield from serpentine(self.pan, self.tilt, self.step)
 
 
 def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float) -> Iterator[HeadPose]:
@@ -138,5 +141,5 @@ def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float)
 
 def _steps(low: float, high: float, step: float) -> list[float]:
     """Divide [low, high] evenly into steps of at most ``step``, both ends included."""
-    count = max(1, math.ceil((high - low) / step - 1e-9))
-    return [low + (high - low) * place / count for place in range(count + 1)]
+    count = math.ceil(abs(high - low) / step - 1e-9)
+    return [low + (high - low) * place / count for place in range(count)] + [high]

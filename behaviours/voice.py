@@ -19,6 +19,7 @@ class Say(Leaf):
     _utterance: Utterance | None = None
 
     def initialise(self) -> None:
+        self._utterance = None
         self._utterance = self.robot.voice.say(self.text)
 
     def update(self) -> Status:

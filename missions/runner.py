@@ -29,8 +29,11 @@ from perception.api import Face
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
 
-CONNECT_TIME = 15.0
+CONNECT_TIME = 8.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
+
+REMARK_TIME = 1.0
+"""Seconds after which a part that is still missing is mentioned."""
 
 FAREWELL = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "the terminal was closed"}
 """The signals that end a run safely."""
@@ -101,9 +104,15 @@ class Runner:
 
     def _connect(self) -> None:
         """Wait until every part is there. Raises NotConnected with all that are not."""
-        deadline = self._context.now() + CONNECT_TIME
+        begun = self._context.now()
+        mentioned: set[str] = set()
         while (missing := self._robot.missing()) and not self.executive.stopping:
-            if self._context.now() > deadline:
+            waited = self._context.now() - begun
+            for part, (detail, hint) in missing.items():
+                if waited > REMARK_TIME and part not in mentioned:
+                    mentioned.add(part)
+                    self._noticed(Notice(part, "offline", f"waiting for it: {detail.removeprefix(f'{part}: ')}", hint))
+            if waited > CONNECT_TIME:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
                 raise NotConnected(f"{self._robot.name} is not complete:\n{details}", hint="\n       ".join(hints))

@@ -81,9 +81,9 @@ class Gaze:
 class Face:
     """A person's face, followed from frame to frame.
 
-    ``id`` stays while the track lives. ``stamp`` is the time of the frame in which it was last *detected*, ``box``
-    where in that frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis (left and down
-    positive). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are filtered over time.
+    ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, detected or followed by
+    optical flow, ``box`` where in that frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis
+    (left and down positive). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are filtered over time.
     ``distance`` in metres is a guess from the size of the box.
     """
 

@@ -40,7 +40,7 @@ class TrackFace(Leaf):
 
     def update(self) -> Status:
         now = self.run.now()
-        face = self._choose(self.robot.sight.faces())
+        face = self._choose([face for face in self.robot.sight.faces() if now - face.stamp <= self.patience])
         if face is not None:
             self._face, self._seen_at = face, max(self._seen_at, face.stamp)
         unseen = now - self._seen_at
@@ -78,8 +78,13 @@ class TrackFace(Leaf):
 
     def _motion(self) -> tuple[float, float]:
         """Return the base's heading (rad) and turn rate (rad/s); a robot without a base stands still."""
-        state = None if self.robot.base_part is None else self.robot.base.state().value
-        return (0.0, 0.0) if state is None else (state.pose.heading, state.velocity.angular)
+        if self.robot.base_part is None:
+            return 0.0, 0.0
+        reading = self.robot.base.state()
+        if reading.value is None:
+            return 0.0, 0.0
+        # Reports that fail to come say where it was; but not that it still turns, as it stops by itself.
+        return reading.value.pose.heading, reading.value.velocity.angular if reading.good else 0.0
 
     def _turn(self, rate: float) -> None:
         if self.robot.base_part is not None:

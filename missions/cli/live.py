@@ -59,7 +59,7 @@ class Watcher:
                 self._fault(event)
             case Ticked() if event.t - self._drawn >= REFRESH:
                 self._draw(event.t)
-            case Ended():
+            case Ended() if event.result != "error":  # an error is told by the command itself, with what to try
                 self._end(event)
             case _:
                 pass

@@ -1,0 +1,263 @@
+"""Gestures: what the arm is told, on an arm that only takes it down, and on servos that take their time."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.arm import AHEAD, LONGEST_STEP, PATIENCE, Gesture
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.robot import Robot
+from drivers.api import Gesture as Movement
+from drivers.api import JointState, Keyframe, Quality, Reading
+from drivers.clock import ManualClock
+from drivers.errors import DeviceFault
+from drivers.sim.servo import Shaft
+from tests.recorders import GONE, HOLD, Bench, RecordedJoints, none
+
+TICK = 0.05
+
+WAVE = Movement(
+    "wave",
+    "Lift the arm and wave.",
+    (
+        Keyframe(1.0, {"shoulder": 0.6, "elbow": 0.9}),
+        Keyframe(1.5, {"elbow": 0.5}),
+        Keyframe(2.5, {"shoulder": 0.0, "elbow": 0.0}),
+    ),
+)
+
+
+def waving(bench: Bench, movement: Movement = WAVE, **arguments: object) -> Gesture:
+    return bench.put(Gesture("gesture"), gesture=movement, **arguments)
+
+
+def moves(bench: Bench) -> list[Mapping[str, float]]:
+    return [command for command in bench.arm.commands if isinstance(command, Mapping)]
+
+
+class ServoArm(RecordedJoints):
+    """An arm whose servos go at their limit's speed, and stop as a loaded AX-12A does: a little short."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(clock)
+        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.now()) for joint, limit in self.limits.items()}
+        self.stuck: set[str] = set()
+        self.fastest = dict.fromkeys(self.limits, 0.0)
+
+    def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
+        accepted = super().move(goals, speeds=speeds)
+        for joint, goal in accepted.items():
+            if joint not in self.stuck:
+                self.shafts[joint].goal = goal - 0.03
+        return accepted
+
+    def states(self) -> Mapping[str, Reading[JointState]]:
+        self.place({joint: shaft.advance(self.clock.now()) for joint, shaft in self.shafts.items()})
+        return super().states()
+
+
+def play(bench: Bench, leaf: Gesture, *, limit: float = 20.0) -> float:
+    """Tick until it ends; return the seconds that this took."""
+    begun = bench.clock.now()
+    while bench.tick(leaf, after=TICK) is RUNNING:
+        assert bench.clock.now() - begun < limit
+    return bench.clock.now() - begun
+
+
+# --- what it tells the arm -------------------------------------------------------------------------------------------
+
+
+def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
+    bench = Bench()
+    leaf = waving(bench)
+    statuses: list[Status] = []
+    while not statuses or statuses[-1] is RUNNING:
+        statuses.append(bench.tick(leaf, after=TICK))
+        bench.arm.place(moves(bench)[-1])
+    assert statuses[-1] is SUCCESS
+    assert len(statuses) == pytest.approx(1 + 2.5 / TICK, abs=1)
+    told = moves(bench)
+    assert bench.arm.commands == told
+    # The first tick tells where to be a tick later, and so on.
+    assert told[19] == pytest.approx({"shoulder": 0.6, "elbow": 0.9}, abs=1e-3)
+    assert told[29] == pytest.approx({"shoulder": 0.6, "elbow": 0.5}, abs=1e-3)
+    assert told[-1] == {"shoulder": 0.0, "elbow": 0.0}
+
+
+def test_it_moves_only_the_joints_that_it_names() -> None:
+    bench = Bench()
+    bench.tick(waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),))))
+    assert [move.keys() for move in moves(bench)] == [{"elbow"}]
+
+
+def test_it_starts_from_where_the_joints_are() -> None:
+    bench = Bench()
+    bench.arm.place({"shoulder": 0.5, "elbow": 1.0})
+    bench.tick(waving(bench))
+    assert moves(bench)[0] == pytest.approx({"shoulder": 0.5, "elbow": 1.0}, abs=1e-3)
+
+
+def test_at_half_the_speed_it_takes_twice_as_long() -> None:
+    bench = Bench()
+    bench.arm = ServoArm(bench.clock)
+    bench.robot = Robot(arm_part=bench.arm)
+    usual = play(bench, waving(bench))
+    assert play(bench, waving(bench, speed=0.5)) == pytest.approx(2 * usual, abs=0.2)
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
+def test_no_goal_is_farther_from_the_last_than_a_joint_gets_in_a_tick(speed: float) -> None:
+    bench = Bench()
+    leaf = waving(bench, speed=speed)
+    while bench.tick(leaf, after=TICK) is RUNNING:
+        bench.arm.place(moves(bench)[-1])
+    for here, there in pairwise(moves(bench)):
+        for joint, limits in bench.arm.limits.items():
+            assert abs(there[joint] - here[joint]) <= limits.speed * TICK + 1e-9
+
+
+# --- what it refuses -------------------------------------------------------------------------------------------------
+
+
+def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
+    bench = Bench()
+    leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"hand": 0.0}))))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "gesture 'clap' moves joint 'hand', which the arm lacks"
+    assert bench.arm.commands == []
+
+
+def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
+    bench = Bench()
+    leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"elbow": -0.2}))))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "gesture 'clap': elbow at -0.20 rad is outside its limits (0.00 to 2.20)"
+    assert bench.arm.commands == []
+
+
+def test_a_keyframe_at_the_limit_is_played() -> None:
+    bench = Bench()
+    limit = bench.arm.limits["elbow"].upper
+    assert bench.tick(waving(bench, Movement("up", "", (Keyframe(1.0, {"elbow": limit}),)))) is RUNNING
+
+
+@pytest.mark.parametrize("quality", [Quality.NONE, Quality.STALE])
+def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality) -> None:
+    bench = Bench()
+    before = bench.arm.readings["elbow"]
+    bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(before.value, 0.0, quality)
+    leaf = waving(bench)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting for elbow to report"
+    assert bench.arm.commands == []
+    bench.arm.readings["elbow"] = before
+    bench.tick(leaf, after=9.0)
+    assert moves(bench)[0] == pytest.approx({"shoulder": 0.0, "elbow": 0.0}, abs=2e-3)
+
+
+def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
+    bench = Bench()
+    bench.arm.readings["elbow"] = none()
+    leaf = waving(bench)
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert bench.arm.commands == []
+
+
+# --- how it ends -----------------------------------------------------------------------------------------------------
+
+
+def test_a_halt_holds_the_arm_where_it_is_once() -> None:
+    bench = Bench()
+    leaf = waving(bench)
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert bench.halt(leaf)
+    assert bench.arm.commands[1:] == [HOLD]
+
+
+def test_servos_that_stay_a_little_short_have_arrived() -> None:
+    bench = Bench()
+    bench.arm = ServoArm(bench.clock)
+    bench.robot = Robot(arm_part=bench.arm)
+    leaf = waving(bench)
+    took = play(bench, leaf)
+    assert leaf.status is SUCCESS
+    assert took == pytest.approx(2.5, abs=0.2)
+    assert HOLD not in bench.arm.commands
+
+
+def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None:
+    bench = Bench()
+    bench.arm = servos = ServoArm(bench.clock)
+    bench.robot = Robot(arm_part=servos)
+    servos.shafts["elbow"].position = servos.shafts["elbow"].goal = 1.5
+    servos.stuck = {"elbow"}
+    leaf = waving(bench)
+    took = play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert leaf.reason == "wave: elbow did not arrive"
+    assert took == pytest.approx(2.5 + PATIENCE, abs=0.5)
+    assert servos.commands[-1] == HOLD
+
+
+def test_a_joint_that_fell_silent_has_not_arrived() -> None:
+    bench = Bench()
+    leaf = waving(bench)
+    bench.tick(leaf)
+    bench.arm.readings["elbow"] = Reading(bench.arm.readings["elbow"].value, 0.0, Quality.STALE)
+    for _ in range(60):
+        bench.tick(leaf)
+    assert leaf.reason == "wave: waiting for elbow"
+
+
+def test_a_device_fault_fails_it_and_the_arm_is_held() -> None:
+    bench = Bench()
+    leaf = waving(bench)
+    bench.tick(leaf)
+    bench.arm.trouble = DeviceFault("arm: elbow overload")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "arm: elbow overload"
+    assert bench.arm.commands[-1] == HOLD
+
+
+def test_after_success_and_after_a_halt_it_begins_from_the_first_keyframe() -> None:
+    bench = Bench()
+    bench.arm = ServoArm(bench.clock)
+    bench.robot = Robot(arm_part=bench.arm)
+    leaf = waving(bench)
+    first = play(bench, leaf)
+    assert play(bench, leaf) == pytest.approx(first, abs=0.2)
+    for _ in range(20):
+        bench.tick(leaf, after=TICK)
+    bench.halt(leaf)
+    assert play(bench, leaf) == pytest.approx(first, abs=0.2)
+
+
+# --- late ticks and a lost arm ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None:
+    bench = Bench()
+    leaf = waving(bench)
+    for _ in range(9):
+        bench.tick(leaf, after=TICK)
+    before = moves(bench)[-1]
+    if lost:
+        bench.arm.trouble = GONE
+        for _ in range(40):
+            assert bench.tick(leaf, after=TICK) is RUNNING
+        assert leaf.reason == "waiting: the cable is out"
+        bench.arm.trouble = None
+    bench.tick(leaf, after=TICK if lost else 5.0)
+    after = moves(bench)[-1]
+    for joint, limits in bench.arm.limits.items():
+        assert abs(after[joint] - before[joint]) <= limits.speed * LONGEST_STEP
+    assert leaf.reason == "wave: 0.5 of 2.5 s"
+
+
+def test_goals_run_ahead_by_about_a_tick() -> None:
+    assert pytest.approx(TICK) == AHEAD

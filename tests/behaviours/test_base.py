@@ -1,0 +1,429 @@
+"""Driving, turning and stopping: what the base is told, and where a base with a Kobuki's lags really ends up."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from behaviours.base import CRAWL, REACTION, Drive, Stop, Turn
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.robot import Robot
+from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Velocity
+from drivers.clock import ManualClock
+from drivers.errors import DeviceFault
+from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
+from drivers.kobuki.helm import Helm
+from drivers.kobuki.limits import Limits
+from drivers.kobuki.odometry import Odometry
+from drivers.sim.wheels import Wheels
+from tests.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
+
+REPORT = 0.02
+"""Seconds between two reports of a Kobuki."""
+
+STILL = Velocity(0.0, 0.0)
+
+SIDE = Sides(left=True)
+BUMPED = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL, bumper=SIDE))
+AT_A_CLIFF = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL, cliff=SIDE))
+LIFTED = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL, wheel_drop=SIDE))
+
+
+def at(
+    x: float = 0.0, y: float = 0.0, heading: float = 0.0, *, linear: float = 0.0, angular: float = 0.0
+) -> Reading[BaseState]:
+    return good(BaseState(Pose2D(x, y, heading), Velocity(linear, angular)))
+
+
+def driving(bench: Bench, distance: float = 1.0, **arguments: object) -> Drive:
+    return bench.put(Drive("drive"), distance=distance, **arguments)
+
+
+def turning(bench: Bench, degrees: float = 90.0, **arguments: object) -> Turn:
+    return bench.put(Turn("turn"), angle=math.radians(degrees), **arguments)
+
+
+def both(bench: Bench) -> list[Leaf]:
+    return [driving(bench), turning(bench)]
+
+
+def told(bench: Bench) -> Velocity:
+    velocity = bench.base.commands[-1]
+    assert isinstance(velocity, Velocity)
+    return velocity
+
+
+# --- what it tells the base ------------------------------------------------------------------------------------------
+
+
+def test_drive_goes_at_its_speed_and_slows_down_towards_the_goal() -> None:
+    bench = Bench()
+    leaf = driving(bench, speed=0.3)
+    speeds = []
+    for x in (0.0, 0.5, 0.8, 0.9, 0.95, 0.99):
+        bench.base.reading = at(x)
+        assert bench.tick(leaf) is RUNNING
+        speeds.append(told(bench).linear)
+    assert speeds[:2] == [0.3, 0.3]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == CRAWL
+    assert leaf.reason == "0.99 of 1.00 m"
+
+
+def test_a_negative_distance_goes_backwards() -> None:
+    bench = Bench()
+    bench.tick(driving(bench, -1.0))
+    assert told(bench) == Velocity(-0.2, 0.0)
+
+
+def test_a_drive_steers_back_to_its_heading() -> None:
+    bench = Bench()
+    for distance in (1.0, -1.0):
+        leaf = driving(bench, distance)
+        bench.base.reading = at(heading=0.5)
+        bench.tick(leaf)
+        bench.base.reading = at(heading=0.6)
+        bench.tick(leaf)
+        assert told(bench).angular == pytest.approx(-0.2)
+        bench.base.reading = at(heading=-2.0)
+        bench.tick(leaf)
+        assert told(bench).angular == 0.5
+
+
+def test_distance_is_measured_along_the_heading_at_the_start() -> None:
+    bench = Bench()
+    bench.base.reading = at(2.0, 3.0, math.pi / 2)
+    leaf = driving(bench)
+    bench.tick(leaf)
+    bench.base.reading = at(5.0, 3.6, math.pi / 2)
+    bench.tick(leaf)
+    assert leaf.reason == "0.60 of 1.00 m"
+
+
+def test_turn_turns_on_the_spot_to_its_side() -> None:
+    bench = Bench()
+    bench.tick(turning(bench, 90.0, speed=1.0))
+    assert told(bench) == Velocity(0.0, 1.0)
+    bench.tick(turning(bench, -90.0, speed=1.0))
+    assert told(bench) == Velocity(0.0, -1.0)
+
+
+def test_a_turn_may_go_round_more_than_once() -> None:
+    bench = Bench()
+    leaf = turning(bench, 720.0)
+    bench.tick(leaf)
+    bench.base.reading = at(heading=math.radians(500))
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "500 of 720 deg"
+
+
+@pytest.mark.parametrize("kind", ["drive", "turn"])
+def test_at_the_goal_it_stops_once_and_succeeds_when_it_stands_still(kind: str) -> None:
+    bench = Bench()
+    leaf = driving(bench) if kind == "drive" else turning(bench)
+    bench.tick(leaf)
+    bench.base.commands.clear()
+    goal = {"x": 1.0} if kind == "drive" else {"heading": math.pi / 2}
+    for speed, status in ((0.1, RUNNING), (0.05, RUNNING), (0.0, SUCCESS)):
+        moving = {"linear": speed} if kind == "drive" else {"angular": speed}
+        bench.base.reading = at(**goal, **moving)
+        assert bench.tick(leaf) is status
+    assert bench.base.commands == [STOP]
+
+
+@pytest.mark.parametrize("kind", ["drive", "turn"])
+def test_nothing_to_do_succeeds_at_once_and_moves_nothing(kind: str) -> None:
+    bench = Bench()
+    assert bench.tick(driving(bench, 0.0) if kind == "drive" else turning(bench, 0.0)) is SUCCESS
+    assert bench.base.commands == [STOP]
+
+
+# --- what it feels ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("felt", "reason"), [(BUMPED, "bumped into something"), (AT_A_CLIFF, "a cliff ahead")])
+def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Reading[BaseState], reason: str) -> None:
+    bench = Bench()
+    forwards, backwards = driving(bench), driving(bench, -1.0)
+    bench.tick(forwards)
+    bench.base.reading = felt
+    assert bench.tick(forwards) is FAILURE
+    assert forwards.reason == reason
+    assert bench.base.commands[-1] == STOP
+    assert bench.tick(backwards) is RUNNING
+    assert bench.tick(turning(bench)) is RUNNING
+
+
+def test_a_dropped_wheel_fails_every_motion() -> None:
+    bench = Bench()
+    bench.base.reading = LIFTED
+    for leaf in (driving(bench), driving(bench, -1.0), turning(bench)):
+        assert bench.tick(leaf) is FAILURE
+        assert leaf.reason == "a wheel has dropped"
+    assert bench.base.commands == [STOP] * 3
+
+
+@pytest.mark.parametrize("reading", [stale(BaseState(Pose2D(0.3, 0.0, 0.3), Velocity(0.2, 0.2))), none()])
+def test_without_fresh_odometry_it_waits_and_says_nothing_to_the_base(reading: Reading[BaseState]) -> None:
+    for number in range(2):
+        bench = Bench()
+        leaf = both(bench)[number]
+        bench.tick(leaf)
+        bench.base.reading = reading
+        bench.base.commands.clear()
+        assert bench.tick(leaf) is RUNNING
+        assert leaf.reason == "waiting for the base to report"
+        assert bench.base.commands == []
+        bench.base.reading = at(0.4, heading=0.4)
+        assert bench.tick(leaf) is RUNNING
+        assert leaf.reason in {"0.40 of 1.00 m", "23 of 90 deg"}
+
+
+def test_it_starts_where_the_first_report_says() -> None:
+    bench = Bench()
+    bench.base.reading = none()
+    leaf = driving(bench)
+    bench.tick(leaf)
+    bench.base.reading = at(5.0)
+    bench.tick(leaf)
+    assert leaf.reason == "0.00 of 1.00 m"
+
+
+# --- how it is stopped -----------------------------------------------------------------------------------------------
+
+
+def test_a_halt_stops_the_base_once() -> None:
+    for number in range(2):
+        bench = Bench()
+        leaf = both(bench)[number]
+        bench.tick(leaf)
+        bench.base.commands.clear()
+        assert bench.halt(leaf)
+        assert bench.halt(leaf)
+        assert bench.base.commands == [STOP]
+
+
+def test_a_lost_base_is_waited_for_and_still_stopped_when_halted() -> None:
+    bench = Bench()
+    for leaf in both(bench):
+        bench.base.commands.clear()
+        bench.base.trouble = GONE
+        assert bench.tick(leaf) is RUNNING
+        assert leaf.reason == "waiting: the cable is out"
+        bench.base.trouble = None
+        assert bench.tick(leaf) is RUNNING
+        bench.base.trouble = GONE
+        assert bench.tick(leaf) is RUNNING
+        assert bench.halt(leaf)
+        assert bench.base.commands[1:] == [STOP]
+        bench.base.trouble = None
+
+
+def test_a_fault_of_the_base_fails_it_and_stops_the_base() -> None:
+    bench = Bench()
+    for leaf in both(bench):
+        bench.base.trouble = DeviceFault("base: motor overload")
+        bench.base.commands.clear()
+        assert bench.tick(leaf) is FAILURE
+        assert leaf.reason == "base: motor overload"
+        assert bench.base.commands == [STOP]
+
+
+@pytest.mark.parametrize("ending", [SUCCESS, FAILURE, Status.INVALID])
+def test_a_second_run_starts_where_the_base_is_then(ending: Status) -> None:
+    bench = Bench()
+    leaf = driving(bench)
+    bench.tick(leaf)
+    bench.base.reading = {SUCCESS: at(1.0), FAILURE: BUMPED, Status.INVALID: at(0.3)}[ending]
+    if ending is Status.INVALID:
+        bench.halt(leaf)
+    else:
+        assert bench.tick(leaf) is ending
+    bench.base.reading = at(4.0)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "0.00 of 1.00 m"
+    assert told(bench) == Velocity(0.2, 0.0)
+
+
+# --- stop ------------------------------------------------------------------------------------------------------------
+
+
+def test_stop_stops_once_and_succeeds_when_the_base_stands_still() -> None:
+    bench = Bench()
+    leaf = bench.put(Stop("stop"))
+    bench.base.reading = at(linear=0.3)
+    assert bench.tick(leaf) is RUNNING
+    bench.base.reading = at(angular=0.3)
+    assert bench.tick(leaf, after=1.0) is RUNNING
+    bench.base.reading = at()
+    assert bench.tick(leaf) is SUCCESS
+    assert bench.base.commands == [STOP]
+
+
+def test_stop_waits_for_what_may_still_be_on_its_way_to_the_wheels() -> None:
+    bench = Bench()
+    leaf = bench.put(Stop("stop"))
+    assert bench.tick(leaf) is RUNNING
+    assert bench.tick(leaf, after=REACTION) is SUCCESS
+
+
+def test_stop_waits_for_reports() -> None:
+    bench = Bench()
+    leaf = bench.put(Stop("stop"))
+    bench.base.reading = none()
+    bench.tick(leaf)
+    assert bench.tick(leaf, after=5.0) is RUNNING
+    assert leaf.reason == "waiting for the base to report"
+    assert bench.halt(leaf)
+    assert bench.base.commands == [STOP, STOP]
+
+
+# --- a base with a Kobuki's lags -------------------------------------------------------------------------------------
+
+
+class LaggingBase(RecordedBase):
+    """A Kobuki as the driver shows it: ramps, a dead time, reports that count in ticks and hundredths of a degree."""
+
+    def __init__(self, clock: ManualClock, dead_time: float) -> None:
+        super().__init__(clock)
+        self.wheels = Wheels(dead_time=dead_time)
+        self.silent = False
+        self._helm = Helm(Limits(0.5, math.radians(110), 0.5, math.radians(200)))
+        self._odometry = Odometry()
+        self.report()
+
+    def drive(self, velocity: Velocity) -> Velocity:
+        super().drive(velocity)
+        return self._helm.steer(velocity, self.clock.now())
+
+    def stop(self) -> None:
+        super().stop()
+        self._helm.halt()
+        self.wheels.command(0.0, 0.0, self.clock.now())
+
+    def report(self) -> None:
+        now = self.clock.now()
+        self.wheels.advance(now)
+        if self.silent:
+            self.reading = Reading(self.reading.value, self.reading.stamp, Quality.STALE)
+        else:
+            self._measure(now)
+        wanted = self._helm.velocity(now, self.reading.value)
+        self.wheels.command(wanted.linear, wanted.angular, now)
+
+    def _measure(self, now: float) -> None:
+        core = Core(
+            time_ms=round(1000 * now) & 0xFFFF,
+            left_encoder=round(self.wheels.left / METRES_PER_TICK) & 0xFFFF,
+            right_encoder=round(self.wheels.right / METRES_PER_TICK) & 0xFFFF,
+        )
+        heading = round(100 * math.degrees(self.wheels.pose.heading))
+        rate = round(100 * math.degrees(self.wheels.velocity.angular))
+        self._odometry.update(core, Inertia((heading + 18000) % 36000 - 18000, rate), now)
+        self.reading = good(BaseState(self._odometry.pose, self._odometry.velocity))
+
+
+class Track:
+    """A lagging base in the hands of one leaf, ticked every 50 ms."""
+
+    def __init__(self, leaf: Leaf, bench: Bench, dead_time: float = 0.2) -> None:
+        self.bench = bench
+        self.base = LaggingBase(bench.clock, dead_time)
+        self.leaf = leaf
+        leaf.robot = Robot(base_part=self.base)
+        self.farthest = 0.0
+        self._reports = 0
+
+    def pass_time(self, seconds: float, *, ticking: bool = True) -> Status:
+        """Let time pass until the leaf has ended, or for ``seconds``."""
+        for _ in range(round(seconds / REPORT)):
+            self._reports += 1
+            self.bench.clock.advance(REPORT)
+            self.base.report()
+            self.farthest = max(self.farthest, abs(self.base.wheels.pose.x))
+            if ticking and self._reports % 5 in {0, 3} and self.bench.tick(self.leaf, after=0.0) is not RUNNING:
+                break
+        return self.leaf.status
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where it really is once it has rolled out."""
+        self.pass_time(1.0, ticking=False)
+        assert self.base.wheels.velocity == STILL
+        return self.base.wheels.pose
+
+
+@settings(max_examples=40, deadline=None)
+@given(distance=st.floats(-1.0, 1.0), speed=st.floats(0.05, 0.7), dead_time=st.sampled_from([0.0, 0.1, 0.2]))
+def test_a_drive_ends_within_a_centimetre(distance: float, speed: float, dead_time: float) -> None:
+    bench = Bench()
+    track = Track(driving(bench, distance, speed=speed), bench, dead_time)
+    assert track.pass_time(5.0 + abs(distance) / speed) is SUCCESS
+    pose = track.pose
+    assert pose.x == pytest.approx(distance, abs=0.01)
+    assert track.farthest <= abs(distance) + 0.01
+    assert abs(pose.y) < 0.005
+    assert abs(pose.heading) < math.radians(1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(angle=st.floats(-400.0, 400.0), speed=st.floats(20.0, 110.0), dead_time=st.sampled_from([0.0, 0.1, 0.2]))
+def test_a_turn_ends_within_a_degree(angle: float, speed: float, dead_time: float) -> None:
+    bench = Bench()
+    track = Track(turning(bench, angle, speed=math.radians(speed)), bench, dead_time)
+    assert track.pass_time(5.0 + abs(angle) / speed) is SUCCESS
+    assert math.degrees(track.pose.heading) == pytest.approx(angle, abs=1.0)
+    assert track.farthest < 0.005
+
+
+@pytest.mark.parametrize(("distance", "seconds"), [(0.1, 2.0), (1.0, 7.0), (-1.0, 7.0)])
+def test_a_drive_does_not_dawdle(distance: float, seconds: float) -> None:
+    bench = Bench()
+    assert Track(driving(bench, distance), bench).pass_time(seconds) is SUCCESS
+
+
+@settings(max_examples=25, deadline=None)
+@given(distance=st.floats(0.3, 2.0), after=st.floats(0.02, 4.0))
+def test_a_base_whose_drive_is_halted_at_any_time_stands(distance: float, after: float) -> None:
+    bench = Bench()
+    track = Track(driving(bench, distance, speed=0.5), bench)
+    track.pass_time(after)
+    speed = abs(track.base.wheels.velocity.linear)
+    x = track.base.wheels.pose.x
+    assert bench.halt(track.leaf, after=0.0)
+    # The dead time at its speed, grown meanwhile by the ramp, and braking at 2 m/s^2.
+    assert track.pose.x - x <= 0.2 * (speed + 0.1) + (speed + 0.1) ** 2 / 4 + 0.001
+
+
+def test_odometry_that_fails_on_the_way_lets_the_base_stand_and_the_drive_goes_on_when_it_is_back() -> None:
+    bench = Bench()
+    track = Track(driving(bench, 1.0), bench)
+    track.pass_time(2.0)
+    track.base.silent = True
+    told_before = len(track.base.commands)
+    # Its last command is good for COMMAND_LIFE, then come the dead time and the braking. (After more than a second the
+    # odometry would not count what the base rolled meanwhile.)
+    assert track.pass_time(0.8) is RUNNING
+    assert track.leaf.reason == "waiting for the base to report"
+    assert len(track.base.commands) == told_before
+    assert track.base.wheels.velocity == STILL
+    track.base.silent = False
+    assert track.pass_time(10.0) is SUCCESS
+    assert track.pose.x == pytest.approx(1.0, abs=0.01)
+
+
+def test_four_sides_and_four_turns_make_a_square() -> None:
+    bench = Bench()
+    drive = driving(bench, 0.5)
+    track = Track(drive, bench)
+    turn = turning(bench, 90.0)
+    turn.robot = drive.robot
+    for _ in range(4):
+        for leaf in (drive, turn):
+            track.leaf = leaf
+            assert track.pass_time(10.0) is SUCCESS
+    pose = track.pose
+    assert math.hypot(pose.x, pose.y) < 0.03
+    assert math.degrees(pose.heading) == pytest.approx(360.0, abs=4.0)

@@ -1,0 +1,507 @@
+"""What every leaf can count on: how it starts, how it ends, and that it is always stopped."""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
+from behaviours.robot import Robot
+from drivers.errors import DeviceFault, NoReply
+from tests.recorders import GONE, Bench
+
+INVALID = Status.INVALID
+
+BASE = frozenset({"base"})
+
+
+class Puppet(Leaf):
+    """Does what it is told, and writes down what was asked of it."""
+
+    word = "puppet"
+    drives = BASE
+    starts: Callable[[], None] | None = None
+    works: Callable[[], Any] | None = None
+    ends: Callable[[], None] | None = None
+    still_halting = 0
+    halts: Callable[[], None] | None = None
+
+    def __init__(self, name: str = "puppet") -> None:
+        super().__init__(name)
+        self.asked: list[object] = []
+
+    def initialise(self) -> None:
+        self.asked.append("initialise")
+        if self.starts:
+            self.starts()
+
+    def update(self) -> Status:
+        self.asked.append("update")
+        status: Status = RUNNING if self.works is None else self.works()
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        self.asked.append(new_status)
+        if self.ends:
+            self.ends()
+
+    def halting(self) -> bool:
+        self.asked.append("halting")
+        if self.halts:
+            self.halts()
+        self.still_halting -= 1
+        return self.still_halting >= 0
+
+
+class Boom(Exception):
+    """What a leaf may raise."""
+
+
+def fails_with(error: Exception) -> Callable[[], Any]:
+    def act() -> Any:
+        raise error
+
+    return act
+
+
+def gives(*statuses: object) -> Callable[[], Any]:
+    rest = iter(statuses)
+    return lambda: next(rest)
+
+
+# --- start, update, end ----------------------------------------------------------------------------------------------
+
+
+def test_a_leaf_starts_once_and_ends_once() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(RUNNING, RUNNING, SUCCESS))
+    assert [bench.tick(leaf) for _ in range(3)] == [RUNNING, RUNNING, SUCCESS]
+    assert leaf.asked == ["initialise", "update", "update", "update", SUCCESS]
+    assert bench.settled == []
+
+
+def test_it_starts_again_after_success_failure_and_halt() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(SUCCESS, FAILURE, RUNNING, RUNNING))
+    bench.tick(leaf)
+    bench.tick(leaf)
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    bench.tick(leaf)
+    assert leaf.asked[:6] == ["initialise", "update", SUCCESS, "initialise", "update", FAILURE]
+    assert leaf.asked[6:] == ["initialise", "update", INVALID, "halting", "initialise", "update"]
+
+
+def test_elapsed_counts_from_each_start() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, RUNNING))
+    bench.tick(leaf)
+    bench.tick(leaf, after=2.0)
+    assert leaf.elapsed == pytest.approx(2.0)
+    bench.tick(leaf, after=5.0)
+    assert leaf.elapsed == 0.0
+
+
+def test_a_reason_lasts_only_as_long_as_it_is_given() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet())
+    leaf.works = lambda: leaf.wait("for the bus")
+    bench.tick(leaf)
+    assert leaf.reason == "for the bus"
+    leaf.works = gives(SUCCESS)
+    bench.tick(leaf)
+    assert leaf.reason == ""
+
+
+def test_a_leaf_that_says_nothing_runs_until_it_is_halted() -> None:
+    class Idle(Leaf):
+        """Do nothing."""
+
+    bench = Bench()
+    leaf = bench.put(Idle("idle"))
+    assert bench.tick(leaf) is RUNNING
+    assert bench.halt(leaf)
+    assert leaf.status is INVALID
+
+
+# --- what goes wrong -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"), [(Boom("too hot"), "Boom: too hot"), (Boom(), "Boom"), (RuntimeError("x"), "RuntimeError: x")]
+)
+def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
+    caplog: pytest.LogCaptureFixture, error: Exception, reason: str
+) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet("the shelf"), works=fails_with(error))
+    leaf.line = 12
+    with caplog.at_level(logging.ERROR):
+        assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == reason
+    assert leaf.asked[-1] is FAILURE
+    (record,) = caplog.records
+    assert record.message == "the shelf (puppet, line 12) raised"
+    assert record.exc_info is not None
+
+
+@pytest.mark.parametrize("error", [NoReply("base: no answer"), DeviceFault("base: too hot")])
+def test_what_a_device_complains_of_is_a_failure_without_a_traceback(
+    caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=fails_with(error))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == str(error)
+    assert caplog.records == []
+
+
+def test_a_leaf_whose_start_raised_is_stopped_and_may_start_again() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), starts=fails_with(Boom("no")))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.asked == ["initialise", FAILURE]
+    leaf.starts = None
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.asked[2:] == ["initialise", "update"]
+
+
+@pytest.mark.parametrize("nonsense", [None, True, "success", 0, INVALID, [SUCCESS]])
+def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(nonsense))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == f"puppet returned {nonsense!r} instead of a status"
+    assert leaf.asked[-1] is FAILURE
+
+
+def test_a_lost_device_is_waited_for_in_update() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=fails_with(GONE))
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting: the cable is out"
+    leaf.works = gives(RUNNING, SUCCESS)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == ""
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.asked.count("initialise") == 1
+
+
+def test_a_device_that_is_not_there_yet_makes_the_start_wait_and_try_again() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), starts=fails_with(GONE))
+    assert [bench.tick(leaf) for _ in range(3)] == [RUNNING] * 3
+    assert leaf.reason == "waiting: the cable is out"
+    assert leaf.asked == ["initialise"] * 3
+    leaf.starts = None
+    bench.tick(leaf, after=7.0)
+    assert leaf.asked[3:] == ["initialise", "update"]
+    assert leaf.elapsed == 0.0
+
+
+def test_a_leaf_halted_in_the_middle_of_its_start_is_stopped_too() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), starts=fails_with(GONE))
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert leaf.asked == ["initialise", INVALID, "halting"]
+
+
+@pytest.mark.parametrize("status", [SUCCESS, FAILURE])
+def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
+    caplog: pytest.LogCaptureFixture, status: Status
+) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(status), ends=fails_with(Boom("stuck")))
+    assert bench.tick(leaf) is status
+    assert bench.settled == [BASE]
+    assert "raised while it stopped" in caplog.text
+
+
+def test_a_device_lost_while_it_is_stopped_is_settled_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), ends=fails_with(GONE))
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert bench.settled == [BASE]
+    assert caplog.records == []
+
+
+def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
+    class Thinker(Puppet):
+        """Think."""
+
+        drives = frozenset()
+
+    bench = Bench()
+    leaf = bench.put(Thinker(), works=gives(FAILURE), ends=fails_with(Boom("stuck")))
+    assert bench.tick(leaf) is FAILURE
+    assert bench.settled == []
+
+
+def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench()
+    bench.run.settle = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
+    leaf = bench.put(Puppet(), ends=fails_with(Boom("stuck")))
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert leaf.status is INVALID
+    assert "its actuators could not be stopped" in caplog.text
+
+
+def test_a_part_that_the_robot_lacks_is_a_failure_that_says_what_to_declare() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet())
+    leaf.robot = Robot()
+    leaf.works = lambda: leaf.robot.voice.say("hello")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "this robot has no voice"
+
+
+# --- halting ---------------------------------------------------------------------------------------------------------
+
+
+def test_only_a_running_leaf_is_halted_and_only_once() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS))
+    assert bench.halt(leaf)
+    assert leaf.asked == []
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert bench.halt(leaf)
+    assert leaf.asked == ["initialise", "update", INVALID, "halting"]
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert leaf.asked[4:] == ["initialise", "update", SUCCESS]
+
+
+def test_halting_takes_the_ticks_that_it_needs() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), still_halting=2)
+    bench.tick(leaf)
+    assert [bench.halt(leaf) for _ in range(3)] == [False, False, True]
+    assert leaf.asked == ["initialise", "update", INVALID, "halting", "halting", "halting"]
+    assert leaf.status is INVALID
+    assert bench.settled == []
+
+
+def test_within_one_tick_it_is_asked_once() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), still_halting=1)
+    bench.tick(leaf)
+    assert not leaf.halt()
+    assert not leaf.halt()
+    assert leaf.asked.count("halting") == 1
+    assert bench.halt(leaf)
+    assert leaf.halt()
+    assert leaf.asked.count("halting") == 2
+
+
+def test_after_its_time_its_actuators_are_stopped_for_it() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), still_halting=1000)
+    bench.tick(leaf)
+    asked = 0
+    while not bench.halt(leaf, after=0.25):
+        asked += 1
+        assert bench.settled == []
+    assert asked * 0.25 == leaf.halt_limit
+    assert bench.settled == [BASE]
+    assert leaf.status is INVALID
+
+
+def test_a_leaf_may_ask_for_more_time() -> None:
+    class Ponderous(Puppet):
+        """Take your time."""
+
+        halt_limit = 3.0
+
+    bench = Bench()
+    leaf = bench.put(Ponderous(), still_halting=1000)
+    bench.tick(leaf)
+    assert not bench.halt(leaf)
+    assert not bench.halt(leaf, after=2.9)
+    assert bench.halt(leaf, after=0.2)
+
+
+def test_an_exception_while_halting_settles_it(caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), halts=fails_with(Boom("stuck")))
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert bench.settled == [BASE]
+    assert "raised while it stopped" in caplog.text
+
+
+def test_a_leaf_wanted_again_while_it_stops_comes_to_rest_first_and_starts_afresh() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), still_halting=2)
+    bench.tick(leaf)
+    assert not bench.halt(leaf)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "still stopping"
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.asked == ["initialise", "update", INVALID, "halting", "halting", "halting", "initialise", "update"]
+    assert bench.halt(leaf)
+    assert leaf.asked[8:] == [INVALID, "halting"]
+
+
+def test_a_deadline_of_an_earlier_halt_is_forgotten() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), still_halting=1)
+    bench.tick(leaf)
+    bench.halt(leaf)
+    bench.halt(leaf)
+    bench.tick(leaf, after=60.0)
+    leaf.still_halting = 2
+    assert not bench.halt(leaf)
+    assert bench.settled == []
+
+
+# --- arguments and results -------------------------------------------------------------------------------------------
+
+
+class Poet(Leaf):
+    """Recite."""
+
+    word = "poet"
+    lines: int = argument("count", "how many", default=4, low=1)
+    text: str = argument("text", "what", principal=True)
+
+
+def test_arguments_are_declared_with_their_names_and_defaults() -> None:
+    assert list(Poet.arguments) == ["lines", "text"]
+    assert Poet.arguments["text"].required
+    assert Poet.arguments["text"].principal
+    assert not Poet.arguments["lines"].required
+    assert Poet.arguments["lines"].low == 1
+    assert Poet("p").lines == 4
+    assert not hasattr(Poet("p"), "text")
+
+
+def test_a_subclass_adds_to_the_arguments_of_its_base() -> None:
+    class Bard(Poet):
+        """Sing."""
+
+        tune: str = argument("text", "which", default="greensleeves")
+
+    assert list(Bard.arguments) == ["lines", "text", "tune"]
+    assert list(Poet.arguments) == ["lines", "text"]
+
+
+def test_computed_arguments_are_evaluated_at_each_start() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, SUCCESS))
+    counter = iter(range(10))
+    leaf.computed = {"count": lambda: next(counter)}
+    bench.tick(leaf)
+    bench.tick(leaf)
+    assert vars(leaf)["count"] == 0
+    bench.tick(leaf)
+    assert vars(leaf)["count"] == 1
+
+
+@pytest.mark.parametrize("error", [ValueError("there is no 'visitor' yet"), LookupError("there is no 'visitor' yet")])
+def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
+    caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    bench = Bench()
+    other = bench.put(Puppet("other"))
+    bench.tick(other)
+    bench.run.preemptible.append(other)
+    leaf = bench.put(Puppet(), computed={"text": fails_with(error)})
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "text: there is no 'visitor' yet"
+    assert leaf.asked == []
+    assert other.status is RUNNING
+    assert caplog.records == []
+
+
+def test_as_keeps_the_result_of_a_success_only() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), keep_as="found")
+
+    def find(value: object, status: Status) -> Callable[[], Any]:
+        def act() -> Status:
+            leaf.result = value
+            return status
+
+        return act
+
+    leaf.works = find("a lie", FAILURE)
+    bench.tick(leaf)
+    assert bench.run.variables == {}
+    leaf.works = find("the key", SUCCESS)
+    bench.tick(leaf)
+    assert bench.run.variables == {"found": "the key"}
+    leaf.works = gives(SUCCESS)
+    bench.tick(leaf)
+    assert bench.run.variables == {"found": None}
+
+
+def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), keep_as="seen")
+    bench.tick(leaf)
+    assert bench.run.variables == {}
+    leaf.result = "a face"
+    bench.tick(leaf)
+    assert bench.run.variables == {"seen": "a face"}
+
+    bench.halt(leaf)
+    bench.run.variables.clear()
+    bench.tick(leaf)
+    assert bench.run.variables == {}
+
+
+# --- making way ------------------------------------------------------------------------------------------------------
+
+
+def test_what_gives_way_is_at_rest_before_a_leaf_that_drives_something_starts() -> None:
+    bench = Bench()
+    slow = bench.put(Puppet("slow"), still_halting=1)
+    bench.tick(slow)
+    bench.run.preemptible.append(slow)
+    leaf = bench.put(Puppet())
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting for another behaviour to stop"
+    assert leaf.asked == []
+    bench.tick(leaf)
+    assert slow.status is INVALID
+    assert leaf.asked == ["initialise", "update"]
+
+
+def test_a_leaf_that_still_waits_for_its_turn_has_nothing_to_stop() -> None:
+    bench = Bench()
+    slow = bench.put(Puppet("slow"), still_halting=5)
+    bench.tick(slow)
+    bench.run.preemptible.append(slow)
+    leaf = bench.put(Puppet())
+    bench.tick(leaf)
+    assert bench.halt(leaf)
+    assert leaf.asked == []
+
+
+def test_a_leaf_that_drives_nothing_halts_nobody() -> None:
+    class Thinker(Puppet):
+        """Think."""
+
+        drives = frozenset()
+
+    bench = Bench()
+    other = bench.put(Puppet("other"))
+    bench.tick(other)
+    bench.run.preemptible.append(other)
+    bench.tick(bench.put(Thinker()))
+    assert other.status is RUNNING
+
+
+def test_a_wake_up_from_another_thread_arrives() -> None:
+    bench = Bench()
+    thread = threading.Thread(target=bench.run.wake)
+    thread.start()
+    assert bench.run.woken.wait(5.0)
+    thread.join()

@@ -1,0 +1,203 @@
+"""The node between our executive and py_trees: what it tells of, and that py_trees' own tools work on it."""
+
+import py_trees
+from py_trees.common import Status
+
+from behaviours.base import Drive
+from behaviours.basics import Fail, Log, Pretend, Succeed, Wait
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from missions.executive.composites import Sequence, adopt
+from tests.recorders import STOP, Bench
+
+INVALID = Status.INVALID
+
+
+class Slow(Leaf):
+    """Move the base, and take for ever to stop."""
+
+    word = "slow"
+    drives = frozenset({"base"})
+
+    def halting(self) -> bool:
+        return True
+
+
+def pretend(bench: Bench, *outcomes: Status) -> Pretend:
+    return bench.put(Pretend("pretend"), outcomes=outcomes)
+
+
+def sequence(bench: Bench, *leaves: Leaf) -> Sequence:
+    composite = Sequence("both")
+    composite.run, composite.kind = bench.run, "sequence"
+    adopt(composite, list(leaves))
+    return composite
+
+
+def statuses(root: py_trees.behaviour.Behaviour) -> list[Status]:
+    return [node.status for node in root.iterate()]
+
+
+# --- news ------------------------------------------------------------------------------------------------------------
+
+
+def test_only_news_is_told() -> None:
+    bench = Bench()
+    leaf = pretend(bench, RUNNING, RUNNING, SUCCESS, SUCCESS, FAILURE)
+    for _ in range(5):
+        bench.tick(leaf)
+    assert bench.news == [("pretend", RUNNING), ("pretend", SUCCESS), ("pretend", FAILURE)]
+
+
+def test_the_observer_sees_the_new_status_and_its_reason() -> None:
+    bench = Bench()
+    leaf = bench.put(Fail("fail"), because="too dark")
+    seen: list[tuple[Status, str]] = []
+    bench.run.observer = lambda node: seen.append((node.status, node.reason))
+    bench.tick(leaf)
+    assert seen == [(FAILURE, "too dark")]
+
+
+def test_a_node_works_though_nobody_watches() -> None:
+    bench = Bench()
+    bench.run.observer = None
+    assert bench.tick(bench.put(Succeed("ok"))) is SUCCESS
+
+
+def test_a_reset_forgets_the_result_and_its_reason_and_is_told_once() -> None:
+    bench = Bench()
+    leaf = bench.put(Fail("fail"), because="too dark")
+    bench.tick(leaf)
+    bench.news.clear()
+    leaf.reset()
+    leaf.reset()
+    assert (leaf.status, leaf.reason) == (INVALID, "")
+    assert bench.news == [("fail", INVALID)]
+
+
+def test_a_reset_reaches_down_to_the_leaves() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Succeed("a")), bench.put(Fail("b"), because="no"))
+    bench.tick(root)
+    root.reset()
+    assert statuses(root) == [INVALID, INVALID, INVALID]
+
+
+def test_a_composite_claims_what_its_leaves_drive() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Drive("drive"), distance=1.0), bench.put(Succeed("ok")))
+    assert root.claims == {"base"}
+
+
+# --- py_trees' own way of ticking -----------------------------------------------------------------------------------
+
+
+def test_py_trees_ticks_a_leaf() -> None:
+    bench = Bench()
+    leaf = pretend(bench, RUNNING, SUCCESS)
+    assert list(leaf.tick()) == [leaf]
+    assert leaf.status is RUNNING
+    leaf.tick_once()
+    assert leaf.status is SUCCESS
+
+
+def test_py_trees_ticks_our_composites_and_passes_by_the_nodes_that_had_a_say() -> None:
+    bench = Bench()
+    done, busy, later = bench.put(Succeed("a")), bench.put(Wait("b"), duration=1.0), bench.put(Succeed("c"))
+    root = sequence(bench, done, busy, later)
+    assert list(root.tick()) == [done, busy, root]
+    bench.clock.advance(1.0)
+    assert list(root.tick()) == [done, busy, later, root]
+    assert root.status is SUCCESS
+
+
+def test_py_trees_stops_a_running_leaf_once() -> None:
+    bench = Bench()
+    leaf = bench.put(Drive("drive"), distance=1.0)
+    leaf.tick_once()
+    bench.base.commands.clear()
+    leaf.stop(INVALID)
+    leaf.stop(INVALID)
+    assert bench.base.commands == [STOP]
+    assert statuses(leaf) == [INVALID]
+
+
+def test_py_trees_stop_of_an_ended_leaf_stops_nothing() -> None:
+    bench = Bench()
+    leaf = bench.put(Drive("drive"), distance=0.0)
+    leaf.tick_once()
+    assert statuses(leaf) == [SUCCESS]
+    bench.base.commands.clear()
+    leaf.stop(INVALID)
+    assert bench.base.commands == []
+    assert statuses(leaf) == [INVALID]
+
+
+def test_py_trees_stop_does_not_ask_again_so_what_takes_time_is_brought_to_rest() -> None:
+    bench = Bench()
+    leaf = bench.put(Slow("slow"))
+    root = sequence(bench, leaf)
+    root.tick_once()
+    root.stop(INVALID)
+    assert bench.settled == [{"base"}]
+    assert statuses(root) == [INVALID, INVALID]
+    root.tick_once()
+    assert leaf.reason == ""
+    assert statuses(root) == [RUNNING, RUNNING]
+
+
+def test_our_leaves_work_in_the_composites_of_py_trees() -> None:
+    bench = Bench()
+    drive = bench.put(Drive("drive"), distance=1.0)
+    guard = pretend(bench, SUCCESS, FAILURE)
+    root = py_trees.composites.Sequence("theirs", memory=False, children=[guard, drive])
+    root.tick_once()
+    assert root.status is RUNNING
+    bench.base.commands.clear()
+    root.tick_once()
+    assert statuses(root)[-1] is FAILURE
+    assert bench.base.commands == [STOP]
+    assert drive.status is INVALID
+
+
+def test_our_leaves_work_below_the_decorators_of_py_trees() -> None:
+    bench = Bench()
+    root = py_trees.decorators.Inverter("not", bench.put(Fail("fail"), because="no"))
+    root.tick_once()
+    assert root.status is SUCCESS
+
+
+def test_py_trees_own_tree_ticks_visits_and_stops_our_nodes() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Succeed("ok")), bench.put(Drive("drive"), distance=1.0))
+    tree = py_trees.trees.BehaviourTree(root)
+    snapshot = py_trees.visitors.SnapshotVisitor()
+    tree.add_visitor(snapshot)
+    tree.setup()
+    tree.tick()
+    assert set(snapshot.visited.values()) == {SUCCESS, RUNNING}
+    tree.root.stop(INVALID)
+    assert bench.base.commands[-1] == STOP
+    assert root.status is INVALID
+
+
+# --- its pictures ----------------------------------------------------------------------------------------------------
+
+
+def test_py_trees_draws_our_nodes() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Log("hello"), text="hi"), bench.put(Fail("give up"), because="too dark"))
+    bench.tick(root)
+    drawn = py_trees.display.ascii_tree(root, show_status=True)
+    assert "{-} both [x] -- too dark" in drawn
+    assert "--> hello [o] -- hi" in drawn
+    assert "--> give up [x] -- too dark" in drawn
+    assert "give up" in py_trees.display.unicode_tree(root)
+    assert "too dark" in py_trees.display.xhtml_tree(root, show_status=True)
+
+
+def test_py_trees_writes_our_nodes_as_a_graph() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Succeed("ok")), bench.put(Wait("rest"), duration=1.0))
+    graph = str(py_trees.display.dot_tree(root))
+    assert "both" in graph
+    assert "rest" in graph

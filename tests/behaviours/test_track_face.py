@@ -1,0 +1,271 @@
+"""Following a face as a leaf: whom it follows, how long it goes on without, and that head and base are stopped."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from behaviours.leaf import FAILURE, RUNNING
+from behaviours.robot import Robot
+from behaviours.tracking.follow import RuleBases
+from behaviours.tracking.track_face import TrackFace
+from config.controller import load_controller
+from config.library import shipped
+from drivers.api import COMMAND_LIFE, BaseState, HeadPose, Pose2D, Velocity
+from drivers.errors import DeviceFault
+from tests.recorders import GONE, STOP, Bench, face, good, none, stale
+
+LEFT, RIGHT = 0.3, -0.3
+
+
+@pytest.fixture(scope="module")
+def rules() -> RuleBases:
+    return RuleBases.from_mapping(load_controller(shipped("controllers")["face"]).values)
+
+
+def tracking(bench: Bench, rules: RuleBases, **arguments: object) -> TrackFace:
+    return bench.put(TrackFace("track_face"), controller=rules, **arguments)
+
+
+def show(bench: Bench, *, yaw: float = 0.0, pitch: float = 0.0, number: int = 1) -> None:
+    """Show one face, seen now."""
+    bench.sight.seen = [face(bench.clock.now(), number=number, yaw=yaw, pitch=pitch)]
+
+
+def follow(bench: Bench, leaf: TrackFace, *, yaw: float, pitch: float = 0.0, ticks: int = 20) -> None:
+    """Tick with a face in view, seen at each tick, while the head goes where it is told."""
+    for _ in range(ticks):
+        show(bench, yaw=yaw, pitch=pitch)
+        assert bench.tick(leaf) is RUNNING
+        bench.head.reading = good(looks(bench)[-1])
+
+
+def looks(bench: Bench) -> list[HeadPose]:
+    return [command for command in bench.head.commands if isinstance(command, HeadPose)]
+
+
+# --- following -------------------------------------------------------------------------------------------------------
+
+
+def test_the_head_goes_to_the_face_and_the_base_stands_while_it_is_ahead(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    follow(bench, leaf, yaw=LEFT, pitch=-0.2)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
+    assert looks(bench)[-1].tilt == pytest.approx(-0.2, abs=0.02)
+    assert bench.base.commands == [Velocity(0.0, 0.0)] * 20
+    assert leaf.reason == "face 1, 0 deg off"
+
+
+def test_the_base_turns_when_the_head_nears_its_limit_and_no_faster_than_it_may(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, max_turn=0.5)
+    follow(bench, leaf, yaw=1.5, ticks=40)
+    turns = [command.angular for command in bench.base.commands if isinstance(command, Velocity)]
+    assert turns[-1] == 0.5
+    assert turns == sorted(turns)
+
+
+def test_a_robot_without_a_base_follows_with_the_head_alone(rules: RuleBases) -> None:
+    bench = Bench()
+    bench.robot = Robot(head_part=bench.head, sight_part=bench.sight)
+    leaf = tracking(bench, rules)
+    follow(bench, leaf, yaw=LEFT)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
+    assert bench.halt(leaf)
+    assert bench.base.commands == []
+
+
+def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, keep_as="visitor")
+    bench.tick(leaf)
+    assert bench.run.variables == {}
+    show(bench)
+    bench.tick(leaf)
+    assert bench.run.variables == {"visitor": bench.sight.seen[0]}
+
+
+def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
+    bench = Bench()
+    bench.head.reading = good(HeadPose(0.8, -0.1))
+    leaf = tracking(bench, rules)
+    show(bench, yaw=0.8, pitch=-0.1)
+    bench.tick(leaf)
+    assert looks(bench) == [HeadPose(0.8, -0.1)]
+
+
+# --- whom ------------------------------------------------------------------------------------------------------------
+
+
+def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    now = bench.clock.now()
+    first, second = face(now, number=1, yaw=LEFT), face(now, number=2, yaw=RIGHT)
+    bench.sight.seen = [first, second]
+    bench.tick(leaf)
+    bench.sight.seen = [second, first]
+    bench.tick(leaf)
+    assert leaf.result == first
+
+
+def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    show(bench, number=1)
+    bench.tick(leaf)
+    bench.sight.seen = [face(bench.clock.now(), number=3), face(bench.clock.now(), number=2)]
+    bench.tick(leaf)
+    assert leaf.result == bench.sight.seen[0]
+
+
+def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, patience=0.5)
+    lost = face(bench.clock.now(), number=1)
+    for _ in range(20):
+        bench.sight.seen = [lost, face(bench.clock.now(), number=2)]
+        assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "face 2, 0 deg off"
+
+
+# --- without a face --------------------------------------------------------------------------------------------------
+
+
+def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, patience=1.0)
+    show(bench)
+    bench.tick(leaf, after=0.0)
+    assert bench.tick(leaf, after=0.9) is RUNNING
+    assert leaf.reason == "no face for 0.9 s"
+    assert bench.tick(leaf, after=0.2) is FAILURE
+    assert leaf.reason == "no face for 1 s"
+    assert bench.head.commands[-1] == STOP
+    assert bench.base.commands[-1] == STOP
+
+
+def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, patience=1.0)
+    bench.sight.seen = [face(bench.clock.now() - 5.0)]
+    assert bench.tick(leaf, after=0.0) is RUNNING
+    assert looks(bench) == []
+    assert bench.tick(leaf, after=1.0) is RUNNING
+    assert bench.tick(leaf, after=0.1) is FAILURE
+
+
+def test_a_face_missed_for_a_moment_is_followed_on_and_then_the_base_stands(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    follow(bench, leaf, yaw=1.3)
+    bench.sight.seen = ()
+    assert bench.tick(leaf, after=0.8 * COMMAND_LIFE) is RUNNING
+    assert bench.base.commands[-1] != Velocity(0.0, 0.0)
+    told = len(looks(bench))
+    assert bench.tick(leaf, after=0.2) is RUNNING
+    assert bench.base.commands[-1] == Velocity(0.0, 0.0)
+    assert len(looks(bench)) == told
+
+
+# --- stopping and trouble --------------------------------------------------------------------------------------------
+
+
+def test_a_halt_stops_head_and_base_once(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    follow(bench, leaf, yaw=LEFT)
+    assert bench.halt(leaf)
+    assert bench.halt(leaf)
+    for part in (bench.head, bench.base):
+        assert part.commands[-1] == STOP
+        assert part.commands.count(STOP) == 1
+
+
+def test_a_lost_head_is_waited_for_and_the_base_is_not_driven(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    bench.head.trouble = GONE
+    bench.head.reading = none()
+    show(bench, yaw=1.4)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting: the cable is out"
+    assert bench.base.commands == []
+    bench.head.trouble = None
+    bench.head.reading = good(HeadPose(0.0, 0.0))
+    follow(bench, leaf, yaw=LEFT)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
+
+
+def test_a_lost_base_leaves_the_head_following(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    bench.base.trouble = GONE
+    bench.base.reading = none()
+    follow(bench, leaf, yaw=LEFT)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
+    assert leaf.reason == "waiting: the cable is out"
+
+
+def test_even_a_lost_device_does_not_outlast_the_patience(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, patience=1.0)
+    bench.base.trouble = GONE
+    assert bench.tick(leaf) is RUNNING
+    assert bench.tick(leaf, after=1.1) is FAILURE
+    assert leaf.reason == "no face for 1 s"
+
+
+def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: RuleBases) -> None:
+    bench = Bench()
+    moving = BaseState(Pose2D(0.0, 0.0, 0.5), Velocity(0.0, 1.0))
+    leaf = tracking(bench, rules)
+    leaf.robot = replace(bench.robot, latency=0.2)
+    bench.base.reading = stale(moving)
+    follow(bench, leaf, yaw=0.5 + LEFT, ticks=40)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
+    bench.base.reading = good(moving)
+    follow(bench, leaf, yaw=0.5 + LEFT, ticks=40)
+    assert looks(bench)[-1].pan == pytest.approx(LEFT - 0.2, abs=0.1)
+
+
+def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    show(bench)
+    bench.head.trouble = DeviceFault("head: servo 1 stalls")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "head: servo 1 stalls"
+    assert bench.head.commands == [STOP]
+    assert bench.base.commands == [STOP]
+
+
+def test_a_face_that_is_nowhere_fails_it_and_stops_both(rules: RuleBases, caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    show(bench, yaw=math.nan)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason.startswith("ValueError: follow: not finite")
+    assert bench.head.commands == [STOP]
+    assert "raised" in caplog.text
+
+
+@pytest.mark.parametrize("ending", ["lost", "halted"])
+def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules, patience=1.0)
+    follow(bench, leaf, yaw=LEFT)
+    bench.sight.seen = ()
+    if ending == "lost":
+        assert bench.tick(leaf, after=1.1) is FAILURE
+    else:
+        assert bench.halt(leaf)
+    bench.head.commands.clear()
+    assert bench.tick(leaf, after=0.05) is RUNNING
+    assert leaf.result is None
+    assert looks(bench) == []
+    assert bench.tick(leaf, after=0.9) is RUNNING
+    bench.sight.seen = [face(bench.clock.now(), number=2), face(bench.clock.now(), number=1)]
+    bench.tick(leaf, after=0.0)
+    assert leaf.result == bench.sight.seen[0]

@@ -1,0 +1,91 @@
+"""Speaking: as long as it takes, silent when halted, and on a voice that is queued for."""
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.robot import Robot
+from behaviours.voice import Say
+from drivers.errors import DeviceFault
+from drivers.voice.printed import PrintedVoice
+from tests.recorders import CANCEL, GONE, Bench
+
+
+def saying(bench: Bench, text: str = "Hello!") -> Say:
+    return bench.put(Say("say"), text=text)
+
+
+def test_say_runs_until_it_is_spoken() -> None:
+    bench = Bench()
+    leaf = saying(bench)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == 'saying "Hello!"'
+    bench.voice.said[0].ended = True
+    assert bench.tick(leaf) is SUCCESS
+    assert bench.voice.commands == ["Hello!"]
+
+
+def test_a_halt_makes_it_fall_silent_once() -> None:
+    bench = Bench()
+    leaf = saying(bench)
+    bench.tick(leaf)
+    bench.halt(leaf)
+    bench.halt(leaf)
+    assert bench.voice.commands == ["Hello!", CANCEL]
+
+
+def test_each_start_says_it_again() -> None:
+    bench = Bench()
+    leaf = saying(bench)
+    bench.tick(leaf)
+    bench.voice.said[0].ended = True
+    assert bench.tick(leaf) is SUCCESS
+    assert bench.tick(leaf) is RUNNING
+    bench.halt(leaf)
+    assert bench.tick(leaf) is RUNNING
+    assert bench.voice.commands == ["Hello!", "Hello!", CANCEL, "Hello!"]
+
+
+def test_a_voice_that_is_not_there_yet_is_waited_for_and_speaks_once() -> None:
+    bench = Bench()
+    bench.voice.trouble = GONE
+    leaf = saying(bench)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting: the cable is out"
+    bench.voice.trouble = None
+    bench.tick(leaf)
+    bench.tick(leaf)
+    assert bench.voice.commands == ["Hello!"]
+
+
+def test_a_halt_before_it_could_speak_cancels_nothing_of_an_earlier_run() -> None:
+    bench = Bench()
+    leaf = saying(bench)
+    bench.tick(leaf)
+    bench.voice.said[0].ended = True
+    bench.tick(leaf)
+    bench.voice.trouble = GONE
+    bench.tick(leaf)
+    bench.halt(leaf)
+    assert bench.voice.commands == ["Hello!"]
+
+
+def test_a_voice_that_complains_is_a_failure() -> None:
+    bench = Bench()
+    bench.voice.trouble = DeviceFault("voice: no sound card")
+    leaf = saying(bench)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "voice: no sound card"
+
+
+def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
+    bench = Bench()
+    printed: list[str] = []
+    voice = PrintedVoice(bench.clock, printed.append)
+    voice.open()
+    first, second = saying(bench, "one two three four five"), saying(bench, "six seven eight nine ten")
+    first.robot = second.robot = Robot(voice_part=voice)
+    # Five words take 2 s.
+    assert bench.tick(first) is RUNNING
+    assert bench.tick(second, after=0.0) is RUNNING
+    assert bench.tick(first, after=2.0) is SUCCESS
+    assert bench.tick(second, after=0.0) is RUNNING
+    assert bench.tick(second, after=2.0) is SUCCESS
+    assert printed == ["one two three four five", "six seven eight nine ten"]

@@ -1,0 +1,24 @@
+"""``make bench``: every benchmark, as a table of ratios, and with ``--json`` as one JSON list."""
+
+import json
+import sys
+
+from tests.benchmarks import loading, perceiving, ticking
+
+
+def main() -> None:
+    """Run the benchmarks; a ``!`` marks a ratio over its bound."""
+    as_json = "--json" in sys.argv[1:]
+    if not as_json:
+        print(f"{'':<44} {'ours':>10} {'theirs':>10} {'ratio':>8}")
+    found = []
+    for module in (ticking, loading, perceiving):
+        for row in module.rows():
+            found.append(row.as_dict())
+            if not as_json:
+                print(row, flush=True)
+    if as_json:
+        print(json.dumps(found, indent=2))
+
+
+main()

@@ -1,0 +1,83 @@
+"""What a tick costs, against py_trees' own on trees of the same shape."""
+
+from collections.abc import Iterator
+
+import py_trees
+from py_trees.behaviour import Behaviour
+
+from behaviours.catalogue import LEAVES
+from behaviours.node import Node
+from behaviours.robot import Robot
+from behaviours.run import Run
+from config.faults import Source
+from drivers.clock import SystemClock
+from missions.executive.build import build
+from missions.executive.events import NodeChanged, Stream
+from missions.executive.executive import Executive
+from missions.language.document import check_plan
+from tests.benchmarks.table import Row, compare
+
+Shape = list["Shape"] | str
+"""A leaf by its outcome, or a composite: its word, then its children."""
+
+LEAF_WORDS = {"success": "succeed", "failure": "fail", "running": "pretend: running"}
+
+
+def shapes(size: int) -> dict[str, Shape]:
+    """Return trees of about ``size`` nodes."""
+    branch: Shape = ["selector", *["failure"] * 3, "success"]
+    branches = max(1, size // 5)
+    return {
+        "sequence": ["sequence", *["success"] * (size - 1)],
+        "selector": ["selector", *["failure"] * (size - 1)],
+        "mixed": ["sequence", *[branch] * branches],
+        "mostly idle": ["sequence", "running", *[branch] * branches],
+    }
+
+
+def ours(shape: Shape) -> Node:
+    """Build a shape from a mission."""
+    text = "mission: bench\ntree:\n" + "\n".join(_lines(shape, "  "))
+    plan = check_plan(Source("bench.yaml", text), LEAVES, {})
+    return build(plan, Run(SystemClock()), lambda leaf: Robot())  # noqa: ARG005 - a leaf here needs no robot
+
+
+def _lines(shape: Shape, indent: str) -> Iterator[str]:
+    if isinstance(shape, str):
+        yield indent + LEAF_WORDS[shape]
+        return
+    yield f"{indent}{shape[0]}:"
+    for child in shape[1:]:
+        first, *rest = _lines(child, indent + "    ")
+        yield f"{indent}  - {first.strip()}"
+        yield from rest
+
+
+def theirs(shape: Shape) -> Behaviour:
+    """Build a shape from py_trees' own classes."""
+    if isinstance(shape, str):
+        kinds = {
+            "success": py_trees.behaviours.Success,
+            "failure": py_trees.behaviours.Failure,
+            "running": py_trees.behaviours.Running,
+        }
+        return kinds[shape](shape)
+    kind = py_trees.composites.Sequence if shape[0] == "sequence" else py_trees.composites.Selector
+    return kind(str(shape[0]), memory=True, children=[theirs(child) for child in shape[1:]])
+
+
+def rows() -> Iterator[Row]:
+    """Yield a row for each size and shape, with events off and with events recorded."""
+    for size in (10, 50, 500):
+        for name, shape in shapes(size).items():
+            calls = max(3, 3000 // size)
+            other = theirs(shape)
+            yield compare(f"tick, {size} nodes, {name}", ours(shape).advance, other.tick_once, calls=calls, bound=0.2)
+            told = ours(shape)
+            events: list[object] = []
+            stream = Stream([events.append])
+            Executive(told, told.run, stream)
+            yield compare(
+                f"tick with events, {size} nodes, {name}", told.advance, other.tick_once, calls=calls, bound=0.3
+            )
+            assert all(isinstance(event, NodeChanged) for event in events)

@@ -1,0 +1,247 @@
+"""The ``mission`` command as its users meet it: what it prints, its exit codes, and no traceback for their slips."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import pytest
+import skimage
+from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+
+from behaviours.catalogue import LEAVES
+from missions.cli.root import COMMANDS
+from tests.missions.command import Outcome, Process, command, events_of
+
+Mission = Callable[..., Outcome]
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    """The command, run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: command(capsys, *arguments)
+
+
+def write(name: str, tree: str) -> str:
+    """Write a mission with this tree; return the name of its file."""
+    Path(name).write_text(f"mission: {name}\ntree:\n{tree}")
+    return name
+
+
+def test_help_names_every_command_and_imports_none_of_them() -> None:
+    code = (
+        "import sys, missions.__main__ as m; sys.argv = ['mission', '--help']\ntry: m.main()\nexcept SystemExit: pass\n"
+    )
+    code += "print([name for name in sys.modules if name in ('cv2', 'numpy', 'py_trees', 'yaml', 'rich')])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert all(name in out for name in COMMANDS)
+    assert out.rstrip().endswith("[]")
+
+
+def test_every_command_has_help_of_its_own(mission: Mission) -> None:
+    for name in COMMANDS:
+        outcome = mission(name, "--help")
+        assert outcome.code == 0
+        assert len(outcome.out.splitlines()) > 4
+
+
+def test_a_misspelt_command_is_a_usage_error_that_names_it(mission: Mission) -> None:
+    outcome = mission("rum", "greet")
+    assert outcome.code == 2
+    assert "'rum'" in outcome.err
+
+
+def test_an_unknown_mission_suggests_the_one_that_was_meant(mission: Mission) -> None:
+    outcome = mission("run", "gret")
+    assert (outcome.code, outcome.err) == (2, "mission: unknown mission 'gret'; did you mean 'greet'?\n")
+
+
+def test_an_unknown_robot_world_param_and_part_are_usage_errors(mission: Mission) -> None:
+    assert "unknown robot" in mission("run", "greet", "--robot", "marvin").err
+    assert "unknown world" in mission("run", "greet", "--world", "moon").err
+    outcome = mission("run", "greet", "--param", "patiense=5 s")
+    assert outcome.code == 2
+    assert "did you mean 'patience'?" in outcome.err
+    assert "needs a duration" in mission("run", "greet", "--param", "patience=5 m").err
+    assert mission("run", "greet", "--param", "patience").code == 2
+
+
+def test_check_tells_all_mistakes_of_all_files_and_exits_with_2(mission: Mission) -> None:
+    write("one.yaml", "  sequence:\n    - tyrn: 90 deg\n    - wait: 3\n")
+    write("two.yaml", "  wiat: 3 s\n")
+    outcome = mission("check", "one.yaml", "two.yaml", "greet")
+    assert outcome.code == 2
+    assert [line.split(": ")[0] for line in outcome.err.splitlines() if line.startswith(("one", "two"))] == [
+        "one.yaml:4:7",
+        "one.yaml:5:13",
+        "two.yaml:3:3",
+    ]
+    assert "greet: good" in outcome.out
+    assert "3 mistakes" in outcome.err
+
+
+def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:
+    write("good.yaml", "  succeed\n")
+    write("bad.yaml", "  suceed\n")
+    outcome = mission("check", ".")
+    assert outcome.code == 2
+    assert "good.yaml: good" in outcome.out
+    assert "bad.yaml:3:3" in outcome.err
+
+
+def test_a_mission_that_the_robot_cannot_do_does_not_run(mission: Mission) -> None:
+    Path("legless.yaml").write_text("robot: legless\nvoice: {driver: print}\n")
+    outcome = mission("run", "greet", "--robot", "legless.yaml", "--simulate")
+    assert outcome.code == 2
+    assert "'gesture' needs an arm; robot 'legless' has none" in outcome.err
+
+
+def test_the_json_summary_is_the_last_line_and_alone_on_stdout(mission: Mission) -> None:
+    write("ok.yaml", "  sequence:\n    - say: one\n    - wait: 100 ms\n")
+    outcome = mission("run", "ok.yaml", "--json")
+    assert outcome.code == 0
+    (summary,) = events_of(outcome.out.splitlines())
+    assert summary.keys() == {"mission", "result", "reason", "seconds", "ticks"}
+    assert (summary["mission"], summary["result"], summary["reason"]) == ("ok.yaml", "success", "")
+    assert summary["ticks"] > 2
+    assert "one" in outcome.err
+
+
+def test_a_failure_gives_1_and_its_reason(mission: Mission) -> None:
+    write("bad.yaml", "  sequence:\n    - succeed\n    - fail: out of biscuits\n")
+    outcome = mission("run", "bad.yaml", "--json")
+    assert outcome.code == 1
+    assert events_of(outcome.out.splitlines())[0]["reason"] == "out of biscuits"
+
+
+def test_a_mistake_gives_2_and_still_a_summary_for_programs(mission: Mission) -> None:
+    write("bad.yaml", "  suceed\n")
+    outcome = mission("run", "bad.yaml", "--json")
+    assert outcome.code == 2
+    assert events_of(outcome.out.splitlines())[0]["result"] == "error"
+
+
+def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(mission: Mission) -> None:
+    Path("far.yaml").write_text("robot: far\nbase: {driver: kobuki, port: /dev/no_such_base}\n")
+    write("go.yaml", "  drive: 1 m\n")
+    outcome = mission("run", "go.yaml", "--robot", "far.yaml", "--json")
+    assert outcome.code == 3
+    assert "/dev/no_such_base: no such device" in outcome.err
+    assert "try: " in outcome.err
+    assert events_of(outcome.out.splitlines())[0]["result"] == "error"
+
+
+def test_the_events_tell_the_whole_story_in_order(mission: Mission) -> None:
+    write("story.yaml", "  sequence:\n    - pretend: [running, success]\n      name: first\n    - say: hi\n")
+    assert mission("run", "story.yaml", "--events", "story.jsonl").code == 0
+    events = events_of(Path("story.jsonl").read_text().splitlines())
+    assert all("event" in event and event["t"] >= 0 for event in events)
+    assert [event["t"] for event in events] == sorted(event["t"] for event in events)
+    assert (events[0]["event"], events[-1]["event"]) == ("started", "ended")
+    changes = [(event["node"], event["status"]) for event in events if event["event"] == "node_changed"]
+    assert changes == [
+        ("1.1", "running"),
+        ("1", "running"),
+        ("1.1", "success"),
+        ("1.2", "running"),
+        ("1.2", "success"),
+        ("1", "success"),
+    ]
+    first = next(event for event in events if event.get("node") == "1.1")
+    assert (first["name"], first["kind"], first["line"], first["tick"]) == ("first", "pretend", 4, 1)
+    (spoken,) = (event for event in events if event["event"] == "command")
+    assert (spoken["to"], spoken["source"], spoken["values"]) == ("voice", "say (1.2)", {"say": "hi"})
+    ticks = [event["tick"] for event in events if event["event"] == "tick"]
+    assert ticks == list(range(1, len(ticks) + 1))
+
+
+def test_events_that_cannot_be_written_are_a_usage_error(mission: Mission) -> None:
+    outcome = mission("run", "greet", "--events", "no/such/folder/e.jsonl")
+    assert outcome.code == 2
+    assert "No such file" in outcome.err
+
+
+def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(mission: Mission) -> None:
+    listed = mission("behaviours").out
+    assert all(word in listed for word in LEAVES)
+    one = mission("behaviours", "drive").out
+    assert "distance: length (m, cm, mm), must be given, may stand alone" in one
+    assert "speed: speed (m/s, cm/s, mm/s), default 0.2 m/s" in one
+    assert "claims: base" in one
+    entries = {entry["name"]: entry for entry in json.loads(mission("behaviours", "--json").out)}
+    assert entries.keys() == LEAVES.keys()
+    assert entries["find_face"]["claims"] == ["head"]
+
+
+def test_every_leaf_and_argument_says_what_it_is_for() -> None:
+    for word, leaf in LEAVES.items():
+        assert leaf.word == word
+        assert (leaf.__doc__ or "").strip(), word
+        assert all(argument.help for argument in leaf.arguments.values()), word
+
+
+def test_an_unknown_behaviour_in_the_catalogue_suggests_another(mission: Mission) -> None:
+    outcome = mission("behaviours", "trak_face")
+    assert outcome.code == 2
+    assert "did you mean 'track_face'?" in outcome.err
+
+
+def test_show_draws_every_node(mission: Mission) -> None:
+    for form in ("unicode", "ascii", "dot"):
+        drawn = mission("show", "greet", "--format", form).out
+        assert all(word in drawn for word in ("find_face", "track_face", "greet the person", "gesture", "say"))
+
+
+def test_see_finds_exactly_the_one_face_of_the_astronaut(mission: Mission) -> None:
+    cv2.imwrite("astronaut.png", cv2.cvtColor(skimage.data.astronaut(), cv2.COLOR_RGB2BGR))
+    outcome = mission("see", "astronaut.png", "--json", "--annotate", "drawn")
+    (seen,) = events_of(outcome.out.splitlines())
+    assert (seen["file"], seen["frame"]) == ("astronaut.png", 0)
+    ((x, y, width, height),) = seen["faces"]
+    assert x < 225 < x + width
+    assert y < 110 < y + height
+    drawn, plain = cv2.imread("drawn/astronaut.png"), cv2.imread("astronaut.png")
+    assert drawn is not None
+    assert plain is not None
+    assert drawn.shape == plain.shape
+    assert (drawn != plain).any()
+
+
+def test_see_says_what_is_wrong_with_a_file(mission: Mission) -> None:
+    Path("note.txt").write_text("hello")
+    Path("broken.jpg").write_bytes(b"no picture")
+    for name, words in (("absent.png", "no such file"), ("broken.jpg", "cannot be decoded")):
+        outcome = mission("see", name)
+        assert outcome.code == 2
+        assert words in outcome.err
+        assert "Traceback" not in outcome.err
+
+
+def test_another_program_can_use_the_virtual_servos(tmp_path: Path) -> None:
+    process = Process("simulate", "--state", "0.1", folder=tmp_path)
+    ports = json.loads(process.wait_for_line(lambda line: line.startswith("{")))["ports"]
+    assert ports.keys() == {"base", "head", "arm"}
+    port, packets = PortHandler(ports["arm"]), PacketHandler(1.0)
+    port.openPort()
+    port.setBaudRate(1_000_000)
+    model, result, error = packets.ping(port, 4)
+    assert (model, result, error) == (12, COMM_SUCCESS, 0)
+    packets.write2ByteTxRx(port, 4, 30, 600)
+    port.closePort()
+    process.wait_for_line(lambda line: '"shoulder_lift": 0.4' in line)
+    assert process.end(signal.SIGTERM) == 0
+
+
+def test_the_guard_names_a_module_that_hides_one_of_ours(tmp_path: Path) -> None:
+    (tmp_path / "config.py").write_text("# somebody else's\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "missions", "list"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert f"config: found {tmp_path / 'config.py'}" in done.stderr
+    assert "try: " in done.stderr
+    assert "Traceback" not in done.stderr

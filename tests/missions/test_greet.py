@@ -1,0 +1,113 @@
+"""The first mission, whole: real drivers on virtual devices, a real detector on rendered or recorded pictures."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, PerceptSeen, Started
+from missions.executive.executive import Result
+from missions.runner import Order, Runner
+
+CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
+
+
+def run(order: Order) -> tuple[Result, list[Event], list[str]]:
+    """Run a mission in simulation; return how it ended, its events, and what was said aloud."""
+    events: list[Event] = []
+    said: list[str] = []
+    result = Runner(order, listeners=[events.append], out=said.append).run()
+    return result, events, said
+
+
+def greeting(events: list[Event]) -> tuple[float, float]:
+    """Return when the greeting began and ended."""
+    changes = [event for event in events if isinstance(event, NodeChanged) and event.name == "greet the person"]
+    return changes[0].t, changes[-1].t
+
+
+def aims(events: list[Event], begin: float, end: float) -> list[float]:
+    """Return, for each percept between two times, how far the largest face is from the camera's axis (radians)."""
+    found = [event for event in events if isinstance(event, PerceptSeen) and begin <= event.stamp <= end]
+    faces: list[Any] = [event.faces[0] for event in found if event.faces]
+    assert len(faces) >= 0.95 * len(found), "the face was lost"
+    return [max(abs(face["bearing"]), abs(face["drop"])) for face in faces]
+
+
+def test_the_simulated_robot_finds_a_person_tracks_and_greets_them() -> None:
+    result, events, said = run(Order("greet"))
+    assert (result.result, result.reason) == ("success", "")
+    assert said == ["Hello!"]
+    assert isinstance(events[0], Started)
+    assert events[-1].as_dict()["result"] == "success"
+    assert not [event for event in events if isinstance(event, FaultRaised) and event.what != "online"]
+    waved = {
+        joint for event in events if isinstance(event, CommandSent) and event.to == "arm" for joint in event.values
+    }
+    assert {"shoulder_lift", "elbow", "gripper"} <= waved
+
+
+def test_the_face_is_within_5_degrees_of_the_axis_while_the_robot_greets() -> None:
+    _, events, _ = run(Order("greet"))
+    off = aims(events, *greeting(events))
+    assert len(off) > 20
+    assert max(off) < math.radians(5)
+
+
+def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> None:
+    mission = tmp_path / "follow.yaml"
+    mission.write_text(
+        "mission: follow\ntree:\n  sequence:\n    - find_face:\n      timeout: 20 s\n"
+        "    - track_face:\n      timeout: 12 s\n      on_failure: succeed\n"
+    )
+    _, events, _ = run(Order(str(mission), world="walker"))
+    began = next(event.t for event in events if isinstance(event, NodeChanged) and event.kind == "track_face")
+    seen = [event for event in events if isinstance(event, PerceptSeen) and event.stamp > began + 1]
+    yaws: list[Any] = [event.faces[0]["yaw"] for event in seen if event.faces]
+    assert max(yaws) - min(yaws) > math.radians(40), "the person did not walk"
+    off = aims(events, began + 1, seen[-1].stamp)
+    assert math.sqrt(sum(each**2 for each in off) / len(off)) < math.radians(3)
+    ids: set[Any] = {event.faces[0]["id"] for event in seen if event.faces}
+    assert len(ids) == 1
+
+
+def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None:
+    result, _, said = run(Order("greet", {"patience": "3 s"}, world="empty"))
+    assert result.result == "failure"
+    assert "no face found" in result.reason
+    assert said == []
+
+
+def test_the_greeting_is_what_the_caller_asks_for() -> None:
+    _, _, said = run(Order("greet", {"greeting": "Good day, ${name}"}))
+    assert said == ["Good day, ${name}"], "a caller's text is text, not an expression"
+
+
+@pytest.mark.skipif(not CLIPS.is_dir(), reason="the clips of real people are not here")
+@pytest.mark.parametrize("clip", ["again", "learn", "sister", "want"])
+def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
+    result, events, said = run(Order("greet", {"patience": "20 s"}, camera=str(CLIPS / f"{clip}.mkv")))
+    assert result.result == "success"
+    assert said == ["Hello!"]
+    assert max(aims(events, *greeting(events))) < math.radians(5)
+
+
+def test_footage_without_a_face_is_not_greeted(tmp_path: Path) -> None:
+    make_footage(tmp_path / "empty.avi")
+    result, _, said = run(Order("greet", {"patience": "3 s"}, camera=str(tmp_path / "empty.avi")))
+    assert result.result == "failure"
+    assert "no face found" in result.reason
+    assert said == []
+
+
+def make_footage(path: Path) -> None:
+    """Write two seconds of a moving pattern that is no face."""
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (640, 480))
+    columns = np.arange(640)[None, :, None]
+    for shift in range(40):
+        stripes = 128 + 80 * np.sin((columns + 4 * shift) / 40.0) * np.ones((480, 1, 3))
+        video.write(stripes.astype(np.uint8))
+    video.release()
