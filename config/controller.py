@@ -39,15 +39,22 @@ def _plain(node: Node) -> object:
 
 
 def _check_tables(fields: Fields, node: Node) -> None:
-    """Note every row of a rule table that is longer or shorter than the table's head."""
+    """Note every row of a rule table that is longer or shorter than the table's first row, which names the columns."""
     if not isinstance(node, Mapping):
         return
     for key, value in node.entries:
         if key.text == "rules" and isinstance(value, Mapping):
-            rows = [row for _, row in value.entries]
-            head = len(rows[0].items) if rows and isinstance(rows[0], Listing) else 0
-            for name, row in value.entries:
-                if not isinstance(row, Listing) or len(row.items) != head:
-                    fields.fault(name.mark, f"row '{name.text}' needs {head} conclusions, as the first row has columns")
+            _check_rows(fields, value)
         elif not isinstance(value, Scalar):
             _check_tables(fields, value)
+
+
+def _check_rows(fields: Fields, table: Mapping) -> None:
+    columns = 0
+    for place, (name, row) in enumerate(table.entries):
+        if not isinstance(row, Listing):
+            fields.fault(row.mark, f"row '{name.text}' needs a list: [one conclusion for each column]")
+        elif place == 0:
+            columns = len(row.items)
+        elif len(row.items) != columns and columns:
+            fields.fault(name.mark, f"row '{name.text}' has {len(row.items)} conclusions for {columns} columns")

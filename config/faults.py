@@ -3,6 +3,10 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from unicodedata import combining, east_asian_width
+
+MAX_FAULTS = 100
+"""A file with more mistakes than this is no file of the kind: reading stops there."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -27,6 +31,12 @@ class Source:
         return lines[number - 1] if 0 < number <= len(lines) else ""
 
 
+def place_of(text: str, position: int) -> Mark:
+    """Return the line and column of the character at ``position`` (from 0)."""
+    lines = (text[:position] + "x").splitlines()
+    return Mark(len(lines), len(lines[-1]))
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One mistake: where it is, what is wrong, and what to write instead where that is known."""
@@ -42,36 +52,56 @@ class Fault:
         return f"{self.source.name}:{self.mark.line}:{self.mark.column}"
 
     def __str__(self) -> str:
-        lines = [f"{self.place}: {self.message}"]
-        shown = self.source.line(self.mark.line).rstrip()
-        if shown:
-            number = f"{self.mark.line:6d} | "
-            # Tabs are shown as one blank, so that the caret stands under what it means.
-            shown, start = shown.replace("\t", " "), self.mark.column - 1
-            if start > 100:
-                shown, start = "..." + shown[start - 40 :], 43
-            carets = "^" * max(1, min(self.mark.length, len(shown) - start))
-            lines += [number + shown[:160], " " * (len(number) - 2) + "| " + " " * start + carets]
+        lines = [f"{self.place}: {self.message}", *self._picture()]
         if self.suggestion:
             lines.append(f"  {self.suggestion}")
         return "\n".join(lines)
 
+    def _picture(self) -> list[str]:
+        """The line with carets under the mistake; of a long line, the piece around it."""
+        line = self.source.line(self.mark.line).rstrip()
+        if not line:
+            return []
+        start = min(self.mark.column - 1, len(line))
+        cut = start - 40 if start > 100 else 0
+        # A tab is shown as one blank, and control codes as a sign, so that carets stand under what they mean.
+        shown = "".join(c if c.isprintable() else " " if c == "\t" else "\ufffd" for c in line[cut : cut + 160])
+        before, marked = shown[: start - cut], shown[start - cut :][: self.mark.length]
+        lead = "..." if cut else ""
+        number = f"{self.mark.line:6d} | "
+        carets = " " * (len(lead) + _width(before)) + "^" * max(1, _width(marked))
+        return [number + lead + shown, " " * (len(number) - 2) + "| " + carets]
+
 
 class InvalidFileError(ValueError):
-    """A file that cannot be used; ``faults`` holds every mistake in it, in the order of the file."""
+    """A file that cannot be used; ``faults`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
 
     def __init__(self, faults: Sequence[Fault]) -> None:
-        self.faults = tuple(sorted(faults, key=lambda fault: (fault.source.name, fault.mark)))
+        # What an alias repeats is one mistake, not two.
+        once = dict.fromkeys(faults)
+        self.faults = tuple(sorted(once, key=lambda fault: (fault.source.name, fault.mark)))
         super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+def note(faults: list[Fault], fault: Fault) -> None:
+    """Add one mistake. Raises InvalidFileError with all of them once there are MAX_FAULTS."""
+    faults.append(fault)
+    if len(faults) >= MAX_FAULTS:
+        raise InvalidFileError(faults)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the known word that is closest, or the empty string."""
-    close = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    close = get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else ""
 
 
 def one_of(word: str, known: Iterable[str]) -> str:
     """Return the closest known word as a question, or the list of all that would be right."""
-    words = sorted(known)
+    words = sorted(set(known))
     return did_you_mean(word, words) or (f"known are: {', '.join(words)}" if words else "")
+
+
+def _width(text: str) -> int:
+    """Return how many columns of a terminal ``text`` takes."""
+    return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from config.faults import Fault, InvalidFileError, Mark, Source, one_of
+from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
-from config.units import in_dimension, written
+from config.units import in_dimension, seen, written
 
 
 class Fields:
@@ -20,17 +20,17 @@ class Fields:
         self.node = node
         self.faults = faults
         self.what = what
-        self._known: list[str] = []
+        self._known: set[str] = set()
         if not isinstance(node, Mapping):
             self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'")
 
     def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
         """Note a mistake."""
-        self.faults.append(Fault(self.source, mark, message, suggestion))
+        note(self.faults, Fault(self.source, mark, message, suggestion))
 
     def node_of(self, key: str, *, required: bool = False) -> Node | None:
         """Return the node of ``key``, None where it is missing."""
-        self._known.append(key)
+        self._known.add(key)
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
             self.fault(self.node.mark, f"{self.what} needs '{key}'")
@@ -41,17 +41,19 @@ class Fields:
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or ""
-        if not isinstance(node, Scalar) or node.value is None:
+        if not isinstance(node, Scalar) or node.value is None or not node.text.strip():
             self.fault(node.mark, f"'{key}' needs a text")
             return default or ""
         return node.text
 
     def choice(self, key: str, among: Sequence[str], default: str | None = None) -> str:
         """Return one of the words ``among``."""
-        found = self.text(key, default)
-        node = self.node_of(key)
-        if node is not None and found not in among:
-            self.fault(node.mark, f"'{key}' cannot be '{found}'", one_of(found, among))
+        node = self.node_of(key, required=default is None)
+        if node is None:
+            return among[0] if default is None else default
+        found = node.text if isinstance(node, Scalar) else ""
+        if found not in among:
+            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(found, among))
         return found if found in among else among[0]
 
     def flag(self, key: str, default: bool) -> bool:
@@ -115,7 +117,7 @@ class Fields:
     ) -> float:
         """Return the quantity that ``node`` holds."""
         try:
-            value = in_dimension(node.value if isinstance(node, Scalar) else (), dimension)
+            value = in_dimension(_value(node), dimension)
         except ValueError as error:
             self.fault(node.mark, f"'{key}' {error}")
             return fallback
@@ -129,8 +131,9 @@ class Fields:
         if not isinstance(node, Listing) or len(node.items) != 2:
             self.fault(node.mark, f"'{key}' needs two values: [low, high]")
             return default or (0.0, 0.0)
+        before = len(self.faults)
         low, high = (self.measure(item, key, dimension) for item in node.items)
-        if low >= high:
+        if low >= high and len(self.faults) == before:
             self.fault(node.mark, f"'{key}': the first value must be below the second")
         return low, high
 
@@ -153,7 +156,7 @@ class Fields:
         """Every key with its node, for a mapping whose keys are names that the file chooses."""
         if isinstance(self.node, Mapping):
             for key, value in self.node.entries:
-                self._known.append(key.text)
+                self._known.add(key.text)
                 yield key, value
 
     def done(self) -> None:
@@ -176,11 +179,16 @@ class Fields:
         return value
 
 
+def _value(node: Node) -> object:
+    """Return what a scalar means; an empty list or mapping stands for one."""
+    return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
+
+
 def read_fields(path: Path, *, what: str, name: str | None = None) -> Fields:
     """Read a YAML file whose top is one mapping. Raises InvalidFileError when it is not."""
     source = read_source(path, name)
     faults: list[Fault] = []
-    fields = Fields(source, compose(source), faults, what=what)
-    if faults:
+    fields = Fields(source, compose(source, faults), faults, what=what)
+    if not isinstance(fields.node, Mapping):
         raise InvalidFileError(faults)
     return fields

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from config.faults import did_you_mean
+from config.units import seen
 
 HERE = Path(__file__).parent
 
@@ -25,10 +26,16 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None) -> Pat
     if name in known:
         return known[name]
     path = Path(name)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        if path.is_file():
-            return path
-        raise UnknownNameError(f"{name}: no such file")
-    singular = kind.removesuffix("s")
+    if _is_file(path):
+        return path
+    if path.suffix in (".yaml", ".yml"):
+        raise UnknownNameError(f"{seen(name)}: no such file")
     close = did_you_mean(name, known) or f"known are: {', '.join(known)}"
-    raise UnknownNameError(f"unknown {singular} '{name}'; {close}")
+    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {close}")
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, a folder that may not be read
+        return False

@@ -5,15 +5,18 @@ and plain words stay words: only ``true``, ``false``, ``null`` and numbers are a
 1.1, where ``on`` and ``yes`` are booleans and ``12:30`` is a number in base 60).
 """
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
-from config.faults import Fault, InvalidFileError, Mark, Source
+from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
+from config.syntax import forbidden_character, syntax_fault
+from config.units import Bare
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
@@ -74,37 +77,72 @@ def read_source(path: Path, name: str | None = None) -> Source:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig", errors="replace")
-        line, column = good.count("\n") + 1, len(good) - (good.rfind("\n") + 1) + 1
-        source = Source(shown, data.decode("utf-8", errors="replace"))
-        message = f"not UTF-8: byte 0x{data[error.start]:02x}"
-        raise InvalidFileError([Fault(source, Mark(line, column), message, "save the file as UTF-8")]) from error
+        fault = Fault(
+            Source(shown, data.decode("utf-8-sig", errors="replace")),
+            place_of(good, len(good)),
+            f"not UTF-8: byte 0x{data[error.start]:02x}",
+            "save the file as UTF-8",
+        )
+        raise InvalidFileError([fault]) from error
 
 
-def compose(source: Source) -> Node:
-    """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document."""
+def compose(source: Source, faults: list[Fault] | None = None) -> Node:
+    """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document.
+
+    With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice) are added to it
+    instead of raised.
+    """
+    forbidden = forbidden_character(source)
+    if forbidden is not None:
+        raise InvalidFileError([forbidden])
     composer = _Composer(source)
     try:
         for event in yaml.parse(source.text, Loader=_LOADER):
             composer.take(event)
     except _FatalFaultError:
-        pass  # noted in composer.faults already
+        raise InvalidFileError(composer.faults) from None
     except yaml.YAMLError as error:
-        composer.faults.append(_syntax(source, error))
-    if composer.faults:
-        raise InvalidFileError(composer.faults)
+        raise InvalidFileError([*composer.faults, syntax_fault(source, error)]) from error
     if composer.root is None:
         raise InvalidFileError([Fault(source, Mark(), "the file is empty")])
+    if faults is not None:
+        faults += composer.faults
+    elif composer.faults:
+        raise InvalidFileError(composer.faults)
     return composer.root
 
 
 # libyaml's parser is several times faster; PyYAML without it has the same events.
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_NUMBER = re.compile(r"[-+]?(\d[\d_]*)(\.\d*)?([eE][-+]?\d+)?|[-+]?\.\d+([eE][-+]?\d+)?")
+_DIGITS = "[0-9]+(?:_[0-9]+)*"
+_NUMBER = re.compile(rf"[-+]?(?:{_DIGITS}(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _WORDS: dict[str, Plain] = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
 class _FatalFaultError(Exception):
     """Raised to leave the parser's loop."""
+
+
+@dataclass(slots=True)
+class _Open:
+    """A collection that is being read. ``key`` waits for its value; ``before`` is how many nodes came before it."""
+
+    node: Mapping | Listing
+    before: int
+    anchor: str | None = None
+    key: Scalar | None = None
+    height: int = 1
+    keys: dict[str, int] = field(default_factory=dict)
+    """The line of each key."""
+
+
+@dataclass(slots=True)
+class _Anchored:
+    """A node with a name: how many nodes it holds, itself counted, and how deep they are nested."""
+
+    node: Node
+    size: int = 1
+    height: int = 0
 
 
 class _Composer:
@@ -114,85 +152,96 @@ class _Composer:
         self.source = source
         self.faults: list[Fault] = []
         self.root: Node | None = None
-        self._open: list[Mapping | Listing] = []
-        self._keys: list[Scalar | None] = []  # the key that waits for its value, for each open collection
-        self._anchors: dict[str, Node] = {}
-        self._sizes: dict[int, int] = {}
+        self._open: list[_Open] = []
+        self._anchors: dict[str, _Anchored] = {}
         self._count = 0
 
     def take(self, event: Any) -> None:
         mark = _mark(event)
         match event:
             case yaml.ScalarEvent():
+                self._no_tag(event.tag, mark)
                 quoted = bool(event.style)
                 scalar = Scalar(mark, event.value, event.value if quoted else plain(event.value), quoted)
                 self._anchor(event.anchor, scalar)
-                self._add(scalar)
+                self._add(scalar, mark)
             case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
+                self._no_tag(event.tag, mark)
                 node: Mapping | Listing = Mapping(mark) if isinstance(event, yaml.MappingStartEvent) else Listing(mark)
-                if len(self._open) >= MAX_DEPTH:
-                    self._fatal(mark, f"nested more than {MAX_DEPTH} deep")
-                self._open.append(node)
-                self._keys.append(None)
-                self._sizes[id(node)] = self._count
+                self._open.append(_Open(node, self._count, event.anchor))
+                self._check_depth(mark, 0)
                 self._anchor(event.anchor, node)
             case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
-                node = self._open.pop()
-                self._keys.pop()
-                self._sizes[id(node)] = self._count - self._sizes[id(node)] + 1
-                self._add(node)
+                self._close(self._open.pop())
             case yaml.AliasEvent():
                 self._alias(event.anchor, mark)
             case yaml.DocumentStartEvent() if self.root is not None:
-                self._fatal(mark, "a second document begins here", "keep one mission in one file")
+                self._fatal(mark, "a second document begins here", "keep each in a file of its own")
             case _:
                 pass
 
+    def _no_tag(self, tag: str | None, mark: Mark) -> None:
+        if tag is not None:
+            hint = "put quotes around a text that begins with '!'"
+            note(self.faults, Fault(self.source, mark, "a YAML tag, which means nothing here", hint))
+
+    def _check_depth(self, mark: Mark, more: int) -> None:
+        if len(self._open) + more > MAX_DEPTH:
+            self._fatal(mark, f"nested more than {MAX_DEPTH} deep")
+
     def _anchor(self, name: str | None, node: Node) -> None:
         if name is not None:
-            self._anchors[name] = node
+            self._anchors[name] = _Anchored(node)
+
+    def _close(self, closed: _Open) -> None:
+        anchored = self._anchors.get(closed.anchor or "")
+        if anchored is not None and anchored.node is closed.node:
+            anchored.size, anchored.height = self._count - closed.before + 1, closed.height
+        self._add(closed.node, closed.node.mark, height=closed.height)
 
     def _alias(self, name: str | None, mark: Mark) -> None:
-        node = self._anchors.get(name or "")
-        if node is None:
-            self._fatal(mark, f"unknown alias '*{name}'")
-            return
-        if any(node is outer for outer in self._open):
+        found = self._anchors.get(name or "")
+        if found is None:
+            self._fatal(mark, f"unknown alias '*{name}'", "put quotes around a text that begins with '*'")
+        if any(found.node is outer.node for outer in self._open):
             self._fatal(mark, f"alias '*{name}' stands inside what it names")
         # An alias costs what it expands to: this is what makes a "YAML bomb" harmless.
-        self._count += self._sizes.get(id(node), 1) - 1
-        self._add(node, at=mark)
+        self._check_depth(mark, found.height)
+        self._count += found.size - 1
+        self._add(found.node, mark, height=found.height)
 
-    def _add(self, node: Node, *, at: Mark | None = None) -> None:
+    def _add(self, node: Node, mark: Mark, *, height: int = 0) -> None:
         self._count += 1
         if self._count > MAX_NODES:
-            self._fatal(at or node.mark, f"more than {MAX_NODES:,} nodes, aliases counted")
+            self._fatal(mark, f"more than {MAX_NODES:,} nodes, aliases counted")
         if not self._open:
             self.root = node
             return
-        parent, key = self._open[-1], self._keys[-1]
-        if isinstance(parent, Listing):
-            parent.items.append(node)
-        elif key is None:
-            self._keys[-1] = self._as_key(node, at or node.mark)
+        parent = self._open[-1]
+        parent.height = max(parent.height, height + 1)
+        if isinstance(parent.node, Listing):
+            parent.node.items.append(node)
+        elif parent.key is None:
+            parent.key = self._as_key(node, mark)
         else:
-            if key.text in parent.keys():  # noqa: SIM118 - Mapping is ours: `in` would look for a node
-                first = next(name for name, _ in parent.entries if name.text == key.text)
-                self.faults.append(
-                    Fault(self.source, key.mark, f"'{key.text}' stands here again (first at line {first.mark.line})")
-                )
-            parent.entries.append((key, node))
-            self._keys[-1] = None
+            self._check_twice(parent, parent.key)
+            parent.node.entries.append((parent.key, node))
+            parent.key = None
+
+    def _check_twice(self, parent: _Open, key: Scalar) -> None:
+        if key.text in parent.keys:
+            message = f"'{key.text}' stands here again (first at line {parent.keys[key.text]})"
+            note(self.faults, Fault(self.source, key.mark, message))
+        parent.keys.setdefault(key.text, key.mark.line)
 
     def _as_key(self, node: Node, mark: Mark) -> Scalar:
         if isinstance(node, Scalar):
             return Scalar(mark, node.text, node.value, node.quoted)
-        self.faults.append(
-            Fault(self.source, mark, "a key must be a plain word", 'write "${...}" in quotes inside { } and [ ]')
-        )
+        hint = 'write "${...}" in quotes inside { } and [ ]'
+        note(self.faults, Fault(self.source, mark, "a key must be a plain word", hint))
         return Scalar(mark, "?", None)
 
-    def _fatal(self, mark: Mark, message: str, suggestion: str = "") -> None:
+    def _fatal(self, mark: Mark, message: str, suggestion: str = "") -> NoReturn:
         self.faults.append(Fault(self.source, mark, message, suggestion))
         raise _FatalFaultError
 
@@ -201,13 +250,13 @@ def plain(text: str) -> Plain:
     """Return what an unquoted word means: a number, true, false, null, or the text itself."""
     if text in _WORDS:
         return _WORDS[text]
-    if _NUMBER.fullmatch(text):
-        digits = text.replace("_", "")
-        try:
-            return int(digits)
-        except ValueError:
-            return float(digits)
-    return text
+    if not _NUMBER.fullmatch(text):
+        return text
+    digits = text.replace("_", "")
+    number = Bare(digits)
+    if not math.isfinite(number):  # nobody means that: it stays a word, which is no number where one is needed
+        return text
+    return int(digits) if digits.lstrip("-+").isdigit() else number
 
 
 def _mark(event: Any) -> Mark:
@@ -216,41 +265,3 @@ def _mark(event: Any) -> Mark:
         return Mark()
     length = end.column - start.column if end.line == start.line else 1
     return Mark(start.line + 1, start.column + 1, max(1, length))
-
-
-def _syntax(source: Source, error: yaml.YAMLError) -> Fault:
-    """Say what the parser stumbled on, in words that help."""
-    if isinstance(error, yaml.reader.ReaderError):
-        before = source.text[: error.position]
-        mark = Mark(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
-        return Fault(source, mark, f"a character that YAML does not allow: {error.character!r}")
-    where = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    mark = Mark(where.line + 1, where.column + 1) if where is not None else Mark()
-    line = source.line(mark.line)
-    problem = getattr(error, "problem", None) or str(error)
-    if "\t" in line[: len(line) - len(line.lstrip())] or "'\\t'" in problem:
-        column = line.find("\t") + 1 or mark.column
-        return Fault(source, Mark(mark.line, column), "a tab in the indentation", "indent with blanks")
-    bare = _bare_word_above(source, mark.line)
-    if bare is not None:
-        word, place = bare
-        return Fault(source, place, f"'{word}' has something beside it, so it needs a colon", f"write '- {word}:'")
-    suggestion = ""
-    if "${" in line and ("{" in line.replace("${", "") or "[" in line):
-        suggestion = 'inside { } and [ ], put quotes around "${...}"'
-    elif ": " in line.partition(": ")[2]:
-        suggestion = "put quotes around a text that contains ': '"
-    return Fault(source, mark, f"not YAML: {problem}", suggestion)
-
-
-def _bare_word_above(source: Source, number: int) -> tuple[str, Mark] | None:
-    """Find the commonest slip: ``- find_face`` with ``timeout: 5 s`` under it, where ``- find_face:`` is meant."""
-    if not re.match(r"\s*\w+:(\s|$)", source.line(number)):
-        return None
-    while number > 1:
-        number -= 1
-        line = source.line(number)
-        if line.strip() and not line.lstrip().startswith("#"):
-            found = re.match(r"(\s*- +)(\w+)\s*(#.*)?$", line)
-            return (found[2], Mark(number, len(found[1]) + 1, len(found[2]))) if found else None
-    return None

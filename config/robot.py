@@ -165,6 +165,8 @@ def _head(fields: Fields | None) -> HeadConfig | None:
         pan=_servo(fields.section("pan", required=True), 0),
         tilt=_servo(fields.section("tilt", required=True), 1),
     )
+    if head.pan.index == head.tilt.index and not fields.faults:
+        fields.fault(fields.node.mark, f"'pan' and 'tilt' are both on servo {head.pan.index}")
     fields.done()
     return head
 
@@ -195,11 +197,13 @@ def _arm(fields: Fields | None) -> ArmConfig | None:
     if section is not None:
         owners: dict[int, str] = {}
         for key, node in section.entries():
-            joint = _joint(section, key.text, node)
-            if joint.id in owners:
-                section.fault(node.mark, f"'{key.text}' has id {joint.id}, as '{owners[joint.id]}' has")
-            owners[joint.id] = key.text
-            joints[key.text] = joint
+            mistakes = len(section.faults)
+            joints[key.text] = joint = _joint(section, key.text, node)
+            if len(section.faults) > mistakes:
+                continue
+            owner = owners.setdefault(joint.id, key.text)
+            if owner != key.text:
+                section.fault(key.mark, f"joint '{key.text}' has id {joint.id}, as '{owner}' has")
     arm = ArmConfig(
         port=fields.text("port"),
         baud=fields.integer("baud", 1_000_000, low=1),

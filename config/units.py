@@ -18,7 +18,10 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """The units of each dimension, and how many SI units one of them is. A share is 0..1 inside."""
 
-_EXAMPLES = {
+LONGEST = 60
+"""As many characters of a value are shown in a message."""
+
+EXAMPLES = {
     "angle": "30 deg",
     "length": "0.5 m",
     "duration": "2 s",
@@ -30,8 +33,14 @@ _EXAMPLES = {
     "share": "20 %",
     "voltage": "12 V",
 }
+"""A quantity of each dimension, for messages."""
 _DIMENSION_OF = {unit: dimension for dimension, units in UNITS.items() for unit in units}
-_WRITTEN = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%°][A-Za-z/^2°%]*)")
+_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_WRITTEN = re.compile(rf"({_NUMBER})\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
+
+
+class Bare(float):
+    """A number that stands in a file without a unit: never taken for a quantity, as one that was calculated may be."""
 
 
 class Quantity(float):
@@ -58,12 +67,13 @@ class Quantity(float):
 
 
 def quantity(text: str) -> Quantity | None:
-    """Read ``text`` as a number with a unit that we know; None when it is something else."""
+    """Read ``text`` as a finite number with a unit that we know; None when it is something else."""
     found = _WRITTEN.fullmatch(text.strip())
     if found is None or found[2] not in _DIMENSION_OF:
         return None
     dimension = _DIMENSION_OF[found[2]]
-    return Quantity(float(found[1]) * UNITS[dimension][found[2]], dimension, text.strip())
+    value = float(found[1]) * UNITS[dimension][found[2]]
+    return Quantity(value, dimension, text.strip()) if math.isfinite(value) else None
 
 
 def in_dimension(value: object, dimension: str) -> float:
@@ -71,26 +81,34 @@ def in_dimension(value: object, dimension: str) -> float:
 
     Raises ValueError that names what was expected: for a bare number, another dimension, an unknown unit, infinity.
     """
-    example = f"{article(dimension)} such as '{_EXAMPLES[dimension]}'"
+    example = f"{article(dimension)} such as '{EXAMPLES[dimension]}'"
     found = value if isinstance(value, Quantity) else quantity(value) if isinstance(value, str) else None
     if found is None:
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            raise ValueError(f"needs {example}: '{value}' has no unit ({_listed(dimension)})")
-        written = _WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
-        if written is not None:
-            raise ValueError(f"needs {example}: unknown unit '{written[2]}' ({_listed(dimension)})")
-        raise ValueError(f"needs {example}, got {_shown(value)}")
+        raise ValueError(f"needs {example}{_what_is_wrong(value, dimension)}")
     if found.dimension != dimension:
-        raise ValueError(f"needs {example}, got {article(found.dimension)}: '{found}'")
+        raise ValueError(f"needs {example}, got {article(found.dimension)}: {seen(found.text)}")
     if not math.isfinite(found):
-        raise ValueError(f"needs {example}: '{found}' is not finite")
+        raise ValueError(f"needs {example}: {seen(found.text)} is not finite")
     return float(found)
+
+
+def _what_is_wrong(value: object, dimension: str) -> str:
+    units = "units: " + ", ".join(UNITS[dimension])
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f": {seen(value)} has no unit ({units})"
+    text = value.strip() if isinstance(value, str) else ""
+    written = _WRITTEN.fullmatch(text)
+    if written is None:
+        return f": {seen(value)} has no unit ({units})" if re.fullmatch(_NUMBER, text) else f", got {seen(value)}"
+    if written[2] in _DIMENSION_OF:
+        return f": {seen(value)} is too large"
+    return f": unknown unit {seen(written[2])} ({units})"
 
 
 def written(value: float, dimension: str) -> str:
     """Write an SI value as people do: angles in degrees, the rest in its first unit ("0.5 m")."""
     unit, factor = next(iter(UNITS[dimension].items()))
-    return f"{round(value / factor, 4):g} {unit}"
+    return f"{round(value / factor, 4) + 0.0:g} {unit}"
 
 
 def article(dimension: str) -> str:
@@ -98,13 +116,13 @@ def article(dimension: str) -> str:
     return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
-def _listed(dimension: str) -> str:
-    return "units: " + ", ".join(UNITS[dimension])
-
-
-def _shown(value: object) -> str:
+def seen(value: object) -> str:
+    """Write a value into a message, as the file has it: in quotes, and cut where it is long."""
     if value is None:
         return "nothing"
-    if isinstance(value, str | bool | int | float):
-        return f"'{value}'"
+    if isinstance(value, bool):
+        return "'true'" if value else "'false'"
+    if isinstance(value, str | int | float):
+        text = str(value)
+        return f"'{text}'" if len(text) <= LONGEST else f"'{text[:LONGEST]}...'"
     return "a list" if isinstance(value, list | tuple) else "a mapping"

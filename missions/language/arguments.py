@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from py_trees.common import Status
@@ -9,9 +10,9 @@ from py_trees.common import Status
 from behaviours.leaf import Argument, Leaf
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
-from config.units import UNITS, in_dimension, quantity, written
+from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from missions.language.notes import Notes
-from missions.language.values import Convert, Value, shown
+from missions.language.values import Convert, Value, in_si, shown, whole
 
 OUTCOMES = {"running": Status.RUNNING, "success": Status.SUCCESS, "failure": Status.FAILURE}
 
@@ -33,8 +34,7 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
         if principal is not None:
             values[principal.name] = read_argument(notes, principal, node, f"'{leaf.word}'")
         else:
-            takes = f"; write {leaf.word}: {{{', '.join(declared)}: ...}}" if declared else " none"
-            notes.fault(node.mark, f"'{leaf.word}' takes no argument without a name{takes if declared else ''}")
+            _no_principal(notes, leaf, node)
     return values | _defaults(notes, leaf, key, values)
 
 
@@ -51,11 +51,21 @@ def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Valu
     return values
 
 
+def _no_principal(notes: Notes, leaf: type[Leaf], node: Node) -> None:
+    if leaf.arguments:
+        hint = f"write {leaf.word}: {{{next(iter(leaf.arguments))}: ...}}; it has {', '.join(leaf.arguments)}"
+        notes.fault(node.mark, f"'{leaf.word}' needs its arguments by name", hint)
+    else:
+        notes.fault(node.mark, f"'{leaf.word}' takes no argument")
+
+
 def _read_open(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | None) -> dict[str, Value]:
     """Read a leaf whose argument names are the mission's own, such as ``set``."""
     if not isinstance(node, Mapping) or not node.entries:
         notes.fault(key.mark, f"'{leaf.word}' needs names and values", f"write {leaf.word}: {{count: 1}}")
         return {}
+    for name, _ in node.entries:
+        notes.new_name(name, "a variable")
     anything = Argument("", "value", "")
     return {name.text: read_argument(notes, anything, given, f"'{name.text}'") for name, given in node.entries}
 
@@ -66,24 +76,36 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
     if argument.span:
         return _read_span(notes, argument, node, what)
     if isinstance(node, Scalar):
-        return notes.value(node, what, convert)
+        return notes.value(_as_meant(notes, argument, node), what, convert)
     if argument.kind == "outcomes" and isinstance(node, Listing):
         return notes.constant(node, [_scalar(item) for item in node.items], what, convert)
     if argument.kind == "value":
-        return notes.constant(node, _plain(node), what, convert)
-    notes.fault(node.mark, f"{what} needs one value, not a {'list' if isinstance(node, Listing) else 'mapping'}")
+        return notes.constant(node, _plain(notes, node), what, convert)
+    notes.fault(node.mark, f"{what} needs one value, not {_form(node)}")
     return Value()
 
 
+def _as_meant(notes: Notes, argument: Argument, node: Scalar) -> Scalar:
+    """Return ``node`` with the value that it has for this argument: a text is a text even where it looks like 007."""
+    if node.value is None:
+        return node
+    if argument.kind == "text" or argument.kind in notes.things:
+        return replace(node, value=node.text)
+    return replace(node, value=default_value(node)) if argument.kind == "value" else node
+
+
+def default_value(node: Scalar) -> str | float | bool | None:
+    """Return what a scalar means where anything may stand: what looks like a quantity is one, unless it is quoted."""
+    found = None if node.quoted else quantity(node.text)
+    return node.value if found is None else found
+
+
 def _read_span(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
-    example = f"two values, such as [{written(0, argument.kind)}, {written(1, argument.kind)}]"
+    example = f"two values, such as [{written(0, argument.kind)}, {EXAMPLES[argument.kind]}]"
     if not isinstance(node, Listing) or len(node.items) != 2:
         notes.fault(node.mark, f"{what} needs {example}")
         return Value()
-    ends = [
-        notes.value(item, what, converter(notes, argument)) if isinstance(item, Scalar) else Value()
-        for item in node.items
-    ]
+    ends = [read_argument(notes, replace(argument, span=False), item, what) for item in node.items]
     low, high = ends[0].constant, ends[1].constant
     if isinstance(low, float) and isinstance(high, float):
         if low >= high:
@@ -105,11 +127,10 @@ def converter(notes: Notes, argument: Argument) -> Convert:
 
 
 def _measure(argument: Argument, value: object) -> float:
-    # A number that an expression has calculated is in SI units already; one that stands in the file must say its unit.
-    si = value if type(value) is float else in_dimension(value, argument.kind)
+    si = in_si(value, argument.kind)
     if not argument.low <= si <= argument.high:
         raise ValueError(_bounds(argument, lambda bound: written(bound, argument.kind)))
-    return float(si)
+    return si
 
 
 def _find(lookup: Callable[[str], object], value: object) -> object:
@@ -118,44 +139,49 @@ def _find(lookup: Callable[[str], object], value: object) -> object:
 
 def _text(argument: Argument, value: object) -> str:
     del argument
+    if value is None:
+        raise ValueError("needs a text, got nothing")
     return shown(value)
 
 
 def _number(argument: Argument, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"needs a number, got '{shown(value)}'")
+    if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
+        raise ValueError(f"needs a number, got {seen(value)}")
     if not argument.low <= value <= argument.high:
         raise ValueError(_bounds(argument, lambda bound: f"{bound:g}"))
     return float(value)
 
 
 def _count(argument: Argument, value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
-        raise ValueError(f"needs a whole number, got '{shown(value)}'")
-    return int(_number(argument, value))
+    number = whole(value)
+    if number is None:
+        raise ValueError(f"needs a whole number, got {seen(value)}")
+    _number(argument, number)
+    return number
 
 
 def _flag(argument: Argument, value: object) -> bool:
     del argument
     if not isinstance(value, bool):
-        raise ValueError(f"needs true or false, got '{shown(value)}'")
+        raise ValueError(f"needs true or false, got {seen(value)}")
     return value
 
 
 def _anything(argument: Argument, value: object) -> object:
     del argument
-    return known_quantity(value)
+    return value
 
 
 def _outcomes(argument: Argument, value: object) -> tuple[Status, ...]:
     del argument
-    words = [shown(word) for word in value] if isinstance(value, list) else [shown(value)]
-    for word in words:
-        if word not in OUTCOMES:
-            raise ValueError(f"takes a list of running, success and failure, got '{word}'")
-    if not words:
+    found = []
+    for word in value if isinstance(value, list) else [value]:
+        if not isinstance(word, str) or word not in OUTCOMES:
+            raise ValueError(f"takes a list of running, success and failure, got {seen(word)}")
+        found.append(OUTCOMES[word])
+    if not found:
         raise ValueError("needs at least one of running, success and failure")
-    return tuple(OUTCOMES[word] for word in words)
+    return tuple(found)
 
 
 _PLAIN: dict[str, Callable[[Argument, object], object]] = {
@@ -168,12 +194,6 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
 }
 
 
-def known_quantity(value: object) -> object:
-    """Return a text such as "30 deg" as a quantity, anything else as it is."""
-    found = quantity(value) if isinstance(value, str) else None
-    return value if found is None else found
-
-
 def _bounds(argument: Argument, show: Callable[[float], str]) -> str:
     if math.isinf(argument.high):
         return f"must be at least {show(argument.low)}"
@@ -183,13 +203,19 @@ def _bounds(argument: Argument, show: Callable[[float], str]) -> str:
 
 
 def _scalar(node: Node) -> object:
-    return node.value if isinstance(node, Scalar) else None
+    return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
 
 
-def _plain(node: Node) -> object:
+def _form(node: Node) -> str:
+    return "a list" if isinstance(node, Listing) else "a mapping"
+
+
+def _plain(notes: Notes, node: Node) -> object:
     """Return a node as plain lists, dicts and values."""
-    if isinstance(node, Scalar):
-        return known_quantity(node.value)
     if isinstance(node, Listing):
-        return [_plain(item) for item in node.items]
-    return {key.text: _plain(value) for key, value in node.entries}
+        return [_plain(notes, item) for item in node.items]
+    if isinstance(node, Mapping):
+        return {key.text: _plain(notes, value) for key, value in node.entries}
+    if "${" in node.text:
+        notes.fault(node.mark, "'${...}' cannot stand inside a list or a mapping", "set a variable of its own to it")
+    return default_value(node)

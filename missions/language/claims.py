@@ -1,6 +1,6 @@
 """Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
 
-from itertools import combinations
+from collections import defaultdict
 
 from config.units import article
 from missions.language.notes import Notes
@@ -12,13 +12,16 @@ def check_claims(notes: Notes, tree: Step) -> None:
     for step in tree.walk():
         if step.kind not in ("parallel", "race"):
             continue
-        for first, second in combinations(step.children, 2):
-            for part in sorted(first.claims & second.claims):
-                here, there = _claimant(second, part), _claimant(first, part)
-                other = f"'{there.kind}' (line {there.mark.line})"
+        claimants: dict[str, list[Step]] = defaultdict(list)
+        for child in step.children:
+            for part in sorted(child.claims):
+                claimants[part].append(_claimant(child, part))
+        for part, (first, *others) in claimants.items():
+            for other in others:
                 notes.fault(
-                    here.mark,
-                    f"'{here.kind}' and {other} can both drive the {part} at the same time",
+                    other.mark,
+                    f"'{other.kind}' and '{first.kind}' (line {first.mark.line}) can both drive the {part} "
+                    "at the same time",
                     "put one after the other in a sequence",
                 )
 

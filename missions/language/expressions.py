@@ -5,65 +5,71 @@ anything but the plain functions below, or touch an attribute that starts with a
 """
 
 import ast
-import operator
-from collections.abc import Callable, Mapping
+import re
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-FUNCTIONS: dict[str, Callable[..., object]] = {"min": min, "max": max, "abs": abs, "round": round, "len": len}
-"""What an expression may call."""
+from config.units import Bare, seen
+from missions.language.operators import (
+    BINARY,
+    COMPARE,
+    FUNCTIONS,
+    UNARY,
+    calculate,
+    combine,
+    compare,
+    listing,
+    out_of_range,
+)
 
 WORDS = {"true": True, "false": False, "null": None, "none": None}
 """Constants, as YAML writes them."""
 
 MAX_LENGTH = 1000
-
-_BINARY: dict[type[ast.operator], Callable[[Any, Any], object]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv,
-    ast.Mod: operator.mod,
-}
-_UNARY: dict[type[ast.unaryop], Callable[[Any], object]] = {
-    ast.Not: operator.not_,
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-}
-_COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], object]] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.In: lambda item, among: item in among,
-    ast.NotIn: lambda item, among: item not in among,
-}
+"""Characters of an expression."""
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be read or evaluated; ``column`` counts from 0 within it, None where unknown."""
+    """An expression that cannot be read or evaluated.
 
-    def __init__(self, message: str, column: int | None = None) -> None:
+    ``column`` (from 0, None where unknown) and ``length`` say where in the text that ``parse`` was given.
+    """
+
+    def __init__(self, message: str, column: int | None = None, length: int = 1) -> None:
         super().__init__(message)
         self.column = column
+        self.length = length
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """One name that an expression reads, with the first member if there is one ("percent" of ``battery.percent``)."""
+
+    name: str
+    member: str
+    column: int
+    length: int
+
+    @property
+    def dotted(self) -> str:
+        """Name and member, as they are written."""
+        return f"{self.name}.{self.member}" if self.member else self.name
 
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A parsed expression."""
+    """A parsed expression, with all that it reads, in order."""
 
     text: str
     tree: ast.expr
+    reads: tuple[Read, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names that it reads, without members: ``battery`` for ``battery.percent``, in order, each once."""
-        called = {id(node.func) for node in ast.walk(self.tree) if isinstance(node, ast.Call)}
-        found = (node for node in ast.walk(self.tree) if isinstance(node, ast.Name) and id(node) not in called)
-        return tuple(dict.fromkeys(node.id for node in found if node.id not in WORDS))
+        return tuple(dict.fromkeys(read.name for read in self.reads))
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
         """Return its value, with the names of ``scope``. Raises ExpressionError, never anything else."""
@@ -72,55 +78,110 @@ class Expression:
         except ExpressionError:
             raise
         except ZeroDivisionError:
-            raise ExpressionError(f"'{self.text}' divides by zero") from None
+            raise ExpressionError(f"{seen(self.text)} divides by zero") from None
         except (TypeError, ValueError, OverflowError, RecursionError) as error:
-            raise ExpressionError(f"'{self.text}': {error}") from None
+            raise ExpressionError(f"{seen(self.text)}: {error}") from None
 
 
-def parse(text: str) -> Expression:
-    """Read an expression. Raises ExpressionError for what is not one, or not allowed."""
-    stripped = text.strip()
+def parse(text: str, column: int = 0) -> Expression:
+    """Read an expression, which begins at ``column`` of some text.
+
+    Raises ExpressionError for what is not one, or not allowed.
+    """
+    # As one line, so that columns are places in the text even where it goes over several.
+    line = re.sub(r"\s", " ", text)
+    stripped = line.strip()
+    column += len(line) - len(line.lstrip())
     if not stripped:
-        raise ExpressionError("an empty expression")
+        raise ExpressionError("an empty expression", column)
     if len(stripped) > MAX_LENGTH:
-        raise ExpressionError(f"an expression of more than {MAX_LENGTH} characters")
+        raise ExpressionError(f"an expression of more than {MAX_LENGTH} characters", column)
     try:
-        tree = ast.parse(stripped, mode="eval").body
+        with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
+            tree = ast.parse(stripped, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        column = error.offset - 1 if isinstance(error, SyntaxError) and error.offset else None
-        raise ExpressionError(f"'{stripped}' is not an expression", column) from None
+        cure, place = _cure(stripped), 0
+        if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
+            place = min((error.offset or len(stripped)) - 1, len(stripped) - 1)
+            cure = cure or ("; something is missing at its end" if error.offset == 0 else "")
+        raise ExpressionError(f"{seen(stripped)} is not an expression{cure}", column + max(0, place)) from None
     try:
         _check(tree)
+        return Expression(stripped, tree, _reads(stripped, tree, column))
+    except _NotAllowedError as error:
+        start, end = _characters(stripped, error.node)
+        raise ExpressionError(str(error), column + start, end - start) from None
     except RecursionError:
-        raise ExpressionError("an expression nested too deep") from None
-    return Expression(stripped, tree)
+        raise ExpressionError("an expression nested too deep", column) from None
 
 
-def _check(node: ast.expr) -> None:  # noqa: C901 - one arm for each form that is allowed: that is the allow-list
-    """Raise ExpressionError for a form that is not on the list."""
+def _cure(text: str) -> str:
+    """Say what to write for what other languages, and people, write."""
+    if "${" in text:
+        return "; write it without '${' and '}'"
+    for sign, word in (("&&", "and"), ("||", "or")):
+        if sign in text:
+            return f"; write '{word}' for '{sign}'"
+    if re.search(r"(?<![=!<>])=(?!=)", text):
+        return "; compare with '=='"
+    return "; write 'not' for '!'" if re.search("!(?!=)", text) else ""
+
+
+def _reads(text: str, tree: ast.expr, column: int) -> tuple[Read, ...]:
+    nodes = list(ast.walk(tree))
+    called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
+    members = {id(node.value): node for node in nodes if isinstance(node, ast.Attribute)}
+    found = []
+    for node in nodes:
+        if isinstance(node, ast.Name) and id(node) not in called and node.id not in WORDS:
+            member = members.get(id(node))
+            start, end = _characters(text, member or node)
+            found.append(Read(node.id, member.attr if member else "", column + start, end - start))
+    return tuple(sorted(found, key=lambda read: read.column))
+
+
+def _characters(text: str, node: ast.expr) -> tuple[int, int]:
+    """Return where in its line a node begins and ends, in characters: Python's parser counts bytes of UTF-8."""
+    data = text.encode()
+    end = len(data) if node.end_col_offset is None else node.end_col_offset
+    return len(data[: node.col_offset].decode()), len(data[:end].decode())
+
+
+class _NotAllowedError(Exception):
+    """A form that is not on the list; ``node`` is where."""
+
+    def __init__(self, message: str, node: ast.expr) -> None:
+        super().__init__(message)
+        self.node = node
+
+
+def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each form: the allow-list
+    """Raise _NotAllowedError for a form that is not on the list."""
     match node:
+        case ast.Constant(value=int() | float() as value) if out_of_range(value):
+            raise _NotAllowedError("a number out of range", node)
         case ast.Constant(value=int() | float() | str() | bool() | None) | ast.Name():
             return
         case ast.BoolOp(values=parts) | ast.List(elts=parts) | ast.Tuple(elts=parts):
             pass
-        case ast.UnaryOp(op=op, operand=part) if type(op) in _UNARY:
+        case ast.UnaryOp(op=op, operand=part) if type(op) in UNARY:
             parts = [part]
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in BINARY:
             parts = [left, right]
-        case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _COMPARE for op in ops):
+        case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in COMPARE for op in ops):
             parts = [left, *others]
         case ast.IfExp(test=test, body=body, orelse=orelse):
             parts = [test, body, orelse]
         case ast.Attribute(value=value, attr=name):
             if name.startswith("_"):
-                raise ExpressionError(f"'{name}' is private", node.col_offset)
+                raise _NotAllowedError(f"{seen(name)} is private", node)
             parts = [value]
-        case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]):
+        case ast.Call(func=ast.Name(id=name) as function, args=parts, keywords=[]):
             if name not in FUNCTIONS:
                 known = ", ".join(FUNCTIONS)
-                raise ExpressionError(f"'{name}' cannot be called; the functions are {known}", node.col_offset)
+                raise _NotAllowedError(f"{seen(name)} cannot be called; the functions are {known}", function)
         case _:
-            raise ExpressionError(f"'{ast.unparse(node)}' is not allowed in an expression", node.col_offset)
+            raise _NotAllowedError(f"{seen(ast.unparse(node))} is not allowed in an expression", node)
     for part in parts:
         _check(part)
 
@@ -128,7 +189,7 @@ def _check(node: ast.expr) -> None:  # noqa: C901 - one arm for each form that i
 def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901 - see _check
     match node:
         case ast.Constant(value=value):
-            return value
+            return Bare(value) if isinstance(value, float) else value
         case ast.Name(id=name):
             return _named(name, scope)
         case ast.BoolOp(op=ast.And(), values=parts):
@@ -136,21 +197,23 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901 - 
         case ast.BoolOp(values=parts):
             return any(_value(part, scope) for part in parts)
         case ast.List(elts=parts) | ast.Tuple(elts=parts):
-            return [_value(part, scope) for part in parts]
+            return listing([_value(part, scope) for part in parts])
+        case ast.UnaryOp(op=ast.Not(), operand=part):
+            return not _value(part, scope)
         case ast.UnaryOp(op=op, operand=part):
-            return _UNARY[type(op)](_value(part, scope))
+            return calculate(UNARY[type(op)], _value(part, scope))
         case ast.BinOp(left=left, op=op, right=right):
-            return _combine(op, _value(left, scope), _value(right, scope))
+            return combine(op, _value(left, scope), _value(right, scope))
         case ast.Compare(left=left, ops=ops, comparators=others):
             values = [_value(part, scope) for part in (left, *others)]
-            return all(_COMPARE[type(op)](a, b) for op, a, b in zip(ops, values, values[1:], strict=False))
+            return all(compare(op, a, b) for op, a, b in zip(ops, values, values[1:], strict=False))
         case ast.IfExp(test=test, body=body, orelse=orelse):
             return _value(body if _value(test, scope) else orelse, scope)
         case ast.Attribute(value=value, attr=name):
             return _member(_value(value, scope), name)
         case ast.Call(func=ast.Name(id=name), args=parts):
             return FUNCTIONS[name](*[_value(part, scope) for part in parts])
-    raise ExpressionError(f"'{ast.unparse(node)}' is not allowed in an expression")
+    raise ExpressionError(f"{seen(ast.unparse(node))} is not allowed in an expression")
 
 
 def _named(name: str, scope: Mapping[str, object]) -> object:
@@ -161,23 +224,15 @@ def _named(name: str, scope: Mapping[str, object]) -> object:
     raise ExpressionError(f"'{name}' is not set")
 
 
-def _combine(op: ast.operator, left: Any, right: Any) -> object:
-    """Text adds to text only, and is never multiplied or formatted: a short line cannot fill the memory."""
-    if isinstance(left, str) or isinstance(right, str):
-        if isinstance(op, ast.Add) and isinstance(left, str) and isinstance(right, str):
-            return left + right
-        raise ExpressionError(f"cannot calculate with the text {left if isinstance(left, str) else right!r}")
-    if isinstance(left, list) or isinstance(right, list):
-        raise ExpressionError("cannot calculate with a list")
-    return _BINARY[type(op)](left, right)
-
-
 def _member(owner: object, name: str) -> object:
     if isinstance(owner, Mapping):
         if name in owner:
             return owner[name]
     elif owner is not None and not isinstance(owner, str | int | float | list):
-        found = getattr(owner, name, _MISSING)
+        try:
+            found = getattr(owner, name, _MISSING)
+        except Exception as error:  # a property may raise what it likes, such as a driver's error
+            raise ExpressionError(f"'{name}' cannot be read: {error}") from error
         if found is not _MISSING and not callable(found):
             return found
     raise ExpressionError(f"'{name}' is not there" + (": nothing is stored yet" if owner is None else ""))

@@ -1,13 +1,14 @@
 """The modifiers: what may stand beside a behaviour, and what value each takes."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from config.marked import Node, Scalar
-from config.units import in_dimension
+from config.units import seen
 from missions.language.expressions import ExpressionError, parse
 from missions.language.notes import Notes
-from missions.language.values import Value, shown
+from missions.language.values import Value, in_si, whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ def read_modifier(notes: Notes, word: str, node: Node) -> Value:
 
 def _duration(notes: Notes, word: str, node: Scalar) -> Value:
     def positive(value: object) -> float:
-        seconds = value if type(value) is float else in_dimension(value, "duration")
+        seconds = in_si(value, "duration")
         if seconds <= 0:
             raise ValueError("must be longer than 0 s")
         return seconds
@@ -42,37 +43,34 @@ def _count(notes: Notes, word: str, node: Scalar) -> Value:
     def count(value: object) -> int | None:
         if value == "forever":
             return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 1:
-            raise ValueError(f"needs a count of 1 or more, or forever, got '{shown(value)}'")
-        return int(value)
+        number = whole(value)
+        if number is None or number < 1:
+            raise ValueError(f"needs a count of 1 or more, or forever, got {seen(value)}")
+        return number
 
     return notes.value(node, f"'{word}'", count)
 
 
 def _condition(notes: Notes, word: str, node: Scalar) -> Value:
-    text = node.text.strip()
     # Both `if: count < 3` and `if: ${count < 3}` are what people write.
-    bare = text[2:-1] if text.startswith("${") and text.endswith("}") else text
+    hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", node.text, re.DOTALL)
     try:
-        expression = parse(bare)
+        expression = parse(hole[1], hole.start(1)) if hole else parse(node.text)
     except ExpressionError as error:
-        notes.fault(node.mark, f"'{word}': {error}")
+        notes.wrong_expression(node, error, f"'{word}'")
         return Value()
     return notes.computed(node, expression, f"'{word}'", bool)
 
 
-def _only(answer: object) -> Callable[[Notes, str, Scalar], Value]:
+def _only(answer: bool | str) -> Callable[[Notes, str, Scalar], Value]:
+    """Return a reader for a modifier that has one value."""
+
     def read(notes: Notes, word: str, node: Scalar) -> Value:
-        if node.value != answer:
-            notes.fault(node.mark, f"'{word}' takes only {shown_yaml(answer)}")
+        if type(node.value) is not type(answer) or node.value != answer:
+            notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
         return Value(answer)
 
     return read
-
-
-def shown_yaml(value: object) -> str:
-    """Write a constant as YAML does."""
-    return str(value).lower() if isinstance(value, bool) else f"'{value}'"
 
 
 MODIFIERS = {

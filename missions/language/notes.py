@@ -1,16 +1,24 @@
 """What the checker knows while it reads one mission, and the faults that it has found."""
 
+import keyword
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, Mark, Source, one_of
+from config.faults import Fault, Mark, Source, did_you_mean, note, one_of
 from config.marked import Node, Scalar
-from missions.language.expressions import Expression, ExpressionError
+from config.units import seen
+from missions.language.expressions import WORDS, Expression, ExpressionError, Read
+from missions.language.operators import FUNCTIONS
 from missions.language.values import Convert, Template, Value, template
 
-STATE = frozenset({"base", "battery", "face", "head"})
-"""The names under which expressions read the robot's state."""
+STATE = {
+    "base": ("x", "y", "heading", "bumper", "cliff", "wheel_drop"),
+    "battery": ("percent", "voltage", "charging"),
+    "face": ("seen", "count", "id", "distance", "bearing"),
+    "head": ("pan", "tilt"),
+}
+"""What expressions read of the robot's state: ``battery.percent``, ``face.seen``..."""
 
 Lookup = Callable[[str], object]
 """Finds a thing by its name; raises LookupError that says what is there."""
@@ -32,14 +40,21 @@ class Notes:
 
     def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
         """Note a mistake."""
-        self.faults.append(Fault(self.source, mark, message, suggestion))
+        note(self.faults, Fault(self.source, mark, message, suggestion))
+
+    def new_name(self, node: Scalar, what: str) -> None:
+        """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""
+        if not node.text.isidentifier():
+            self.fault(node.mark, f"{what} needs a plain word, got {seen(node.text)}", "such as 'last_seen'")
+        elif keyword.iskeyword(node.text) or node.text in {*STATE, *WORDS, *FUNCTIONS}:
+            self.fault(node.mark, f"{what} cannot be '{node.text}', which means something in expressions already")
 
     def value(self, node: Scalar, what: str, convert: Convert) -> Value:
         """Read a scalar: a constant, or a text with ``${...}`` to be filled; ``what`` begins the message of a fault."""
         try:
             filled = template(node.text)
         except ExpressionError as error:
-            self.fault(within(node, error.column or 0), f"{what}: {error}")
+            self.wrong_expression(node, error, what)
             return Value()
         if filled is None:
             return self.constant(node, node.value, what, convert)
@@ -55,16 +70,10 @@ class Notes:
 
     def computed(self, node: Scalar, formula: Template | Expression, what: str, convert: Convert) -> Value:
         """Check the names that an expression reads; where all are params its value is known now."""
-        names = formula.names
-        known = {*self.params, *self.stored, *STATE}
-        for name in names:
-            if name not in known:
-                self.fault(
-                    within(node, max(0, node.text.find(name)), len(name)),
-                    f"{what}: unknown name '{name}'",
-                    one_of(name, known),
-                )
-        if any(name not in self.params or name in self.stored for name in names):
+        known = [self._known(node, read, what) for read in formula.reads]
+        if not all(known):
+            return Value()
+        if any(read.name not in self.params or read.name in self.stored for read in formula.reads):
             return Value(template=formula, convert=convert)
         try:
             found = formula.evaluate(self.params)
@@ -73,7 +82,27 @@ class Notes:
             return Value()
         return self.constant(node, found, what, convert)
 
+    def wrong_expression(self, node: Scalar, error: ExpressionError, what: str) -> None:
+        """Note an expression that cannot be read, at its place in ``node``."""
+        self.fault(self._within(node, error.column or 0, error.length), f"{what}: {error}")
 
-def within(node: Scalar, column: int, length: int = 1) -> Mark:
-    """Return the place of a character in a scalar's text."""
-    return Mark(node.mark.line, node.mark.column + column + node.quoted, length)
+    def _known(self, node: Scalar, read: Read, what: str) -> bool:
+        """Note a name that nothing can give a value to."""
+        if read.name in self.params or read.name in self.stored or read.member in STATE.get(read.name, ()):
+            return True
+        state = [f"{name}.{member}" for name, members in STATE.items() for member in members]
+        if read.name in STATE:
+            hint = one_of(read.dotted, [name for name in state if name.startswith(f"{read.name}.")])
+        else:
+            own = sorted({*self.params, *self.stored})
+            hint = did_you_mean(read.dotted, [*own, *state]) or f"known are: {', '.join([*own, *STATE])}"
+        mark = self._within(node, read.column, read.length)
+        self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", hint)
+        return False
+
+    def _within(self, node: Scalar, column: int, length: int) -> Mark:
+        """Return the place of a part of a scalar's text: the whole of it where the file writes it otherwise."""
+        begin = node.mark.column - 1 + node.quoted
+        if self.source.line(node.mark.line).startswith(node.text[: column + length], begin):
+            return Mark(node.mark.line, begin + column + 1, length)
+        return node.mark

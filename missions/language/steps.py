@@ -1,7 +1,10 @@
 """From YAML nodes to steps: a word, one key with a value, a mapping or a list, and the modifiers beside it."""
 
-from config.faults import one_of
+import re
+
+from config.faults import did_you_mean
 from config.marked import Listing, Mapping, Node, Scalar
+from config.units import seen
 from missions.language.arguments import read_arguments
 from missions.language.modifiers import MODIFIERS, read_modifier
 from missions.language.notes import Notes
@@ -10,12 +13,14 @@ from missions.language.plan import COMPOSITES, Step
 BESIDE = ("name", "as")
 """What may stand beside a behaviour without wrapping it."""
 
+MISSING = "a behaviour is missing here"
+
 
 def read_step(notes: Notes, node: Node) -> Step | None:
     """Read one node of the tree; None where it is too wrong to go on."""
     if isinstance(node, Scalar):
         if node.value is None:
-            notes.fault(node.mark, "a behaviour is missing here")
+            notes.fault(node.mark, MISSING)
             return None
         return _behaviour(notes, node, None, None)
     if isinstance(node, Listing):
@@ -25,57 +30,63 @@ def read_step(notes: Notes, node: Node) -> Step | None:
 
 
 def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
-    behaviours = []
+    behaviours = [(key, value) for key, value in node.entries if key.text in notes.leaves or key.text in COMPOSITES]
     for key, value in node.entries:
-        if key.text in notes.leaves or key.text in COMPOSITES:
-            behaviours.append((key, value))
-        elif key.text not in MODIFIERS and key.text not in BESIDE:
-            words = [*notes.leaves, *COMPOSITES, *MODIFIERS, *BESIDE]
-            beside = any(name in notes.leaves or name in COMPOSITES for name in node.keys())  # noqa: SIM118
-            what = "modifier" if beside else "behaviour"
-            notes.fault(key.mark, f"unknown {what} '{key.text}'", one_of_few(key.text, words))
-    if not behaviours:
-        if all(key.text in MODIFIERS or key.text in BESIDE for key in (key for key, _ in node.entries)):
-            notes.fault(node.mark, "no behaviour here, only what may stand beside one")
-        return None
+        if not (key.text in notes.leaves or key.text in COMPOSITES or key.text in MODIFIERS or key.text in BESIDE):
+            _unknown(notes, key, "modifier" if behaviours else "behaviour", [*MODIFIERS, *BESIDE])
+            _read_below(notes, value)
+    if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
+        notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING)
     for key, _ in behaviours[1:]:
-        notes.fault(
-            key.mark,
-            f"a second behaviour, '{key.text}', beside '{behaviours[0][0].text}'",
-            "begin it with '- ' in a sequence, or indent it",
-        )
-    key, value = behaviours[0]
-    step = _behaviour(notes, key, value, node)
+        first = behaviours[0][0].text
+        if key.text != first:  # the same word twice is a key that stands twice, which has been noted
+            hint = "begin it with '- ' in a sequence, or indent it"
+            notes.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
+    step = _behaviour(notes, *behaviours[0], node) if behaviours else None
     for word, given in node.entries:
         if word.text in MODIFIERS:
-            wrapped = read_modifier(notes, word.text, given)
+            setting = read_modifier(notes, word.text, given)
             if step is not None:
-                step = Step(word.text, step.name, word.mark, (step,), arguments={"value": wrapped})
+                step = Step(word.text, step.name, word.mark, (step,), arguments={"value": setting})
     return step
 
 
 def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
     """Read the behaviour itself, with the name and the variable that stand beside it."""
-    name = _word_beside(notes, beside, "name") or key.text
+    name = _word_beside(notes, beside, "name")
     keep_as = _word_beside(notes, beside, "as")
-    if key.text in COMPOSITES:
-        if keep_as is not None:
-            notes.fault(key.mark, f"'{key.text}' finds nothing out that 'as' could keep")
-        return Step(key.text, name, key.mark, _children(notes, key, value))
     leaf = notes.leaves.get(key.text)
-    if leaf is None:
-        notes.fault(key.mark, f"unknown behaviour '{key.text}'", one_of_few(key.text, [*notes.leaves, *COMPOSITES]))
+    if leaf is None and key.text not in COMPOSITES:
+        _unknown(notes, key, "behaviour", [])
         return None
-    if keep_as is not None and not leaf.stores:
-        notes.fault(key.mark, f"'{key.text}' finds nothing out that 'as' could keep")
+    if keep_as is not None:
+        notes.new_name(keep_as, "'as'")
+        if leaf is None or not leaf.stores:
+            notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep")
+    shown = name.text if name is not None else key.text
+    if leaf is None:
+        return Step(key.text, shown, key.mark, _children(notes, key, value))
     arguments = read_arguments(notes, leaf, key, value)
-    return Step(key.text, name, key.mark, leaf=leaf, arguments=arguments, keep_as=keep_as)
+    kept = keep_as.text if keep_as is not None else None
+    return Step(key.text, shown, key.mark, leaf=leaf, arguments=arguments, keep_as=kept)
 
 
-def one_of_few(word: str, known: list[str]) -> str:
-    """Return the closest word, or where the whole list can be seen."""
-    close = one_of(word, known)
-    return close if close.startswith("did you mean") else "`mission behaviours` lists what there is"
+def _unknown(notes: Notes, key: Scalar, what: str, more: list[str]) -> None:
+    """Note an unknown word, with what may have been meant."""
+    words = [*notes.leaves, *COMPOSITES, *more]
+    found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
+    if found is not None and found[1] in words:
+        hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
+    else:
+        hint = did_you_mean(key.text, words) or "`mission behaviours` lists what there is"
+    notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint)
+
+
+def _read_below(notes: Notes, node: Node) -> None:
+    """Read what stands below an unknown word for its own mistakes, where it looks like the children of a composite."""
+    for item in node.items if isinstance(node, Listing) else ():
+        if isinstance(item, Mapping):
+            read_step(notes, item)
 
 
 def _children(notes: Notes, key: Scalar, value: Node | None) -> tuple[Step, ...]:
@@ -86,16 +97,12 @@ def _children(notes: Notes, key: Scalar, value: Node | None) -> tuple[Step, ...]
     return tuple(step for step in found if step is not None)
 
 
-def _word_beside(notes: Notes, beside: Mapping | None, key: str) -> str | None:
+def _word_beside(notes: Notes, beside: Mapping | None, key: str) -> Scalar | None:
     node = beside.get(key) if beside is not None else None
-    if node is None:
-        return None
-    if not isinstance(node, Scalar) or node.value is None:
-        notes.fault(node.mark, f"'{key}' needs a {'word' if key == 'as' else 'text'}")
-        return None
-    if key == "as" and not node.text.isidentifier():
-        notes.fault(node.mark, f"'as' needs a plain word, got '{node.text}'")
-    return node.text
+    if node is None or (isinstance(node, Scalar) and node.value is not None and node.text.strip()):
+        return node
+    notes.fault(node.mark, f"'{key}' needs a {'word' if key == 'as' else 'text'}")
+    return None
 
 
 def stored_names(node: Node, words: dict[str, bool]) -> set[str]:
@@ -114,6 +121,6 @@ def stored_names(node: Node, words: dict[str, bool]) -> set[str]:
                 found.add(value.text)
             elif words.get(key.text) and isinstance(value, Mapping):
                 found.update(value.keys())
-            elif key.text in COMPOSITES:
+            elif isinstance(value, Listing):
                 found |= stored_names(value, words)
     return found

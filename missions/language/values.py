@@ -1,10 +1,13 @@
 """Values in a mission: constants, ``${...}`` expressions, and texts with expressions in them."""
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from missions.language.expressions import Expression, ExpressionError, parse
+from config.units import Quantity, in_dimension
+from missions.language.expressions import Expression, ExpressionError, Read, parse
+from missions.language.operators import short
 
 Convert = Callable[[object], object]
 """Turns what a mission says into what a leaf takes; raises ValueError that says what is wrong."""
@@ -19,15 +22,21 @@ class Template:
     parts: tuple[str | Expression, ...]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The names that its expressions read."""
-        return tuple(name for part in self.parts if isinstance(part, Expression) for name in part.names)
+    def reads(self) -> tuple[Read, ...]:
+        """All that its expressions read."""
+        return tuple(read for part in self.parts if isinstance(part, Expression) for read in part.reads)
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
         """Fill the holes. Raises ExpressionError."""
         if len(self.parts) == 1 and isinstance(self.parts[0], Expression):
             return self.parts[0].evaluate(scope)
-        return "".join(part if isinstance(part, str) else shown(part.evaluate(scope)) for part in self.parts)
+        filled = (part if isinstance(part, str) else shown(part.evaluate(scope)) for part in self.parts)
+        try:
+            return short("".join(filled))
+        except ExpressionError:
+            raise
+        except ValueError as error:
+            raise ExpressionError(str(error)) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,21 +60,25 @@ def template(text: str) -> Template | None:
     parts: list[str | Expression] = []
     end = 0
     for hole in _HOLE.finditer(text):
+        _all_closed(text, end, hole.start())
         if text[end : hole.start()]:
             parts.append(text[end : hole.start()])
-        try:
-            parts.append(parse(hole[1]))
-        except ExpressionError as error:
-            raise ExpressionError(str(error), hole.start(1) + (error.column or 0)) from None
+        parts.append(parse(hole[1], hole.start(1)))
         end = hole.end()
-    rest = text[end:]
-    if "${" in rest:
-        raise ExpressionError("'${' without its '}'", end + rest.index("${"))
+    _all_closed(text, end, len(text))
     if not parts:
         return None
-    if rest:
-        parts.append(rest)
+    if text[end:]:
+        parts.append(text[end:])
     return Template(tuple(parts))
+
+
+def _all_closed(text: str, start: int, end: int) -> None:
+    """Raise ExpressionError where a ``${`` between the holes was not read as one."""
+    at = text.find("${", start, end)
+    if at >= 0:
+        what = "holds a brace, or a quote that is not closed" if "}" in text[at:] else "has no '}'"
+        raise ExpressionError(f"'${{' {what}", at, 2)
 
 
 def shown(value: object) -> str:
@@ -74,6 +87,26 @@ def shown(value: object) -> str:
         return "yes" if value else "no"
     if value is None:
         return "nothing"
-    if type(value) is float:
-        return f"{value:.4g}"
+    if isinstance(value, float) and not isinstance(value, Quantity):
+        return f"{float(value):.4g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(shown(item) for item in value)
     return str(value)
+
+
+def in_si(value: object, dimension: str) -> float:
+    """Return a value in SI units of ``dimension``. Raises ValueError.
+
+    What an expression has calculated from quantities and readings is in SI units already; a number that stands in the
+    file must say its unit.
+    """
+    if type(value) is float and math.isfinite(value):
+        return value
+    return in_dimension(value, dimension)
+
+
+def whole(value: object) -> int | None:
+    """Return a value as a whole number, None where it is none."""
+    if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
+        return None
+    return int(value) if math.isfinite(value) and value == int(value) else None

@@ -1,0 +1,101 @@
+"""Mistakes, as they are shown."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.faults import (
+    MAX_FAULTS,
+    Fault,
+    InvalidFileError,
+    Mark,
+    Source,
+    did_you_mean,
+    note,
+    one_of,
+    place_of,
+)
+
+SOURCE = Source("greet.yaml", "mission: greet\ntree:\n  - face_sen: 3\n")
+
+
+def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
+    fault = Fault(SOURCE, Mark(3, 5, 8), "unknown behaviour 'face_sen'", "did you mean 'face_seen'?")
+    assert str(fault) == (
+        "greet.yaml:3:5: unknown behaviour 'face_sen'\n"
+        "     3 |   - face_sen: 3\n"
+        "       |     ^^^^^^^^\n"
+        "  did you mean 'face_seen'?"
+    )
+
+
+def test_a_fault_in_an_empty_line_or_past_the_end_shows_no_line() -> None:
+    assert str(Fault(SOURCE, Mark(9, 1), "the file ends too early")) == "greet.yaml:9:1: the file ends too early"
+    assert str(Fault(Source("m", "a\n\n"), Mark(2, 1), "empty")) == "m:2:1: empty"
+
+
+def carets(text: str, mark: Mark) -> tuple[str, str]:
+    _, shown, under = str(Fault(Source("m", text), mark, "wrong")).splitlines()
+    return shown, under
+
+
+def test_a_tab_counts_as_one_blank_so_that_carets_stand_right() -> None:
+    assert carets("\ta: b", Mark(1, 5, 1)) == ("     1 |  a: b", "       |     ^")
+
+
+def test_control_codes_do_not_reach_the_terminal() -> None:
+    shown, _ = carets("say: \x1b[31m\x07", Mark(1, 6))
+    assert shown == "     1 | say: \ufffd[31m\ufffd"
+
+
+def test_wide_letters_move_the_carets_as_far_as_they_are_wide() -> None:
+    assert carets("say: こん ${x}", Mark(1, 9, 4)) == ("     1 | say: こん ${x}", "       |           ^^^^")
+    assert carets("say: cafe\u0301 x", Mark(1, 12, 1))[1] == "       |           ^"
+
+
+def test_a_long_line_is_shown_around_the_mistake() -> None:
+    shown, under = carets("x" * 500 + "WRONG" + "y" * 500, Mark(1, 501, 5))
+    assert len(shown) < 200
+    assert shown[under.index("^") : under.rindex("^") + 1] == "WRONG"
+
+
+@given(st.text(max_size=300), st.integers(1, 9), st.integers(1, 400), st.integers(1, 400))
+def test_every_fault_can_be_shown(text: str, line: int, column: int, length: int) -> None:
+    lines = str(Fault(Source("m", text), Mark(line, column, length), "wrong")).split("\n")
+    assert lines[0] == f"m:{line}:{column}: wrong"
+    assert len(lines) in {1, 3}
+    assert all(len(shown) < 200 for shown in lines[1:])
+
+
+@given(st.text("ab\n\r\u2028é", min_size=1), st.data())
+def test_a_place_is_where_its_character_stands(text: str, data: st.DataObject) -> None:
+    position = data.draw(st.integers(0, len(text) - 1).filter(lambda at: text[at] not in "\n\r\u2028"))
+    mark = place_of(text, position)
+    assert Source("m", text).line(mark.line)[mark.column - 1] == text[position]
+
+
+def test_faults_come_in_the_order_of_the_file_and_each_once() -> None:
+    late, early = Fault(SOURCE, Mark(3, 5), "late"), Fault(SOURCE, Mark(1, 1), "early")
+    error = InvalidFileError([late, early, late])
+    assert error.faults == (early, late)
+    assert str(error) == f"{early}\n{late}"
+
+
+def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
+    faults: list[Fault] = []
+    for line in range(1, MAX_FAULTS):
+        note(faults, Fault(SOURCE, Mark(line), "wrong"))
+    with pytest.raises(InvalidFileError) as caught:
+        note(faults, Fault(SOURCE, Mark(MAX_FAULTS), "wrong"))
+    assert len(caught.value.faults) == MAX_FAULTS
+
+
+def test_the_closest_word_is_suggested_whatever_its_case() -> None:
+    assert did_you_mean("trak_face", ["say", "track_face"]) == "did you mean 'track_face'?"
+    assert did_you_mean("SAY", ["say"]) == "did you mean 'say'?"
+    assert did_you_mean("xyz", ["say"]) == ""
+
+
+def test_where_nothing_is_close_all_words_are_listed_once() -> None:
+    assert one_of("xyz", ["say", "drive", "say"]) == "known are: drive, say"
+    assert one_of("xyz", []) == ""

@@ -1,0 +1,575 @@
+"""The checker: every class of mistake, at its place, in words that say what to write."""
+
+import inspect
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from behaviours.catalogue import LEAVES
+from behaviours.robot import Robot
+from config.faults import MAX_FAULTS, InvalidFileError, Source
+from drivers.clock import ManualClock
+from missions.assembly.things import THINGS
+from missions.executive.composites import COMPOSITES as COMPOSITE_NODES
+from missions.executive.modifiers import MODIFIERS as MODIFIER_NODES
+from missions.executive.state import state_of
+from missions.language.document import MAX_DEPTH, check_plan, load_plan
+from missions.language.modifiers import MODIFIERS
+from missions.language.notes import STATE
+from missions.language.plan import COMPOSITES, Plan, Step
+from missions.language.values import Value
+
+GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
+
+KNOWN = {kind: cache(find) for kind, find in THINGS.items()}
+"""Gestures and controllers, each read once for all these tests."""
+
+Mistake = tuple[int, str, str, str]
+"""Its line, what the carets are under, the message and the suggestion."""
+
+
+def check(text: str, params: Mapping[str, str] | None = None) -> Plan:
+    return check_plan(Source("m.yaml", text), LEAVES, KNOWN, params=params)
+
+
+def mistakes(text: str, params: Mapping[str, str] | None = None) -> list[Mistake]:
+    with pytest.raises(InvalidFileError) as caught:
+        check(text, params)
+    found = []
+    for fault in caught.value.faults:
+        begin = fault.mark.column - 1
+        under = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
+        found.append((fault.mark.line, under, fault.message, fault.suggestion))
+    return found
+
+
+def steps(*lines: str) -> str:
+    """A mission whose tree is a sequence of these lines; the first is line 5."""
+    return "mission: m\nparams: {n: 2, x: 1.5, patience: 60 s}\ntree:\n  sequence:\n" + "".join(
+        f"    {line}\n" for line in lines
+    )
+
+
+def only(*lines: str) -> Step:
+    """The one step of a mission that is right."""
+    (step,) = check(steps(*lines)).tree.children
+    return step
+
+
+def value_of(step: Step, name: str) -> object:
+    value = step.arguments[name]
+    assert value.template is None
+    return value.constant
+
+
+# What is right
+
+
+def test_a_whole_mission_becomes_a_plan() -> None:
+    plan = check(GREET)
+    assert (plan.mission, plan.params["greeting"]) == ("greet", "Hello!")
+    assert [step.kind for step in plan.tree.walk()] == [
+        "sequence",
+        "timeout",
+        "find_face",
+        "race",
+        "track_face",
+        "sequence",
+        "hold",
+        "face_centred",
+        "parallel",
+        "gesture",
+        "say",
+    ]
+    assert plan.tree.claims == {"head", "base", "arm", "voice"}
+    assert plan.tree.needs == {"camera", "head", "arm", "voice"}
+    (named,) = [step for step in plan.tree.walk() if step.name == "greet the person"]
+    assert (named.kind, named.mark.line) == ("parallel", 18)
+
+
+@pytest.mark.parametrize("form", ["- say: Hi", "- say: {text: Hi}", "- {say: Hi}", "- {say: {text: 'Hi'}}"])
+def test_a_leaf_takes_its_argument_with_or_without_its_name(form: str) -> None:
+    assert value_of(only(form), "text") == "Hi"
+
+
+@pytest.mark.parametrize("form", ["- face_seen", "- face_seen:", "- face_seen: {}", "- {face_seen: null}"])
+def test_a_leaf_without_arguments_has_its_defaults(form: str) -> None:
+    assert only(form).arguments == {}
+
+
+def test_modifiers_wrap_from_the_first_inwards_to_the_last_outwards() -> None:
+    step = only("- wait: 1 s", "  timeout: 20 s", "  name: pause", "  retry: forever")
+    inner, leaf = step.children[0], step.children[0].children[0]
+    assert [each.kind for each in (step, inner, leaf)] == ["retry", "timeout", "wait"]
+    assert [each.name for each in (step, inner, leaf)] == ["pause"] * 3
+    assert [each.mark.line for each in (step, inner, leaf)] == [8, 6, 5]
+    assert (value_of(step, "value"), value_of(inner, "value")) == (None, 20.0)
+
+
+def test_expressions_over_params_are_known_at_once_and_the_rest_waits() -> None:
+    known = only("- wait: ${patience / 2}", "  if: n > 1")
+    assert value_of(known, "value") is True
+    assert value_of(known.children[0], "duration") == 30.0
+    waiting = only("- say: It is ${battery.percent} %", "  while: ${battery.percent > 20}")
+    for value in (waiting.arguments["value"], waiting.children[0].arguments["text"]):
+        assert isinstance(value, Value)
+        assert value.template is not None
+
+
+def test_a_variable_may_be_read_above_the_step_that_sets_it() -> None:
+    plan = check(steps("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}"))
+    assert len(plan.tree.children) == 3
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("007", "007"),
+        ("1_000", "1_000"),
+        ("1.50", "1.50"),
+        ("true", "true"),
+        ("30 deg", "30 deg"),
+        ("''", ""),
+        ("12:30",) * 2,
+    ],
+)
+def test_a_text_is_said_as_it_is_written(written: str, said: str) -> None:
+    assert value_of(only(f"- say: {written}"), "text") == said
+
+
+@pytest.mark.parametrize(
+    ("written", "stored"),
+    [
+        ("1", 1),
+        ("1.5", 1.5),
+        ("90 deg", pytest.approx(1.5708, abs=1e-4)),
+        ("'90 deg'", "90 deg"),
+        ("true", True),
+        ("null", None),
+        ("[1, 2 m, {a: b}]", [1, 2.0, {"a": "b"}]),
+        ("${n + 1}", 3),
+    ],
+)
+def test_a_variable_takes_anything(written: str, stored: object) -> None:
+    assert (
+        value_of(only(f"- set: {{it: {written}}}" if "$" not in written else f"- set: {{it: '{written}'}}"), "it")
+        == stored
+    )
+
+
+@pytest.mark.parametrize("count", ["3", "3.0", "${n + 1}", "${6 / n}"])
+def test_a_count_is_a_whole_number_however_it_is_written(count: str) -> None:
+    found = value_of(only("- wait: 1 s", f"  repeat: {count}"), "value")
+    assert (found, type(found)) == (3, int)
+
+
+def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
+    assert COMPOSITES.keys() == COMPOSITE_NODES.keys()
+    assert MODIFIERS.keys() == MODIFIER_NODES.keys()
+    state = state_of(Robot(None, None, None, None, None), ManualClock())
+    assert state.keys() == STATE.keys()
+    for name, members in STATE.items():
+        declared = [member for member, found in vars(type(state[name])).items() if isinstance(found, property)]
+        assert list(members) == [member for member in declared if not member.startswith("_")]
+        assert inspect.getdoc(type(state[name]))
+
+
+# What is wrong
+
+LISTED = "`mission behaviours` lists what there is"
+NAMES = "known are: n, patience, x, base, battery, face, head"
+ANGLE = "'turn' needs an angle such as '30 deg'"
+UNITS = "(units: deg, rad)"
+
+
+@pytest.mark.parametrize(
+    ("lines", "under", "message", "suggestion"),
+    [
+        # words
+        (["- trak_face"], "trak_face", "unknown behaviour 'trak_face'", "did you mean 'track_face'?"),
+        (["- Say: Hello"], "Say", "unknown behaviour 'Say'", "did you mean 'say'?"),
+        (["- xyzzy: 3"], "xyzzy", "unknown behaviour 'xyzzy'", LISTED),
+        (["- say Hello"], "say Hello", "unknown behaviour 'say Hello'", "write 'say: Hello', with a colon and a blank"),
+        (["- say:Hello"], "say:Hello", "unknown behaviour 'say:Hello'", "write 'say: Hello', with a colon and a blank"),
+        (["- say: Hi", "  tiemout: 3 s"], "tiemout", "unknown modifier 'tiemout'", "did you mean 'timeout'?"),
+        (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LISTED),
+        # the form of a node
+        (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", ""),
+        (["- {}"], "{", "a behaviour is missing here", ""),
+        (["-"], "", "a behaviour is missing here", ""),
+        (["- [say: Hi]"], "[", "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it"),
+        (
+            ["- say: Hi", "  drive: 1 m"],
+            "drive",
+            "a second behaviour, 'drive', beside 'say'",
+            "begin it with '- ' in a sequence, or indent it",
+        ),
+        (["- say: Hi", "  say: Ho"], "say", "'say' stands here again (first at line 5)", ""),
+        (
+            ["- sequence: []"],
+            "sequence",
+            "'sequence' needs a list of at least one behaviour, each on a line with '- '",
+            "",
+        ),
+        (["- race:"], "race", "'race' needs a list of at least one behaviour, each on a line with '- '", ""),
+        (["- parallel"], "parallel", "'parallel' needs a list of at least one behaviour, each on a line with '- '", ""),
+        (
+            ["- selector: {say: Hi}"],
+            "selector",
+            "'selector' needs a list of at least one behaviour, each on a line with '- '",
+            "",
+        ),
+        # what stands beside
+        (["- sequence: [succeed]", "  as: it"], "it", "'sequence' finds nothing out that 'as' could keep", ""),
+        (["- say: Hi", "  as: it"], "it", "'say' finds nothing out that 'as' could keep", ""),
+        (["- find_face:", "  as: my face"], "my face", "'as' needs a plain word, got 'my face'", "such as 'last_seen'"),
+        (
+            ["- find_face:", "  as: face"],
+            "face",
+            "'as' cannot be 'face', which means something in expressions already",
+            "",
+        ),
+        (["- find_face:", "  as:"], "", "'as' needs a word", ""),
+        (["- find_face:", "  as: [a]"], "[", "'as' needs a word", ""),
+        (["- wait: 1 s", "  name:"], "", "'name' needs a text", ""),
+        # arguments
+        (["- drive"], "drive", "'drive' needs 'distance': how far; negative is backwards", ""),
+        (["- drive: {distance: 1 m, sped: 1 m/s}"], "sped", "'drive' has no argument 'sped'", "did you mean 'speed'?"),
+        (["- drive: [1 m]"], "[", "'drive' needs one value, not a list", ""),
+        (["- drive: {distance: {a: b}}"], "{", "'drive': 'distance' needs one value, not a mapping", ""),
+        (["- succeed: 3"], "3", "'succeed' takes no argument", ""),
+        (["- succeed: {a: 1}"], "a", "'succeed' has no argument 'a'", ""),
+        (
+            ["- find_face: [-9 deg, 9 deg]"],
+            "[",
+            "'find_face' needs its arguments by name",
+            f"write find_face: {{pan: ...}}; it has {', '.join(LEAVES['find_face'].arguments)}",
+        ),
+        (["- set: 3"], "set", "'set' needs names and values", "write set: {count: 1}"),
+        (["- set: {}"], "set", "'set' needs names and values", "write set: {count: 1}"),
+        (["- set: {a b: 1}"], "a b", "a variable needs a plain word, got 'a b'", "such as 'last_seen'"),
+        (["- set: {true: 1}"], "true", "a variable cannot be 'true', which means something in expressions already", ""),
+        (
+            ["- set: {a: ['${n}']}"],
+            "'${n}'",
+            "'${...}' cannot stand inside a list or a mapping",
+            "set a variable of its own to it",
+        ),
+        # quantities
+        (["- turn: 90"], "90", f"{ANGLE}: '90' has no unit {UNITS}", ""),
+        (["- turn: 1.5"], "1.5", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
+        (["- turn: '1.5'"], "'1.5'", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
+        (["- turn: ${x}"], "${x}", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
+        (["- turn: ${n * 30.0}"], "${n * 30.0}", f"{ANGLE}: '60.0' has no unit {UNITS}", ""),
+        (["- turn: ${patience}"], "${patience}", f"{ANGLE}, got a duration: '60 s'", ""),
+        (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' {UNITS}", ""),
+        (["- turn: 3 m"], "3 m", f"{ANGLE}, got a length: '3 m'", ""),
+        (["- turn: left"], "left", f"{ANGLE}, got 'left'", ""),
+        (["- turn: {angle: }"], "}", "'turn': 'angle' needs an angle such as '30 deg', got nothing", ""),
+        (
+            ["- drive: {distance: 1 m, speed: 3 m/s}"],
+            "3 m/s",
+            "'drive': 'speed' must be between 0.01 m/s and 0.7 m/s",
+            "",
+        ),
+        (["- wait: -1 s"], "-1 s", "'wait' must be at least 0 s", ""),
+        (["- wait: 1e999 s"], "1e999 s", "'wait' needs a duration such as '2 s': '1e999 s' is too large", ""),
+        (
+            ["- find_face: {pan: 60 deg}"],
+            "60 deg",
+            "'find_face': 'pan' needs two values, such as [0 deg, 30 deg]",
+            "",
+        ),
+        (
+            ["- find_face: {pan: [9 deg, 9 deg]}"],
+            "[",
+            "'find_face': 'pan': the first value must be below the second",
+            "",
+        ),
+        (["- find_face: {pan: [[1 deg], 9 deg]}"], "[", "'find_face': 'pan' needs one value, not a list", ""),
+        (
+            ["- find_face: {pan: [1, 9 deg]}"],
+            "1",
+            "'find_face': 'pan' needs an angle such as '30 deg': '1' has no unit (units: deg, rad)",
+            "",
+        ),
+        (
+            ["- find_face: {pan: ['${head.pan}', 90 deg]}"],
+            "[",
+            "'find_face': 'pan': the two values must be known before the mission starts: numbers or params",
+            "",
+        ),
+        # other kinds
+        (["- find_face: {scans: 2.5}"], "2.5", "'find_face': 'scans' needs a whole number, got '2.5'", ""),
+        (["- gesture: {gesture: hello, speed: fast}"], "fast", "'gesture': 'speed' needs a number, got 'fast'", ""),
+        (
+            ["- gesture: {gesture: hello, speed: '${patience}'}"],
+            "'${patience}'",
+            "'gesture': 'speed' needs a number, got '60 s'",
+            "",
+        ),
+        (["- gesture: {gesture: hello, speed: 9}"], "9", "'gesture': 'speed' must be between 0.1 and 2", ""),
+        (["- gesture: helo"], "helo", "'gesture' needs a gesture: unknown gesture 'helo'; did you mean 'hello'?", ""),
+        (
+            ["- track_face: fce"],
+            "fce",
+            "'track_face' needs a controller: unknown controller 'fce'; did you mean 'face'?",
+            "",
+        ),
+        (["- say: {text: }"], "}", "'say': 'text' needs a text, got nothing", ""),
+        (["- say: ['Hi']"], "[", "'say' needs one value, not a list", ""),
+        (["- pretend: [runing]"], "[", "'pretend' takes a list of running, success and failure, got 'runing'", ""),
+        (["- pretend: [[a]]"], "[", "'pretend' takes a list of running, success and failure, got a list", ""),
+        (["- pretend: []"], "[", "'pretend' needs at least one of running, success and failure", ""),
+        # modifiers
+        (["- wait: 1 s", "  timeout: 0 s"], "0 s", "'timeout' must be longer than 0 s", ""),
+        (
+            ["- wait: 1 s", "  hold: 2"],
+            "2",
+            "'hold' needs a duration such as '2 s': '2' has no unit (units: s, ms, min, h)",
+            "",
+        ),
+        (
+            ["- wait: 1 s", "  delay: 1.5"],
+            "1.5",
+            "'delay' needs a duration such as '2 s': '1.5' has no unit (units: s, ms, min, h)",
+            "",
+        ),
+        (["- wait: 1 s", "  cooldown: [1 s]"], "[", "'cooldown' needs a duration", ""),
+        (["- wait: 1 s", "  retry: 0"], "0", "'retry' needs a count of 1 or more, or forever, got '0'", ""),
+        (["- wait: 1 s", "  retry: 2.5"], "2.5", "'retry' needs a count of 1 or more, or forever, got '2.5'", ""),
+        (["- wait: 1 s", "  repeat: true"], "true", "'repeat' needs a count of 1 or more, or forever, got 'true'", ""),
+        (
+            ["- wait: 1 s", "  repeat: 1e999"],
+            "1e999",
+            "'repeat' needs a count of 1 or more, or forever, got '1e999'",
+            "",
+        ),
+        (
+            ["- wait: 1 s", "  repeat: ${patience}"],
+            "${patience}",
+            "'repeat' needs a count of 1 or more, or forever, got '60 s'",
+            "",
+        ),
+        (["- wait: 1 s", "  repeat:"], "", "'repeat' needs a count of 1 or more, or forever, got nothing", ""),
+        (["- wait: 1 s", "  invert: 1"], "1", "'invert' takes only true, got '1'", ""),
+        (["- wait: 1 s", "  once: yes"], "yes", "'once' takes only true, got 'yes'", ""),
+        (["- wait: 1 s", "  on_failure: fail"], "fail", "'on_failure' takes only succeed, got 'fail'", ""),
+        (["- wait: 1 s", "  on_success: true"], "true", "'on_success' takes only fail, got 'true'", ""),
+        # expressions
+        (["- wait: 1 s", "  if:"], "", "'if': an empty expression", ""),
+        (["- wait: 1 s", "  if: m > 1"], "m", "'if': unknown name 'm'", NAMES),
+        (
+            ["- wait: 1 s", "  if: n > 1 and  patiense > 3"],
+            "patiense",
+            "'if': unknown name 'patiense'",
+            "did you mean 'patience'?",
+        ),
+        (
+            ["- wait: 1 s", "  while: face.sen"],
+            "face.sen",
+            "'while': unknown name 'face.sen'",
+            "did you mean 'face.seen'?",
+        ),
+        (
+            ["- wait: 1 s", "  until: head"],
+            "head",
+            "'until': unknown name 'head'",
+            "did you mean 'head.pan'?",
+        ),
+        (["- wait: 1 s", "  if: n = 2"], "=", "'if': 'n = 2' is not an expression; compare with '=='", ""),
+        (
+            ["- wait: 1 s", "  if: ${ open(n) }"],
+            "open",
+            "'if': 'open' cannot be called; the functions are min, max, abs, round, len",
+            "",
+        ),
+        (["- wait: 1 s", '  if: "face.__class__"'], "face.__class__", "'if': '__class__' is private", ""),
+        (["- wait: 1 s", "  if: n > 'a'"], "n > 'a'", "'if': 'n > 'a'': cannot compare 2 with the text 'a'", ""),
+        (["- wait: 1 s", "  if: n / 0"], "n / 0", "'if': 'n / 0' divides by zero", ""),
+        (["- say: a ${m} n"], "m", "'say': unknown name 'm'", NAMES),
+        (["- say: mist ${n} ${ mist }"], "mist", "'say': unknown name 'mist'", NAMES),
+        (
+            ['- say: "é ${batery.percent}"'],
+            "batery.percent",
+            "'say': unknown name 'batery.percent'",
+            "did you mean 'battery.percent'?",
+        ),
+        (["- say: it's ${n"], "${", "'say': '${' has no '}'", ""),
+        (["- say: ${n's}"], "${", "'say': '${' holds a brace, or a quote that is not closed", ""),
+        (["- say: ${n.x}"], "${n.x}", "'say': 'x' is not there", ""),
+        # a text that the file writes in another way than it reads is underlined as a whole
+        (['- say: "\\u0041 ${m}"'], '"\\u0041 ${m}"', "'say': unknown name 'm'", NAMES),
+        (["- say: 'it''s ${m}'"], "'it''s ${m}'", "'say': unknown name 'm'", NAMES),
+        (["- say: |", "    so ${m}"], "|", "'say': unknown name 'm'", NAMES),
+    ],
+)
+def test_a_mistake_is_told_under_its_word(lines: list[str], under: str, message: str, suggestion: str) -> None:
+    ((line, found, said, hint),) = mistakes(steps(*lines))
+    assert (found, said, hint) == (under, message, suggestion)
+    assert 5 <= line < 5 + len(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("- a\n", [(1, "-", "a mission begins with keys", "write 'mission: NAME', then 'tree:'")]),
+        ("just text", [(1, "just text", "a mission begins with keys", "write 'mission: NAME', then 'tree:'")]),
+        ("", [(1, "", "the file is empty", "")]),
+        ("tree: succeed", [(1, "t", "the mission needs 'mission: ...'", "")]),
+        ("mission: m", [(1, "m", "the mission needs 'tree:' with its first behaviour under it", "")]),
+        ("mission: m\ntree:\n", [(2, "", "a behaviour is missing here", "")]),
+        ("mission:\ntree: succeed", [(1, "", "'mission' needs a text", "")]),
+        ("mission: m\nsummary: [a]\ntree: succeed", [(2, "[", "'summary' needs a text", "")]),
+        ("mission: m\ntre: succeed\ntree: succeed", [(2, "tre", "a mission has no key 'tre'", "did you mean 'tree'?")]),
+        (
+            "mission: m\ntree:\n  - say: Hi\n",
+            [(3, "-", "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")],
+        ),
+        ("mission: m\ntree:\n\t- say: Hi\n", [(3, "\t", "a tab in the indentation", "indent with blanks")]),
+        ("mission: m\ntree:\n  say: \0\n", [(3, "\0", "a character that YAML does not allow: U+0000", "")]),
+    ],
+)
+def test_a_mission_needs_a_name_and_a_tree(text: str, expected: list[Mistake]) -> None:
+    assert mistakes(text) == expected
+
+
+def test_all_mistakes_come_at_once_in_the_order_of_the_file() -> None:
+    text = steps(
+        "- say: ${nobody}",
+        "- sequnce:",
+        "    - turn: 90",
+        "    - say: {txt: Hi}",
+        "  timeout: 0 s",
+        "- drive: 1 m",
+        "  drive: 2 m",
+        "  retry: 0",
+        "- trak_face",
+    )
+    assert [(line, under) for line, under, _, _ in mistakes(text)] == [
+        (5, "nobody"),
+        (6, "sequnce"),
+        (7, "90"),
+        (8, "say"),
+        (8, "txt"),
+        (9, "0 s"),
+        (11, "drive"),
+        (12, "0"),
+        (13, "trak_face"),
+    ]
+
+
+def test_a_mistake_that_an_alias_repeats_is_told_once() -> None:
+    assert len(mistakes(steps("- &it {turn: 90}", "- *it"))) == 1
+
+
+def test_a_file_with_very_many_mistakes_is_not_read_to_its_end() -> None:
+    assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_FAULTS
+
+
+def test_a_tree_that_is_too_deep_to_be_ticked_is_refused() -> None:
+    beside = "timeout: 1 s, retry: 1, repeat: 1, invert: true, hold: 1 s"
+    deep = "{sequence: [" * 20 + "{say: Hi}" + f"], {beside}}}" * 20
+    ((line, _, message, _),) = mistakes(steps(f"- {deep}"))
+    assert (line, message) == (4, f"122 steps deep, modifiers counted; at most {MAX_DEPTH} are possible")
+
+
+def test_a_mission_is_read_from_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "wait.yaml"
+    file.write_bytes(b"\xef\xbb\xbfmission: wait a moment\r\ntree:\r\n  wait: 1 s\r\n")
+    plan = load_plan(file, LEAVES, THINGS)
+    assert (plan.mission, plan.tree.kind, plan.source.name) == ("wait a moment", "wait", str(file))
+
+
+# Whatever a file holds
+
+
+def checks_or_says_why(text: str) -> None:
+    try:
+        plan = check(text)
+    except InvalidFileError as error:
+        for fault in error.faults:
+            assert fault.message
+            assert str(fault).startswith(fault.place)
+    else:
+        assert plan.tree.mark.line >= 1
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.text(max_size=100))
+@example("mission: m\ntree: ~")
+@example("mission: m\ntree: {say: {? [a] : b}}")
+def test_no_text_does_more_than_be_refused(text: str) -> None:
+    checks_or_says_why(text)
+
+
+VALUES = st.sampled_from(
+    [
+        *["", "~", "true", "3", "0", "-1", "1.5", "1e999", "9" * 400, "forever", "succeed", "fail"],
+        *["1 s", "30 deg", "1 m", "0 s", "1e999 s", "hello", "face", "'x'", "${n}", "${x}", "'${n'", "${face.id}"],
+        *[
+            "[]",
+            "[1 s]",
+            "[1 deg, 2 deg]",
+            "[success, failure]",
+            "[[1]]",
+            "{}",
+            "{a: 1}",
+            "{text: a, speed: 1}",
+            "!x y",
+        ],
+    ]
+)
+KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, "as", "name", "nonsense", "3", "~"])
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.lists(st.lists(st.tuples(KEYS, VALUES), min_size=1, max_size=4), min_size=1, max_size=4))
+def test_any_keys_with_any_values_are_a_mission_or_say_why_not(nodes: list[list[tuple[str, str]]]) -> None:
+    lines = []
+    for node in nodes:
+        lines += [("- " if place == 0 else "  ") + f"{key}: {value}" for place, (key, value) in enumerate(node)]
+    checks_or_says_why(steps(*lines))
+
+
+LINES = GREET.splitlines()
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, len(LINES) - 1), st.sampled_from(["delete", "double", "swap", "indent"])), max_size=4
+    )
+)
+def test_greet_with_its_lines_shuffled_is_a_mission_or_says_why_not(edits: list[tuple[int, str]]) -> None:
+    lines = list(LINES)
+    for place, edit in edits:
+        at = place % len(lines)
+        if edit == "delete":
+            del lines[at]
+        elif edit == "double":
+            lines.insert(at, lines[at])
+        elif edit == "indent":
+            lines[at] = "  " + lines[at]
+        else:
+            lines[at - 1], lines[at] = lines[at], lines[at - 1]
+    checks_or_says_why("\n".join(lines))
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, len(GREET)), st.integers(0, 3), st.sampled_from([*" :-[]{}'\"$&*!#\n\t0a\0é", ""])),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_greet_with_characters_exchanged_is_a_mission_or_says_why_not(edits: list[tuple[int, int, str]]) -> None:
+    text = GREET
+    for at, length, instead in edits:
+        text = text[:at] + instead + text[at + length :]
+    checks_or_says_why(text)

@@ -1,0 +1,115 @@
+"""Claims and needs: what can drive one actuator twice, and what the robot does not have."""
+
+from pathlib import Path
+
+import pytest
+
+from behaviours.catalogue import LEAVES
+from config.faults import Fault, InvalidFileError, Source
+from missions.assembly.things import THINGS
+from missions.language.document import check_plan
+from missions.language.plan import Plan
+
+GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
+WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})
+
+
+def check(tree: str, parts: frozenset[str] = WHOLE) -> Plan:
+    text = tree if tree.startswith("#") else f"mission: m\ntree:\n{tree}"
+    return check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=("r2", parts))
+
+
+def faults(tree: str, parts: frozenset[str] = WHOLE) -> list[Fault]:
+    with pytest.raises(InvalidFileError) as caught:
+        check(tree, parts)
+    return list(caught.value.faults)
+
+
+def the_fault(tree: str, parts: frozenset[str] = WHOLE) -> Fault:
+    (fault,) = faults(tree, parts)
+    return fault
+
+
+@pytest.mark.parametrize("together", ["parallel", "race"])
+def test_two_that_can_drive_one_part_at_a_time_are_told_with_both_lines(together: str) -> None:
+    fault = the_fault(f"  {together}:\n    - drive: 1 m\n    - say: Hi\n    - turn: 9 deg\n")
+    assert fault.message == "'turn' and 'drive' (line 4) can both drive the base at the same time"
+    assert (fault.mark.line, fault.mark.column, fault.mark.length) == (6, 7, 4)
+    assert fault.suggestion == "put one after the other in a sequence"
+
+
+def test_the_claims_of_whole_branches_count() -> None:
+    fault = the_fault(
+        "  race:\n"
+        "    - sequence:\n        - wait: 1 s\n        - look: 9 deg\n          timeout: 2 s\n"
+        "    - selector:\n        - fail\n        - say: Hi\n        - track_face\n"
+    )
+    assert fault.message == "'track_face' and 'look' (line 6) can both drive the head at the same time"
+    assert fault.mark.line == 11
+
+
+def test_every_part_and_every_later_claimant_is_told() -> None:
+    found = faults("  parallel:\n    - track_face\n    - look: 9 deg\n    - drive: 1 m\n    - find_face\n")
+    assert [(fault.mark.line, fault.message) for fault in found] == [
+        (5, "'look' and 'track_face' (line 4) can both drive the head at the same time"),
+        (6, "'drive' and 'track_face' (line 4) can both drive the base at the same time"),
+        (7, "'find_face' and 'track_face' (line 4) can both drive the head at the same time"),
+    ]
+
+
+@pytest.mark.parametrize("apart", ["sequence", "selector", "reactive_sequence", "reactive_selector"])
+def test_what_never_runs_at_the_same_time_may_share_a_part(apart: str) -> None:
+    plan = check(f"  {apart}:\n    - drive: 1 m\n    - turn: 9 deg\n")
+    assert plan.tree.claims == {"base"}
+
+
+def test_conflicts_within_a_branch_of_a_branch_are_found_once() -> None:
+    fault = the_fault(
+        "  parallel:\n    - wait: 1 s\n    - sequence:\n        - race:\n            - say: a\n            - say: b\n"
+    )
+    assert (fault.mark.line, fault.message) == (8, "'say' and 'say' (line 7) can both drive the voice at the same time")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "part", "message"),
+    [
+        ("gesture: hello", "arm", "'gesture' needs an arm; robot 'r2' has none (it has base, camera, head, voice)"),
+        ("say: Hi", "voice", "'say' needs a voice; robot 'r2' has none (it has arm, base, camera, head)"),
+        ("drive: 1 m", "base", "'drive' needs a base; robot 'r2' has none (it has arm, camera, head, voice)"),
+        ("look: 9 deg", "head", "'look' needs a head; robot 'r2' has none (it has arm, base, camera, voice)"),
+        ("face_seen: 1 s", "camera", "'face_seen' needs a camera; robot 'r2' has none (it has arm, base, head, voice)"),
+    ],
+)
+def test_what_the_robot_lacks_is_told_under_the_leaf(leaf: str, part: str, message: str) -> None:
+    tree = f"  selector:\n    - succeed\n    - {leaf}\n      timeout: 9 s\n"
+    check(tree)
+    fault = the_fault(tree, WHOLE - {part})
+    assert fault.message == message
+    assert (fault.mark.line, fault.mark.length) == (5, len(leaf.partition(":")[0]))
+
+
+def test_a_robot_with_nothing_is_told_so() -> None:
+    fault = the_fault("  say: Hi\n", frozenset())
+    assert fault.message == "'say' needs a voice; robot 'r2' has none (it has nothing)"
+
+
+def test_a_face_can_be_tracked_without_a_base() -> None:
+    assert check("  track_face\n", frozenset({"camera", "head"})).tree.needs == {"camera", "head"}
+
+
+def test_greet_says_everything_that_a_bare_base_lacks() -> None:
+    found = faults(GREET, frozenset({"base"}))
+    assert [(fault.mark.line, fault.message.partition(";")[0]) for fault in found] == [
+        (11, "'find_face' needs a camera"),
+        (11, "'find_face' needs a head"),
+        (14, "'track_face' needs a camera"),
+        (14, "'track_face' needs a head"),
+        (16, "'face_centred' needs a camera"),
+        (19, "'gesture' needs an arm"),
+        (20, "'say' needs a voice"),
+    ]
+
+
+def test_without_a_robot_only_conflicts_are_mistakes() -> None:
+    text = Source("m.yaml", "mission: m\ntree:\n  gesture: hello\n")
+    assert check_plan(text, LEAVES, THINGS).tree.needs == {"arm"}

@@ -1,0 +1,358 @@
+"""Expressions: what they can say, and that they can do nothing else."""
+
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from config.units import Bare, Quantity
+from missions.language.expressions import MAX_LENGTH, ExpressionError, parse
+from missions.language.operators import MAX_TEXT
+
+
+@dataclass
+class Thing:
+    """Something with members, as a robot's state has."""
+
+    seen: bool = True
+    percent: float | None = None
+    _secret: tuple[str, ...] = ("hidden",)
+
+    def method(self) -> str:
+        return "called"
+
+    @property
+    def broken(self) -> str:
+        raise KeyError("no reply")
+
+
+class Contrary:
+    """Something that cannot be compared, nor asked whether it is true."""
+
+    def __bool__(self) -> bool:
+        raise ValueError("neither true nor false")
+
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("not comparable")
+
+    __hash__ = None  # type: ignore[assignment]  # as Python does for a class with __eq__
+
+
+SCOPE: dict[str, object] = {
+    "count": 3,
+    "share": 0.5,
+    "name": "Anna",
+    "names": ["Anna", "Ben"],
+    "patience": Quantity(60.0, "duration", "60 s"),
+    "half": Bare(0.5),
+    "thing": Thing(),
+    "contrary": Contrary(),
+    "place": {"x": 1.5, "_y": 2},
+    "nothing": None,
+    "pair": (1, 2),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1 + 2 * 3", 7),
+        ("7 // 2 + 7 % 4", 6),
+        ("-count + +1", -2),
+        ("count / 2", 1.5),
+        ("1 < count <= 3", True),
+        ("not count == 3 or share > 1", False),
+        ("true and not false", True),
+        ("null == none", True),
+        ("nothing == null", True),
+        ("name == 'Anna'", True),
+        ("'Good day, ' + name", "Good day, Anna"),
+        ("name in ['Anna', 'Ben']", True),
+        ("name not in names", False),
+        ("'x' in place", True),
+        ("'yes' if thing.seen else 'no'", "yes"),
+        ("place.x", 1.5),
+        ("patience / 2", 30.0),
+        ("patience > 30", True),
+        ("min(count, 2)", 2),
+        ("max([1, 5, count])", 5),
+        ("abs(-2.5)", 2.5),
+        ("round(2.567, 1)", 2.6),
+        ("round(2.4)", 2),
+        ("len(names) + len(name)", 6),
+        ("  1 +\n  2  ", 3),
+        ("1or 2", True),
+        (r"'\d' == '\\d'", True),
+    ],
+)
+def test_an_expression_has_the_value_that_it_says(text: str, value: object) -> None:
+    found = parse(text).evaluate(SCOPE)
+    assert found == value
+    assert isinstance(found, bool) is isinstance(value, bool)
+
+
+def test_and_and_or_ask_no_further_than_they_must() -> None:
+    assert parse("true or missing").evaluate({}) is True
+    assert parse("false and missing").evaluate({}) is False
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os')",
+        "open('x')",
+        "eval('1')",
+        "print(1)",
+        "thing._secret",
+        "thing.__class__",
+        "thing.\uff3f\uff3fclass\uff3f\uff3f",  # full-width signs, which Python reads as plain underscores
+        "place._y",
+        "name.upper()",
+        "name.format(thing)",
+        "thing.method()",
+        "len(x=1)",
+        "len(*names)",
+        "[*names]",
+        "names[0]",
+        "{1: 2}",
+        "{1, 2}",
+        "[x for x in names]",
+        "(x for x in names)",
+        "lambda: 1",
+        "(x := 1)",
+        "f'{thing._secret}'",
+        "f'{count}'",
+        "2 ** 9",
+        "1 << 9",
+        "1 | 2",
+        "~1",
+        "1j",
+        "b'x'",
+        "...",
+        "await name",
+        "yield 1",
+        "count is 3",
+        "'x' @ 'y'",
+        "9" * 30,
+        "1e999",
+    ],
+)
+def test_what_is_not_on_the_list_is_refused_before_it_runs(text: str) -> None:
+    with pytest.raises(ExpressionError):
+        parse(text)
+
+
+@pytest.mark.parametrize("text", ["name.upper", "names.append", "pair.count", "count.real", "share.hex", "nothing.x"])
+def test_values_of_python_have_no_members(text: str) -> None:
+    with pytest.raises(ExpressionError, match="is not there"):
+        parse(text).evaluate(SCOPE)
+
+
+@pytest.mark.parametrize("text", ["thing.method", "thing.missing", "place.missing"])
+def test_methods_and_missing_members_are_not_there(text: str) -> None:
+    with pytest.raises(ExpressionError, match="is not there"):
+        parse(text).evaluate(SCOPE)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "an empty expression"),
+        ("  ", "an empty expression"),
+        ("1 +", "'1 +' is not an expression; something is missing at its end"),
+        ("1 2", "'1 2' is not an expression"),
+        ("count = 3", "'count = 3' is not an expression; compare with '=='"),
+        ("a && b", "'a && b' is not an expression; write 'and' for '&&'"),
+        ("a || b", "'a || b' is not an expression; write 'or' for '||'"),
+        ("!a", "'!a' is not an expression; write 'not' for '!'"),
+        ("${a} > ${b}", "'${a} > ${b}' is not an expression; write it without '${' and '}'"),
+        ("import os", "'import os' is not an expression"),
+        ("a\0b", "'a\0b' is not an expression"),
+        ("\ud800", "'\ud800' is not an expression"),
+        ("sum(names)", "'sum' cannot be called; the functions are min, max, abs, round, len"),
+        ("thing._x", "'_x' is private"),
+        ("x" * (MAX_LENGTH + 1), f"an expression of more than {MAX_LENGTH} characters"),
+        ("-" * (MAX_LENGTH - 1) + "1", "an expression nested too deep"),
+    ],
+)
+def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("missing", "'missing' is not set"),
+        ("1 / 0", "'1 / 0' divides by zero"),
+        ("count % 0", "'count % 0' divides by zero"),
+        ("name * 3", "'name * 3': cannot calculate with the text 'Anna'"),
+        ("name % 3", "'name % 3': cannot calculate with the text 'Anna'"),
+        ("name + 3", "'name + 3': cannot calculate with the text 'Anna'"),
+        ("names + names", "'names + names': cannot calculate with a list"),
+        ("pair * 9", "'pair * 9': cannot calculate with a list"),
+        ("-name", "'-name': cannot calculate with the text 'Anna'"),
+        ("nothing + 1", "'nothing + 1': cannot calculate with nothing"),
+        ("thing + 1", "'thing + 1': cannot calculate with a Thing"),
+        ("thing.percent < 20", "'thing.percent < 20': cannot compare nothing with 20"),
+        ("name < true", "'name < true': cannot compare the text 'Anna' with true"),
+        ("1 in 2", "'1 in 2': cannot compare 1 with 2"),
+        ("contrary == 1", "'contrary == 1': cannot compare a Contrary with 1"),
+        ("not contrary", "'not contrary': neither true nor false"),
+        ("[names]", "'[names]': a list cannot stand in a list"),
+        ("round(1, 0 - 99999)", "'round(1, 0 - 99999)': round takes 0 to 15 digits"),
+        ("round(1.5, 'x')", "'round(1.5, 'x')': round takes 0 to 15 digits"),
+        ("abs(name)", "'abs(name)': cannot calculate with the text 'Anna'"),
+        ("1e300 * 1e300", "'1e300 * 1e300': a number out of range"),
+        ("999999999 * 999999999", "'999999999 * 999999999': a number out of range"),
+        ("thing.broken", "'broken' cannot be read: 'no reply'"),
+    ],
+)
+def test_what_cannot_be_evaluated_says_why(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text).evaluate(SCOPE)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("text", ["len(1)", "max([])", "min()", "max(1, name)", "abs()", "len(1, 2)"])
+def test_a_function_that_is_called_wrongly_fails_as_an_expression(text: str) -> None:
+    with pytest.raises(ExpressionError):
+        parse(text).evaluate(SCOPE)
+
+
+def fed_back(text: str, value: object) -> object:
+    """Give an expression its own result as ``n`` until it fails; return the last one."""
+    expression = parse(text)
+    for _ in range(100):
+        try:
+            value = expression.evaluate({"n": value})
+        except ExpressionError:
+            return value
+    pytest.fail(f"{text} goes on for ever")
+
+
+def test_an_integer_cannot_grow_without_end() -> None:
+    value = fed_back("n * n", 10)
+    with pytest.raises(ExpressionError, match="a number out of range"):
+        parse("n * n").evaluate({"n": value})
+
+
+def test_a_text_cannot_grow_without_end() -> None:
+    value = fed_back("n + n", "ha")
+    assert isinstance(value, str)
+    assert MAX_TEXT / 2 < len(value) <= MAX_TEXT
+    with pytest.raises(ExpressionError, match="a text of more than 10,000 characters"):
+        parse("n + n").evaluate({"n": value})
+
+
+def test_a_list_cannot_grow_without_end() -> None:
+    with pytest.raises(ExpressionError, match="a list cannot stand in a list"):
+        parse("[n, n]").evaluate({"n": fed_back("[n, n]", 1)})
+
+
+@pytest.mark.parametrize("text", ["2 * 1.5", "half", "-half", "half / 2", "abs(-half)", "round(2.345, 1)", "7 / 2"])
+def test_numbers_without_units_stay_bare(text: str) -> None:
+    assert isinstance(parse(text).evaluate(SCOPE), Bare)
+
+
+@pytest.mark.parametrize("text", ["patience * 2", "patience * half", "share + half", "-patience", "1 - share"])
+def test_what_is_made_of_quantities_and_readings_is_in_si_units(text: str) -> None:
+    assert type(parse(text).evaluate(SCOPE)) is float
+
+
+def test_an_expression_tells_what_it_reads_and_where() -> None:
+    expression = parse("  größe > 1 and battery.percent.x < größe + len('a') and true", 10)
+    assert expression.names == ("größe", "battery")
+    assert [(read.dotted, read.column, read.length) for read in expression.reads] == [
+        ("größe", 12, 5),
+        ("battery.percent", 26, 15),
+        ("größe", 46, 5),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "piece"),
+    [
+        ("count + foo(1)", "foo"),
+        ("  é + x._y + 1", "x._y"),
+        ("1 + [2][0]", "[2][0]"),
+        ("'é' and (lambda: 1)", "lambda: 1"),
+    ],
+)
+def test_an_error_says_where_in_the_text_it_is(text: str, piece: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert caught.value.column is not None
+    assert text[caught.value.column :][: caught.value.length] == piece
+
+
+SIGNS = [
+    *"()[]{}.,:+-*/%<>=!'\"_ \n\\@&|^~0123456789abcé",
+    *["and ", "or ", "not ", " in ", " if ", " else ", "lambda ", "==", "//", "**", "${"],
+    *["true", "null", "min(", "max(", "len(", "round(", "abs("],
+    *SCOPE,
+    *[".x", ".seen", "._secret", ".__class__", ".broken", "contrary", "1e9", "9999999999"],
+]
+
+
+def reads_or_says_why(text: str) -> None:
+    try:
+        expression = parse(text)
+    except ExpressionError as error:
+        assert error.column is None or 0 <= error.column <= len(text)  # noqa: PT017 - either outcome is right
+        return
+    for read in expression.reads:
+        assert 0 <= read.column < read.column + read.length <= len(text)
+    try:
+        value = expression.evaluate(SCOPE)
+    except ExpressionError:
+        return
+    assert value is not Thing._secret
+    assert not callable(value)
+
+
+@settings(deadline=None, max_examples=500)
+@given(st.text(st.characters(exclude_categories=()), max_size=60))
+@example("(" * 400)
+@example("[" * 400 + "]" * 400)
+@example("-" * 900 + "1")
+@example("not " * 200 + "1")
+@example("1" + "+1" * 400)
+@example("1" + "<1" * 400)
+@example("thing" + ".x" * 400)
+def test_no_text_does_more_than_be_refused(text: str) -> None:
+    reads_or_says_why(text)
+
+
+@settings(deadline=None, max_examples=600)
+@given(st.lists(st.sampled_from(SIGNS), max_size=12).map("".join))
+def test_no_heap_of_signs_reaches_anything_private_or_raises(text: str) -> None:
+    reads_or_says_why(text)
+
+
+NUMBERS = st.sampled_from(
+    ["1", "0", "2.5", "count", "share", "patience", "half", "name", "nothing", "names", "contrary"]
+)
+FORMULAS = st.recursive(
+    NUMBERS,
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from(["+", "-", "*", "/", "//", "%", "<", "==", "in", "and", "or"]), inner).map(
+            lambda parts: f"({parts[0]} {parts[1]} {parts[2]})"
+        ),
+        st.tuples(st.sampled_from(["min", "max", "round", "abs", "len"]), inner, inner).map(
+            lambda parts: f"{parts[0]}({parts[1]}, {parts[2]})"
+        ),
+        inner.map(lambda part: f"-{part}"),
+        inner.map(lambda part: f"(not {part})"),
+        st.tuples(inner, inner).map(lambda parts: f"[{parts[0]}, {parts[1]}]"),
+    ),
+    max_leaves=12,
+)
+
+
+@settings(deadline=None, max_examples=500)
+@given(FORMULAS)
+def test_every_well_formed_formula_has_a_value_or_a_reason(text: str) -> None:
+    reads_or_says_why(text)

@@ -1,0 +1,188 @@
+"""Params: what a mission lets its caller set, and what a caller may set it to."""
+
+from collections.abc import Mapping
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from behaviours.catalogue import LEAVES
+from config.faults import Fault, InvalidFileError, Source
+from config.units import Quantity
+from missions.assembly.things import THINGS
+from missions.language.document import check_plan, like
+from missions.language.plan import Plan
+
+MISSION = """\
+mission: visit
+params:
+  greeting: Hello!
+  patience: 60 s
+  times: 2
+  share: 0.5
+  loud: false
+  label: "30 deg"
+  code: '007'
+  guest:
+tree:
+  say: ${greeting}
+  timeout: ${patience}
+  repeat: ${times}
+"""
+
+
+def check(text: str, params: Mapping[str, str] | None = None) -> Plan:
+    return check_plan(Source("visit.yaml", text), LEAVES, THINGS, params=params)
+
+
+def faults(text: str, params: Mapping[str, str] | None = None) -> list[Fault]:
+    with pytest.raises(InvalidFileError) as caught:
+        check(text, params)
+    return list(caught.value.faults)
+
+
+def the_fault(text: str, params: Mapping[str, str] | None = None) -> Fault:
+    (fault,) = faults(text, params)
+    return fault
+
+
+def test_params_have_the_defaults_of_the_file() -> None:
+    params = check(MISSION).params
+    assert params == {
+        "greeting": "Hello!",
+        "patience": 60.0,
+        "times": 2,
+        "share": 0.5,
+        "loud": False,
+        "label": "30 deg",
+        "code": "007",
+        "guest": None,
+    }
+    assert isinstance(params["patience"], Quantity)
+
+
+@pytest.mark.parametrize("key", ["label", "code"])
+def test_a_quoted_param_that_looks_like_something_else_stays_a_text(key: str) -> None:
+    assert type(check(MISSION).params[key]) is str
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("greeting", "Good morning", "Good morning"),
+        ("greeting", "30 deg", "30 deg"),
+        ("greeting", "", ""),
+        ("greeting", "${battery.percent}", "${battery.percent}"),
+        ("patience", "2 min", 120.0),
+        ("times", "3", 3),
+        ("share", "1", 1),
+        ("loud", "true", True),
+        ("label", "5", "5"),
+        ("guest", "Anna", "Anna"),
+        ("guest", "true", True),
+        ("guest", "5 m", 5.0),
+        ("guest", "0 s", 0.0),
+    ],
+)
+def test_a_callers_value_is_of_the_kind_of_the_default(name: str, text: str, value: object) -> None:
+    found = check(MISSION, {name: text}).params[name]
+    assert found == value
+    assert isinstance(found, str) is isinstance(value, str)
+    assert isinstance(found, bool) is isinstance(value, bool)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("patience", "60", "'patience' needs a duration such as '2 s': '60' has no unit (units: s, ms, min, h)"),
+        ("patience", "3 m", "'patience' needs a duration such as '2 s', got a length: '3 m'"),
+        ("patience", "1e999 s", "'patience' needs a duration such as '2 s': '1e999 s' is too large"),
+        ("patience", "", "'patience' needs a duration such as '2 s', got nothing"),
+        ("times", "two", "'times' needs a number such as '2', got 'two'"),
+        ("times", "true", "'times' needs a number such as '2', got 'true'"),
+        ("times", "3 s", "'times' needs a number such as '2', got '3 s'"),
+        ("times", "9" * 5000, f"'times' needs a number such as '2', got '{'9' * 60}...'"),
+        ("share", "inf", "'share' needs a number such as '0.5', got 'inf'"),
+        ("loud", "yes", "'loud' needs true or false, got 'yes'"),
+        ("loud", "1", "'loud' needs true or false, got '1'"),
+    ],
+)
+def test_a_callers_value_of_another_kind_is_told_at_the_value(name: str, text: str, message: str) -> None:
+    fault = the_fault(MISSION, {name: text})
+    assert fault.message == message
+    assert fault.place == f"--param {name}:1:{len(name) + 2}"
+    assert fault.source.text == f"{name}={text}"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "hint"),
+    [
+        (MISSION, "greting", "did you mean 'greeting'?"),
+        (MISSION, "xyz", "known are: code, greeting, guest, label, loud, patience, share, times"),
+        ("mission: visit\ntree: succeed\n", "xyz", "it has none"),
+    ],
+)
+def test_an_unknown_param_is_told_with_what_there_is(text: str, name: str, hint: str) -> None:
+    fault = the_fault(text, {name: "1"})
+    assert (fault.message, fault.suggestion) == (f"mission 'visit' has no param '{name}'", hint)
+
+
+def test_a_callers_value_is_checked_where_it_is_used_too() -> None:
+    fault = the_fault(MISSION, {"times": "2.5"})
+    assert (fault.mark.line, fault.message) == (14, "'repeat' needs a count of 1 or more, or forever, got '2.5'")
+    fault = the_fault(MISSION, {"patience": "0 s"})
+    assert (fault.mark.line, fault.message) == (13, "'timeout' must be longer than 0 s")
+
+
+def test_mistakes_in_the_file_and_in_the_callers_values_come_together() -> None:
+    found = faults(MISSION + "  hold: 3\n", {"loud": "maybe", "nobody": "1"})
+    assert [fault.place for fault in found] == ["--param loud:1:6", "--param nobody:1:1", "visit.yaml:15:9"]
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ("[a]", "'params' needs names and their defaults"),
+        ("", "'params' needs names and their defaults"),
+        ("{a b: 1}", "a param needs a plain word, got 'a b'"),
+        ("{1: 1}", "a param needs a plain word, got '1'"),
+        ("{battery: 1}", "a param cannot be 'battery', which means something in expressions already"),
+        ("{if: 1}", "a param cannot be 'if', which means something in expressions already"),
+        ("{max: 1}", "a param cannot be 'max', which means something in expressions already"),
+        ("{none: 1}", "a param cannot be 'none', which means something in expressions already"),
+        ("{a: [1]}", "param 'a' needs one value as its default"),
+        ("{a: '${b}'}", "the default of param 'a' cannot be calculated"),
+        ("{a: 1, a: 2}", "'a' stands here again (first at line 2)"),
+    ],
+)
+def test_what_is_no_param_says_why(params: str, message: str) -> None:
+    fault = the_fault(f"mission: m\nparams: {params}\ntree: succeed\n")
+    assert (fault.mark.line, fault.message) == (2, message)
+
+
+def test_a_param_holds_no_expression_that_a_caller_wrote() -> None:
+    plan = check(MISSION, {"greeting": "${battery.percent}"})
+    leaf = plan.tree.children[0].children[0]
+    assert leaf.kind == "say"
+    assert leaf.arguments["text"].resolve({}) == "${battery.percent}"
+
+
+DEFAULTS = [Quantity(60.0, "duration", "60 s"), "text", 2, 0.5, True, None]
+
+
+@given(st.sampled_from(DEFAULTS), st.text())
+def test_any_text_is_a_value_of_the_defaults_kind_or_refused(default: object, text: str) -> None:
+    try:
+        value = like(default, text)
+    except ValueError:
+        assert default is not None
+        assert not isinstance(default, str)
+        return
+    if isinstance(default, Quantity):
+        assert isinstance(value, Quantity)
+        assert value.dimension == default.dimension
+    elif isinstance(default, bool | str):
+        assert isinstance(value, type(default))
+    elif default is not None:
+        assert isinstance(value, int | float)
+        assert not isinstance(value, bool)

@@ -1,0 +1,103 @@
+"""Everything that ships: it loads, it fits together, and it goes by the name of its file."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from behaviours.tracking.follow import RuleBases
+from config.controller import load_controller
+from config.gesture import load_gesture
+from config.library import shipped
+from config.robot import load_robot
+from config.world import load_world
+from missions.assembly.things import THINGS
+from missions.library import find_mission, load_mission, shipped_missions
+
+DEFAULT = "turtlebot2_arm"
+LOADERS: dict[str, Callable[[Path], object]] = {
+    "robots": load_robot,
+    "worlds": load_world,
+    "gestures": load_gesture,
+    "controllers": load_controller,
+}
+FILES = [(kind, name) for kind in LOADERS for name in shipped(kind)]
+
+
+@pytest.mark.parametrize(("kind", "name"), FILES)
+def test_every_shipped_file_loads_and_is_named_after_its_file(kind: str, name: str) -> None:
+    loaded = LOADERS[kind](shipped(kind)[name])
+    assert getattr(loaded, "name", "") == name
+    assert getattr(loaded, "summary", "")
+
+
+@pytest.mark.parametrize("name", list(shipped_missions()))
+def test_every_shipped_mission_is_good_on_the_default_robot(name: str) -> None:
+    robot = load_robot(shipped("robots")[DEFAULT])
+    plan = load_mission(name, robot=(robot.name, robot.parts))
+    assert plan.mission == name
+    assert plan.summary
+
+
+@pytest.mark.parametrize("name", list(shipped("gestures")))
+def test_every_gesture_stays_within_the_joints_of_the_default_robot(name: str) -> None:
+    arm = load_robot(shipped("robots")[DEFAULT]).arm
+    assert arm is not None
+    gesture = load_gesture(shipped("gestures")[name])
+    assert gesture.joints <= arm.joints.keys()
+    for time, positions in gesture.keyframes:
+        for joint, angle in positions.items():
+            limits = arm.joints[joint]
+            assert limits.lower <= angle <= limits.upper, f"{joint} at {time} s"
+
+
+@pytest.mark.parametrize("name", list(shipped("gestures")))
+def test_every_gesture_can_be_followed_at_the_speed_of_the_joints(name: str) -> None:
+    arm = load_robot(shipped("robots")[DEFAULT]).arm
+    assert arm is not None
+    before: dict[str, tuple[float, float]] = {}
+    for time, positions in load_gesture(shipped("gestures")[name]).keyframes:
+        for joint, angle in positions.items():
+            since, was = before.get(joint, (0.0, 0.0))
+            assert abs(angle - was) <= arm.joints[joint].speed * (time - since) + 1e-9, f"{joint} at {time} s"
+            before[joint] = (time, angle)
+
+
+@pytest.mark.parametrize("name", list(shipped("gestures")))
+def test_every_gesture_ends_where_it_began(name: str) -> None:
+    last: dict[str, float] = {}
+    for _, positions in load_gesture(shipped("gestures")[name]).keyframes:
+        last.update(positions)
+    assert last == dict.fromkeys(last, 0.0)
+
+
+@pytest.mark.parametrize("name", list(shipped("worlds")))
+def test_everybody_stands_and_walks_inside_the_room(name: str) -> None:
+    world = load_world(shipped("worlds")[name])
+    for person in world.people:
+        for x, y in ((person.x, person.y), *person.path):
+            assert abs(x - world.centre[0]) < world.length / 2
+            assert abs(y - world.centre[1]) < world.width / 2
+
+
+def test_every_controller_and_gesture_is_found_as_missions_name_it() -> None:
+    for name in shipped("controllers"):
+        assert isinstance(THINGS["controller"](name), RuleBases)
+    for name in shipped("gestures"):
+        assert getattr(THINGS["gesture"](name), "name", "") == name
+
+
+def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("gesture: bad\nkeyframes:\n  - {at: 1 s, elbow: 90}\n", encoding="utf-8")
+    with pytest.raises(LookupError, match=r"names a gesture that is wrong: .*bad\.yaml:3:22: 'elbow' needs an angle"):
+        THINGS["gesture"](str(file))
+    file.write_text("controller: bad\nleg: {}\n", encoding="utf-8")
+    with pytest.raises(LookupError, match="which is wrong: 'leg' is none of the rule bases"):
+        THINGS["controller"](str(file))
+
+
+def test_greet_is_there_and_takes_what_its_caller_says() -> None:
+    assert find_mission("greet").name == "greet.yaml"
+    plan = load_mission("greet", params={"greeting": "Good morning", "patience": "2 min"})
+    assert (plan.params["greeting"], plan.params["patience"]) == ("Good morning", 120.0)
