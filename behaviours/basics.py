@@ -15,6 +15,7 @@ class Wait(Leaf):
     """
 
     word = "wait"
+    ends = frozenset({"success"})
     duration: float = argument("duration", "how long", principal=True, low=0.0)
 
     def update(self) -> Status:
@@ -28,6 +29,7 @@ class Log(Leaf):
     """
 
     word = "log"
+    instant = True
     text: str = argument("text", "what to write", principal=True)
 
     def update(self) -> Status:
@@ -43,10 +45,11 @@ class Set(Leaf):
     """
 
     word = "set"
+    instant = True
     open_ended = True
 
     def update(self) -> Status:
-        self.run.variables.update(self.values)
+        self.scope.update(self.values)
         return SUCCESS
 
 

@@ -61,6 +61,9 @@ class Leaf(Node):
     subclass puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
+    ``ends`` is how it can end, for the checker to see what is never reached; one that is ``instant`` never runs for
+    longer than a tick.
+
     It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
     ``terminate`` unless it succeeded. ``initialise`` is called again while it raises NotConnected; once it was called,
     ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
@@ -70,6 +73,8 @@ class Leaf(Node):
     needs: ClassVar[frozenset[str]] = frozenset()
     drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
+    ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
+    instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
     halt_limit: ClassVar[float] = 1.0
     arguments: ClassVar[Mapping[str, Argument]] = {}
@@ -146,7 +151,7 @@ class Leaf(Node):
         if status is not RUNNING:
             self._end(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
-            self.run.variables[self.keep_as] = self.result
+            self.scope[self.keep_as] = self.result
         return status
 
     def _work(self) -> Status:

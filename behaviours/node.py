@@ -19,13 +19,16 @@ class Node(Behaviour):
     """A py_trees behaviour with a place in a mission.
 
     ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
-    stands in the file. ``feedback_message``, py_trees' own, is the reason: why it failed, or what it waits for.
+    stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
+    reason: why it failed, or what it waits for.
     """
 
     key = ""
     kind = ""
     line = 0
+    file = ""
     run: Run
+    scope: dict[str, object]
 
     @property
     def reason(self) -> str:

@@ -46,6 +46,7 @@ class FaceSeen(_Seeing):
     """
 
     word = "face_seen"
+    instant = True
     max_age: float = argument("duration", "how long ago still counts", default=0.5, principal=True, low=0.01)
 
     def update(self) -> Status:
@@ -60,6 +61,7 @@ class FaceCentred(_Seeing):
     """
 
     word = "face_centred"
+    instant = True
     within: float = argument("angle", "how far from the axis still counts", default=math.radians(5), principal=True)
     max_age: float = argument("duration", "how long ago still counts", default=0.5, low=0.01)
 

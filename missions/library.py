@@ -13,20 +13,42 @@ HERE = Path(__file__).parent
 
 
 def shipped_missions() -> dict[str, Path]:
-    """Return the shipped missions' files by name."""
-    return {path.stem: path for path in sorted(HERE.glob("*.yaml"))}
+    """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
+    return {str(path.relative_to(HERE).with_suffix("")): path for path in sorted(HERE.rglob("*.yaml"))}
 
 
-def find_mission(name: str) -> Path:
-    """Return the file that ``name`` means. Raises config.library.UnknownNameError with the closest name."""
-    return find("missions", name, library=shipped_missions())
+def find_mission(name: str, beside: Path = Path()) -> Path:
+    """Return the file that ``name`` means: a name in the library, or a path relative to the folder ``beside``.
+
+    A mission in a folder may be named without it, where that is unique. Raises config.library.UnknownNameError with
+    the closest name.
+    """
+    library = shipped_missions()
+    short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
+    if len(short) == 1:
+        return short[0]
+    if name not in library and Path(name).suffix in (".yaml", ".yml"):
+        return find("missions", str(beside / name), library={})
+    return find("missions", name, library=library)
 
 
 def load_mission(
-    name: str, *, params: Mapping[str, str] | None = None, robot: tuple[str, frozenset[str]] | None = None
+    name: str,
+    *,
+    params: Mapping[str, str] | None = None,
+    complete: bool = False,
+    robot: tuple[str, frozenset[str]] | None = None,
 ) -> Plan:
-    """Read and check a mission by name or path, for a robot with these parts.
+    """Read and check a mission by name or path, for a robot with these parts; ``complete`` asks for all its params.
 
     Raises UnknownNameError, or InvalidFileError with every mistake in it.
     """
-    return load_plan(find_mission(name), LEAVES, THINGS, params=params, robot=robot)
+    return load_plan(
+        find_mission(name),
+        LEAVES,
+        THINGS,
+        find_mission=find_mission,
+        params=params,
+        complete=complete,
+        robot=robot,
+    )

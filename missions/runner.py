@@ -61,7 +61,9 @@ class Runner:
 
     def __init__(self, order: Order, *, listeners: Sequence[Listener] = (), out: Callable[[str], None] = print) -> None:
         config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
-        self.plan: Plan = load_mission(order.mission, params=order.params, robot=(config.name, config.parts))
+        self.plan: Plan = load_mission(
+            order.mission, params=order.params, complete=True, robot=(config.name, config.parts)
+        )
         self.stream = Stream(list(listeners))
         self._context = Run(SystemClock(), seed=order.seed)
         self._robot: Assembled = self._assemble(config, order, out)

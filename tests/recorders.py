@@ -271,6 +271,7 @@ class Bench:
     def put(self, leaf: L, **arguments: object) -> L:
         """Give ``leaf`` the run, the robot and its arguments, as a mission would."""
         leaf.run, leaf.robot, leaf.kind = self.run, self.robot, leaf.word or leaf.name
+        leaf.scope = self.run.variables
         for name, value in arguments.items():
             setattr(leaf, name, value)
         return leaf

@@ -19,6 +19,7 @@ class TrackFace(Leaf):
     """
 
     word = "track_face"
+    ends = frozenset({"failure"})
     needs = frozenset({"camera", "head"})
     drives = frozenset({"head", "base"})
     stores = "the face: id, yaw, pitch, distance"

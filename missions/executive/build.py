@@ -6,51 +6,81 @@ from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
-from missions.executive.composites import COMPOSITES, adopt
+from missions.executive.composites import COMPOSITES, Composite, adopt
 from missions.executive.modifiers import MODIFIERS
-from missions.language.plan import Plan, Step
+from missions.executive.submission import Submission
+from missions.executive.switch import Switch
+from missions.language.plan import MISSION, SWITCH, Plan, Step
 from missions.language.values import Value
 
 RobotFor = Callable[[Node], Robot]
 """Gives a leaf the robot that it sees: one that knows in whose name a command is sent."""
 
+Scope = dict[str, object]
+
 
 def build(plan: Plan, run: Run, robot_for: RobotFor) -> Node:
-    """Build the tree of ``plan``. The root's key is "1", its children's "1.1", "1.2" and so on."""
+    """Build the tree of ``plan``. The root's key is "1", its children's "1.1", "1.2" and so on.
+
+    What ``run.variables`` holds already (the robot's state) can be read in the mission and in all inside it.
+    """
+    builder = Builder(run, robot_for, dict(run.variables))
     run.variables.update(plan.params)
-    return _build(plan.tree, "1", run, robot_for)
+    return builder.build(plan.tree, "1", run.variables)
 
 
-def _build(step: Step, key: str, run: Run, robot_for: RobotFor) -> Node:
-    children = [_build(child, f"{key}.{place}", run, robot_for) for place, child in enumerate(step.children, start=1)]
-    node: Node
-    if step.leaf is not None:
-        node = leaf = step.leaf(step.name)
-        _give(leaf, step, run)
-    elif step.kind in MODIFIERS:
-        node = MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
-    else:
-        node = composite = COMPOSITES[step.kind](step.name)
+class Builder:
+    """Builds nodes for one run. ``lasting`` are the variables that every mission of the run can read."""
+
+    def __init__(self, run: Run, robot_for: RobotFor, lasting: Scope) -> None:
+        self._run = run
+        self._robot_for = robot_for
+        self._lasting = lasting
+
+    def build(self, step: Step, key: str, scope: Scope) -> Node:
+        """Build a step and all below it; ``scope`` are the variables of its mission."""
+        inner = dict(self._lasting) if step.kind == MISSION else scope
+        children = [self.build(child, f"{key}.{place}", inner) for place, child in enumerate(step.children, start=1)]
+        node = self._node(step, children, inner)
+        node.key, node.kind, node.line, node.file = key, step.kind, step.mark.line, step.source.name
+        node.run, node.scope = self._run, scope
+        if isinstance(node, Leaf):
+            node.robot = self._robot_for(node)
+        return node
+
+    def _node(self, step: Step, children: list[Node], inner: Scope) -> Node:
+        if step.leaf is not None:
+            return _leaf(step.leaf(step.name), step, inner)
+        if step.kind in MODIFIERS:
+            return MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
+        if step.kind == MISSION:
+            params, returns = step.arguments, step.returns
+            return Submission(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)
+        composite = _composite(step)
         adopt(composite, children)
-    node.key, node.kind, node.line, node.run = key, step.kind, step.mark.line, run
-    if isinstance(node, Leaf):
-        node.robot = robot_for(node)
-    return node
+        return composite
 
 
-def _give(leaf: Leaf, step: Step, run: Run) -> None:
+def _composite(step: Step) -> Composite:
+    if step.kind == SWITCH:
+        return Switch(step.name, step.arguments["on"], step.cases)
+    return COMPOSITES[step.kind](step.name)
+
+
+def _leaf(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
     """Set the arguments that are known now; leave the rest to be filled each time that the leaf starts."""
     leaf.keep_as = step.keep_as
     if leaf.open_ended:
-        leaf.given = {name: _resolver(value, run) for name, value in step.arguments.items()}
-        return
+        leaf.given = {name: _resolver(value, scope) for name, value in step.arguments.items()}
+        return leaf
     for name, value in step.arguments.items():
         if value.template is None:
             setattr(leaf, name, value.constant)
     leaf.computed = {
-        name: _resolver(value, run) for name, value in step.arguments.items() if value.template is not None
+        name: _resolver(value, scope) for name, value in step.arguments.items() if value.template is not None
     }
+    return leaf
 
 
-def _resolver(value: Value, run: Run) -> Callable[[], object]:
-    return lambda: value.resolve(run.variables)
+def _resolver(value: Value, scope: Scope) -> Callable[[], object]:
+    return lambda: value.resolve(scope)

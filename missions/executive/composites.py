@@ -1,5 +1,6 @@
 """The composites of the mission language, as py_trees composites that halt what runs before something else starts."""
 
+from collections.abc import Callable
 from collections.abc import Sequence as Many
 from typing import ClassVar
 
@@ -15,17 +16,25 @@ RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 class Composite(Node):
     """What all composites share: starting afresh, halting children, and an end that waits for them.
 
-    ``ending`` is the result that will stand once every child that still runs has been halted.
+    ``ending`` is the result that will stand once every child that still runs has been halted; INVALID when it was this
+    composite that was told to halt.
     """
 
     ending: Status | None = None
     members: tuple[Node, ...] = ()
 
     def work(self) -> Status:
-        """Start if need be, then tick the children by this composite's rule."""
+        """Start if need be, then tick the children by this composite's rule.
+
+        Ticked again before its halt is through, it finishes that first and starts afresh.
+        """
+        afresh = self.status is not RUNNING
         if self.ending is not None:
-            return self.end(self.ending)
-        if self.status is not RUNNING:
+            status = self.end(self.ending)
+            if status is not Status.INVALID:
+                return status
+            afresh = True
+        if afresh:
             self.feedback_message = ""
             for child in self.members:
                 child.reset()
@@ -53,9 +62,8 @@ class Composite(Node):
         """Halt every child that runs; True once all are at rest."""
         if self.status is not RUNNING:
             return True
-        if not self._halt_children():
+        if self.end(Status.INVALID) is RUNNING:
             return False
-        self.ending = None
         self.publish(Status.INVALID)
         return True
 
@@ -67,25 +75,28 @@ class Composite(Node):
         return at_rest
 
 
-class _InOrder(Composite):
-    """One child after another, resuming at the running one. ``passes`` is the status that leads to the next."""
+class InOrder(Composite):
+    """One child after another, resuming at the running one.
+
+    ``passes`` is the status that leads to the next; ``order`` the children in this run's order.
+    """
 
     passes: ClassVar[Status]
+    order: tuple[Node, ...] = ()
     _index = 0
     current_child: Behaviour | None
 
     def begin(self) -> None:
         self._index = 0
+        self.order = self.members
 
     def tick_children(self) -> Status:
-        members = self.members
+        order, passes, last = self.order, self.passes, len(self.order) - 1
         while True:
-            child = members[self._index]
+            child = order[self._index]
             self.current_child = child
             status = child.advance()
-            if status is not self.passes:
-                return self.blame(child) if status is FAILURE else status
-            if self._index + 1 == len(members):
+            if status is not passes or self._index == last:
                 return self.blame(child) if status is FAILURE else status
             self._index += 1
 
@@ -141,14 +152,8 @@ class _Reactive(Composite):
         child.publish(status)
         return status
 
-    def halt(self) -> bool:
-        if not super().halt():
-            return False
-        self._running = self._retiring = None
-        return True
 
-
-class Sequence(_InOrder, composites.Sequence):
+class Sequence(InOrder, composites.Sequence):
     """Does its children one after another; fails at the first failure."""
 
     passes = SUCCESS
@@ -157,7 +162,7 @@ class Sequence(_InOrder, composites.Sequence):
         composites.Sequence.__init__(self, name, memory=True)
 
 
-class Selector(_InOrder, composites.Selector):
+class Selector(InOrder, composites.Selector):
     """Tries its children one after another until one succeeds."""
 
     passes = FAILURE
@@ -182,6 +187,34 @@ class ReactiveSelector(_Reactive, composites.Selector):
 
     def __init__(self, name: str) -> None:
         composites.Selector.__init__(self, name, memory=False)
+
+
+class RandomOrder(InOrder):
+    """One child after another, in an order drawn afresh at each start from the mission's own seed."""
+
+    def begin(self) -> None:
+        super().begin()
+        order = list(self.members)
+        self.run.random.shuffle(order)
+        self.order = tuple(order)
+
+
+class RandomSequence(RandomOrder, composites.Sequence):
+    """A sequence in an order drawn afresh at each start."""
+
+    passes: ClassVar[Status] = SUCCESS
+
+    def __init__(self, name: str) -> None:
+        composites.Sequence.__init__(self, name, memory=True)
+
+
+class RandomSelector(RandomOrder, composites.Selector):
+    """A selector in an order drawn afresh at each start."""
+
+    passes: ClassVar[Status] = FAILURE
+
+    def __init__(self, name: str) -> None:
+        composites.Selector.__init__(self, name, memory=True)
 
 
 class Parallel(Composite, composites.Parallel):
@@ -216,14 +249,17 @@ class Race(Composite, composites.Parallel):
         return RUNNING
 
 
-COMPOSITES: dict[str, type[Sequence | Selector | ReactiveSequence | ReactiveSelector | Parallel | Race]] = {
+COMPOSITES: dict[str, Callable[[str], Composite]] = {
     "sequence": Sequence,
-    "selector": Selector,
     "reactive_sequence": ReactiveSequence,
+    "selector": Selector,
     "reactive_selector": ReactiveSelector,
     "parallel": Parallel,
     "race": Race,
+    "random_sequence": RandomSequence,
+    "random_selector": RandomSelector,
 }
+"""The composites with a list of children, by their words."""
 
 
 def adopt(parent: Composite, children: Many[Node]) -> None:

@@ -1,6 +1,7 @@
 """The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
 
 from dataclasses import dataclass
+from threading import Semaphore
 
 from py_trees.common import Status
 
@@ -10,6 +11,10 @@ from missions.executive.events import STATUS_WORDS, Ended, NodeChanged, Started,
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
+
+GLANCE = 0.05
+"""Seconds within which a ``stop`` is seen. It wakes nobody: a signal handler must not take the lock of an Event, which
+may be the very one that it has interrupted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +45,14 @@ class Executive:
         self._woken = run.woken
         self._stop_reason: str | None = None
         self._paused = False
-        self._steps = 0
+        self._steps = Semaphore(0)  # counts: no step is lost, from however many threads they come
         run.observer = self._node_changed
 
-    # --- called from any thread, or from a signal handler -------------------------------------------------------------
+    # --- called from any thread ---------------------------------------------------------------------------------------
 
     def stop(self, reason: str) -> None:
-        """End the run after the present tick."""
+        """End the run after the present tick. The one call that a signal handler may make."""
         self._stop_reason = reason
-        self._woken.set()
 
     @property
     def stopping(self) -> bool:
@@ -62,7 +66,7 @@ class Executive:
 
     def step(self) -> None:
         """Tick once while paused."""
-        self._steps += 1
+        self._steps.release()
         self._woken.set()
 
     def resume(self) -> None:
@@ -82,15 +86,15 @@ class Executive:
         due = self.run.now()
         held = False
         while self._stop_reason is None:
-            if self._paused and self._steps == 0:
+            step = self._steps.acquire(blocking=False)
+            if self._paused and not step:
                 if not held:
                     self.run.settle(self.root.claims)
                     held = True
-                self._woken.wait()
+                self._woken.wait(GLANCE)
                 self._woken.clear()
                 due = self.run.now()
                 continue
-            self._steps = max(0, self._steps - 1)
             held = False
             self._woken.clear()
             late = self.run.now() - due
@@ -100,7 +104,7 @@ class Executive:
         return self._end()
 
     def _wait(self, due: float) -> float:
-        """Wait until the next tick is due, or until woken; return when the next scheduled tick is due.
+        """Wait until the next tick is due, or until woken or stopped; return when the next scheduled tick is due.
 
         The schedule is absolute: a tick that came early because it was woken moves nothing, and ticks that were missed
         are counted, not made up for.
@@ -110,7 +114,9 @@ class Executive:
             missed = int((now - due) / self._period)
             self.overruns += missed
             due += (missed + 1) * self._period
-        self._woken.wait(due - now)
+        while self._stop_reason is None and (left := due - self.run.now()) > 0:
+            if self._woken.wait(min(left, GLANCE)):
+                break
         return due
 
     def tick(self, *, late: float | None = None) -> Status:
@@ -135,9 +141,12 @@ class Executive:
         return Result(self.mission, outcome, reason, self.time(), self.run.tick)
 
     def _halt(self) -> None:
-        """Halt the tree; leaves that need several ticks get them."""
+        """Halt the tree; leaves that need several ticks get them, and are given up after HALT_TIME."""
         deadline = self.run.now() + HALT_TIME
-        while not self.root.halt() and self.run.now() < deadline:
+        while not self.root.halt():
+            if self.run.now() >= deadline:
+                self.root.stop()
+                return
             self.run.tick += 1
             self._woken.clear()
             self._woken.wait(self._period)

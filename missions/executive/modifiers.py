@@ -7,7 +7,7 @@ from py_trees.decorators import Decorator
 
 from behaviours.node import Node
 from config.units import written
-from missions.language.expressions import ExpressionError
+from missions.language.expressions import Expression, ExpressionError
 from missions.language.values import Value
 
 RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
@@ -16,7 +16,8 @@ RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 class Modifier(Node, Decorator):
     """One node around another. ``value`` is what stands in the mission; ``setting`` what it was when the node started.
 
-    ``ending`` is the result that will stand once the child, which still runs, has been halted.
+    ``ending`` is the result that will stand once the child, which still runs, has been halted; INVALID when it was this
+    modifier that was told to halt.
     """
 
     child: Node
@@ -30,14 +31,21 @@ class Modifier(Node, Decorator):
         self.value = value
 
     def work(self) -> Status:
-        """Start if need be, then do what this modifier does."""
+        """Start if need be, then do what this modifier does.
+
+        Ticked again before its halt is through, it finishes that first and starts afresh.
+        """
+        afresh = self.status is not RUNNING
         if self.ending is not None:
-            return self.end(self.ending)
-        if self.status is not RUNNING:
+            status = self.end(self.ending)
+            if status is not Status.INVALID:
+                return status
+            afresh = True
+        if afresh:
             self.feedback_message = ""
             self.since = self.run.now()
             try:
-                self.setting = self.value.resolve(self.run.variables)
+                self.setting = self.value.resolve(self.scope)
             except (ExpressionError, ValueError) as error:
                 self.feedback_message = f"{self.kind}: {error}"
                 return FAILURE
@@ -68,15 +76,14 @@ class Modifier(Node, Decorator):
 
     def true_now(self) -> bool:
         """Ask the expression in ``value`` now. Raises ExpressionError."""
-        return bool(self.value.resolve(self.run.variables))
+        return bool(self.value.resolve(self.scope))
 
     def halt(self) -> bool:
         """Halt the child if it runs; True once it is at rest."""
         if self.status is not RUNNING:
             return True
-        if not self.child.halt():
+        if self.end(Status.INVALID) is RUNNING:
             return False
-        self.ending = None
         self.publish(Status.INVALID)
         return True
 
@@ -94,7 +101,9 @@ class While(Modifier):
     def modify(self) -> Status:
         if self.true_now():
             return self.tick_child()
-        self.feedback_message = "no longer true"
+        condition = self.value.template
+        asked = condition.text if isinstance(condition, Expression) else "a condition that is always false"
+        self.feedback_message = f"not true: {asked}"
         return self.end(FAILURE)
 
 
@@ -109,7 +118,7 @@ class Timeout(Modifier):
     """Fails, halting the node, when it still runs after that long; at the deadline it is not ticked once more."""
 
     def modify(self) -> Status:
-        if self.child.status is RUNNING and self.run.now() - self.since >= self.setting:
+        if self.run.now() - self.since >= self.setting:
             waited = f"timed out after {written(self.setting, 'duration')}"
             why = _tip(self.child).feedback_message
             self.feedback_message = f"{why} ({waited})" if why else f"{self.child.name} {waited}"
@@ -217,10 +226,10 @@ class Cooldown(Modifier):
 
     def modify(self) -> Status:
         now = self.run.now()
-        if self.child.status is not RUNNING and self._succeeded_at is not None:
+        if self._succeeded_at is not None:
             left = self._succeeded_at + self.setting - now
             if left > 0:
-                self.feedback_message = f"cooling down for {written(round(left, 1), 'duration')} more"
+                self.feedback_message = f"cooling down for {written(max(0.1, round(left, 1)), 'duration')} more"
                 return FAILURE
         status = self.tick_child()
         if status is SUCCESS:

@@ -18,8 +18,8 @@ def check_claims(notes: Notes, tree: Step) -> None:
                 claimants[part].append(_claimant(child, part))
         for part, (first, *others) in claimants.items():
             for other in others:
-                notes.fault(
-                    other.mark,
+                notes.fault_at(
+                    other,
                     f"'{other.kind}' and '{first.kind}' (line {first.mark.line}) can both drive the {part} "
                     "at the same time",
                     "put one after the other in a sequence",
@@ -38,4 +38,4 @@ def check_needs(notes: Notes, tree: Step, robot: str, parts: frozenset[str]) -> 
             continue
         for part in sorted(step.leaf.needs - parts):
             has = ", ".join(sorted(parts)) or "nothing"
-            notes.fault(step.mark, f"'{step.kind}' needs {article(part)}; robot '{robot}' has none (it has {has})")
+            notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot}' has none (it has {has})")

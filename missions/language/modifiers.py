@@ -8,7 +8,7 @@ from config.marked import Node, Scalar
 from config.units import seen
 from missions.language.expressions import ExpressionError, parse
 from missions.language.notes import Notes
-from missions.language.values import Value, in_si, whole
+from missions.language.values import Convert, Value, in_si, whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +52,19 @@ def _count(notes: Notes, word: str, node: Scalar) -> Value:
 
 
 def _condition(notes: Notes, word: str, node: Scalar) -> Value:
+    return read_expression(notes, f"'{word}'", node, bool)
+
+
+def read_expression(notes: Notes, what: str, node: Scalar, convert: Convert) -> Value:
+    """Read an expression that is asked later; ``what`` begins the message of a fault."""
     # Both `if: count < 3` and `if: ${count < 3}` are what people write.
     hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", node.text, re.DOTALL)
     try:
         expression = parse(hole[1], hole.start(1)) if hole else parse(node.text)
     except ExpressionError as error:
-        notes.wrong_expression(node, error, f"'{word}'")
+        notes.wrong_expression(node, error, what)
         return Value()
-    return notes.computed(node, expression, f"'{word}'", bool)
+    return notes.computed(node, expression, what, convert)
 
 
 def _only(answer: bool | str) -> Callable[[Notes, str, Scalar], Value]:

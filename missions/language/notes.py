@@ -3,6 +3,7 @@
 import keyword
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from behaviours.leaf import Leaf
 from config.faults import Fault, Mark, Source, did_you_mean, note, one_of
@@ -10,6 +11,7 @@ from config.marked import Node, Scalar
 from config.units import seen
 from missions.language.expressions import WORDS, Expression, ExpressionError, Read
 from missions.language.operators import FUNCTIONS
+from missions.language.plan import Step
 from missions.language.values import Convert, Template, Value, template
 
 STATE = {
@@ -23,24 +25,61 @@ STATE = {
 Lookup = Callable[[str], object]
 """Finds a thing by its name; raises LookupError that says what is there."""
 
+MAX_STEPS = 10_000
+"""Steps of a mission, those of its sub-missions counted each time that they are used."""
+
+
+def no_missions(name: str, beside: Path) -> Path:
+    """Find no mission: the finder of a text that stands alone."""
+    raise LookupError(f"cannot be found from {beside}: '{name}'")
+
+
+@dataclass(slots=True)
+class Words:
+    """What any mission may name: leaves, gestures and controllers, and other missions, found from the file's folder.
+
+    ``files`` are the missions that were read already, so that one that is used often is read once.
+    """
+
+    leaves: Mapping[str, type[Leaf]]
+    things: Mapping[str, Lookup] = field(default_factory=dict)
+    find_mission: Callable[[str, Path], Path] = no_missions
+    files: dict[Path, tuple[Source, Node]] = field(default_factory=dict)
+
 
 @dataclass(slots=True)
 class Notes:
     """The mission being read: its text, its params' values, what it may name, and what is wrong with it.
 
-    ``stored`` are the variables that some step of the mission sets. ``things`` finds gestures and controllers by name.
+    ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
+    ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
 
     source: Source
-    leaves: Mapping[str, type[Leaf]]
-    things: Mapping[str, Lookup]
+    words: Words
+    chain: tuple[Path, ...] = ()
+    steps: list[Mark] = field(default_factory=list)
     params: dict[str, object] = field(default_factory=dict)
     stored: set[str] = field(default_factory=set)
     faults: list[Fault] = field(default_factory=list)
 
+    @property
+    def leaves(self) -> Mapping[str, type[Leaf]]:
+        """The leaves by their words."""
+        return self.words.leaves
+
+    @property
+    def things(self) -> Mapping[str, Lookup]:
+        """How gestures and controllers are found."""
+        return self.words.things
+
     def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
         """Note a mistake."""
         note(self.faults, Fault(self.source, mark, message, suggestion))
+
+    def fault_at(self, step: Step, message: str, suggestion: str = "") -> None:
+        """Note a mistake at a step, in whichever file that stands."""
+        note(self.faults, Fault(step.source, step.mark, message, suggestion))
 
     def new_name(self, node: Scalar, what: str) -> None:
         """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""

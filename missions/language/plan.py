@@ -14,25 +14,38 @@ COMPOSITES = {
     "reactive_selector": "a selector that asks again from the first at every tick",
     "parallel": "does all at once; succeeds when all have",
     "race": "does all at once; ends with the first that ends",
+    "random_sequence": "a sequence in an order drawn afresh at each start",
+    "random_selector": "a selector in an order drawn afresh at each start",
 }
-"""The composites, and what each does."""
+"""The composites with a list of children, and what each does."""
+
+SWITCH = "switch"
+"""The composite that chooses one child by the value of an expression."""
+
+MISSION = "mission"
+"""The node that runs another mission as a subtree."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One node of the tree to be: a leaf, a composite, or a modifier around its one child.
+    """One node of the tree to be: a leaf, a composite, a sub-mission, or a modifier around its one child.
 
-    ``kind`` is the word in the mission, ``name`` what a person sees. A leaf has its class in ``leaf``; ``arguments``
-    are a leaf's, or the one ``value`` of a modifier.
+    ``kind`` is the word in the mission, ``name`` what a person sees, ``source`` the file in which it stands. A leaf has
+    its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
+    params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
+    ``returns`` are computed among a sub-mission's own variables, ``keep_as`` names the variable that keeps a result.
     """
 
     kind: str
     name: str
     mark: Mark
+    source: Source
     children: tuple["Step", ...] = ()
     leaf: type[Leaf] | None = None
     arguments: Mapping[str, Value] = field(default_factory=dict)
     keep_as: str | None = None
+    cases: tuple[object, ...] = ()
+    returns: Mapping[str, Value] = field(default_factory=dict)
 
     def walk(self) -> Iterator["Step"]:
         """This step and all below it, in the order of the file."""
@@ -53,10 +66,11 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A whole mission, checked. ``params`` hold this run's values."""
+    """A whole mission, checked. ``params`` hold this run's values, ``returns`` what it tells in the end."""
 
     mission: str
     summary: str
     params: Mapping[str, object]
     tree: Step
     source: Source
+    returns: Mapping[str, Value] = field(default_factory=dict)

@@ -1,17 +1,20 @@
 """From YAML nodes to steps: a word, one key with a value, a mapping or a list, and the modifiers beside it."""
 
 import re
+from dataclasses import replace
 
 from config.faults import did_you_mean
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.arguments import read_arguments
 from missions.language.modifiers import MODIFIERS, read_modifier
-from missions.language.notes import Notes
-from missions.language.plan import COMPOSITES, Step
+from missions.language.notes import MAX_STEPS, Notes
+from missions.language.plan import COMPOSITES, MISSION, SWITCH, Step
+from missions.language.submissions import read_submission
+from missions.language.switches import read_switch
 
-BESIDE = ("name", "as")
-"""What may stand beside a behaviour without wrapping it."""
+BESIDE = ("name", "as", "with", "returns")
+"""What may stand beside a behaviour without wrapping it; the last two only beside a sub-mission."""
 
 MISSING = "a behaviour is missing here"
 
@@ -30,9 +33,9 @@ def read_step(notes: Notes, node: Node) -> Step | None:
 
 
 def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
-    behaviours = [(key, value) for key, value in node.entries if key.text in notes.leaves or key.text in COMPOSITES]
+    behaviours = [(key, value) for key, value in node.entries if _is_behaviour(notes, key.text)]
     for key, value in node.entries:
-        if not (key.text in notes.leaves or key.text in COMPOSITES or key.text in MODIFIERS or key.text in BESIDE):
+        if not (_is_behaviour(notes, key.text) or key.text in MODIFIERS or key.text in BESIDE):
             _unknown(notes, key, "modifier" if behaviours else "behaviour", [*MODIFIERS, *BESIDE])
             _read_below(notes, value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
@@ -47,33 +50,57 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
         if word.text in MODIFIERS:
             setting = read_modifier(notes, word.text, given)
             if step is not None:
-                step = Step(word.text, step.name, word.mark, (step,), arguments={"value": setting})
+                step = Step(word.text, step.name, word.mark, notes.source, (step,), arguments={"value": setting})
     return step
 
 
+def _is_behaviour(notes: Notes, word: str) -> bool:
+    return word in notes.leaves or word in COMPOSITES or word in (SWITCH, MISSION)
+
+
 def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
-    """Read the behaviour itself, with the name and the variable that stand beside it."""
+    """Read the behaviour itself, with what stands beside it."""
+    if not _is_behaviour(notes, key.text):
+        _unknown(notes, key, "behaviour", [])
+        return None
+    notes.steps.append(key.mark)
+    if len(notes.steps) == MAX_STEPS + 1:
+        notes.fault(key.mark, f"more than {MAX_STEPS:,} steps, those of sub-missions counted each time")
+    if len(notes.steps) > MAX_STEPS:
+        return None
     name = _word_beside(notes, beside, "name")
     keep_as = _word_beside(notes, beside, "as")
     leaf = notes.leaves.get(key.text)
-    if leaf is None and key.text not in COMPOSITES:
-        _unknown(notes, key, "behaviour", [])
-        return None
     if keep_as is not None:
         notes.new_name(keep_as, "'as'")
-        if leaf is None or not leaf.stores:
+        if key.text != MISSION and (leaf is None or not leaf.stores):
             notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep")
-    shown = name.text if name is not None else key.text
-    if leaf is None:
-        return Step(key.text, shown, key.mark, _children(notes, key, value))
-    arguments = read_arguments(notes, leaf, key, value)
+    if key.text != MISSION and beside is not None:
+        for word, _ in beside.entries:
+            if word.text in ("with", "returns"):
+                notes.fault(word.mark, f"'{word.text}' stands only beside 'mission', not beside '{key.text}'")
     kept = keep_as.text if keep_as is not None else None
-    return Step(key.text, shown, key.mark, leaf=leaf, arguments=arguments, keep_as=kept)
+    step = _of_kind(notes, key, value, beside or Mapping(key.mark), name.text if name is not None else None)
+    return step if step is None or kept is None else replace(step, keep_as=kept)
+
+
+def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, name: str | None) -> Step | None:
+    """Read what is a leaf, a sub-mission, a switch or another composite, each in its own way."""
+    leaf = notes.leaves.get(key.text)
+    shown = name or key.text
+    if leaf is not None:
+        arguments = read_arguments(notes, leaf, key, value)
+        return Step(key.text, shown, key.mark, notes.source, leaf=leaf, arguments=arguments)
+    if key.text == MISSION:
+        return read_submission(notes, key, value, beside, name, read_step)
+    if key.text == SWITCH:
+        return read_switch(notes, key, value, shown, read_step)
+    return Step(key.text, shown, key.mark, notes.source, _children(notes, key, value))
 
 
 def _unknown(notes: Notes, key: Scalar, what: str, more: list[str]) -> None:
     """Note an unknown word, with what may have been meant."""
-    words = [*notes.leaves, *COMPOSITES, *more]
+    words = [*notes.leaves, *COMPOSITES, SWITCH, MISSION, *more]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
@@ -103,24 +130,3 @@ def _word_beside(notes: Notes, beside: Mapping | None, key: str) -> Scalar | Non
         return node
     notes.fault(node.mark, f"'{key}' needs a {'word' if key == 'as' else 'text'}")
     return None
-
-
-def stored_names(node: Node, words: dict[str, bool]) -> set[str]:
-    """Return the variables that anything below ``node`` sets: by ``as``, or by an open-ended leaf such as ``set``.
-
-    ``words`` says of each leaf whether it is open-ended. Read before the steps, since an expression may stand above
-    what sets its variable.
-    """
-    found: set[str] = set()
-    if isinstance(node, Listing):
-        for item in node.items:
-            found |= stored_names(item, words)
-    elif isinstance(node, Mapping):
-        for key, value in node.entries:
-            if key.text == "as" and isinstance(value, Scalar):
-                found.add(value.text)
-            elif words.get(key.text) and isinstance(value, Mapping):
-                found.update(value.keys())
-            elif isinstance(value, Listing):
-                found |= stored_names(value, words)
-    return found

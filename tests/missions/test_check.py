@@ -120,9 +120,15 @@ def test_expressions_over_params_are_known_at_once_and_the_rest_waits() -> None:
         assert value.template is not None
 
 
-def test_a_variable_may_be_read_above_the_step_that_sets_it() -> None:
-    plan = check(steps("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}"))
-    assert len(plan.tree.children) == 3
+def test_a_variable_that_nothing_before_sets_is_a_mistake_unless_a_loop_comes_round_again() -> None:
+    lines = ("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}")
+    with pytest.raises(InvalidFileError) as caught:
+        check(steps(*lines))
+    assert [fault.message for fault in caught.value.faults] == [
+        "'visitor' is read here, but nothing before this sets it",
+        "'count' is read here, but nothing before this sets it",
+    ]
+    assert check(steps(*lines) + "  repeat: 2\n").tree.kind == "repeat"
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_conflicts_within_a_branch_of_a_branch_are_found_once() -> None:
     ],
 )
 def test_what_the_robot_lacks_is_told_under_the_leaf(leaf: str, part: str, message: str) -> None:
-    tree = f"  selector:\n    - succeed\n    - {leaf}\n      timeout: 9 s\n"
+    tree = f"  selector:\n    - succeed\n    - {leaf}\n      invert: true\n"
     check(tree)
     fault = the_fault(tree, WHOLE - {part})
     assert fault.message == message

@@ -1,0 +1,48 @@
+"""Which variables can have a value where they are read: one that nothing before it sets is a mistake."""
+
+from missions.language.notes import STATE, Notes
+from missions.language.plan import MISSION, Step
+from missions.language.values import Value
+
+AGAIN = frozenset({"repeat", "retry", "while", "until", "parallel", "race", "reactive_sequence", "reactive_selector"})
+"""The kinds below which one part may follow any other: in a later round, or at the same time."""
+
+
+def check_flow(notes: Notes, tree: Step) -> None:
+    """Note every variable that is read where no step that can come before has set it."""
+    _flow(notes, tree, frozenset(notes.params) | (notes.stored - sets(tree)))
+
+
+def sets(step: Step) -> frozenset[str]:
+    """Return the variables that a step, or something below it, sets in its own mission."""
+    found = set() if step.keep_as is None else {step.keep_as}
+    if step.kind == MISSION:
+        return frozenset(found if step.keep_as is not None else found | step.returns.keys())
+    if step.leaf is not None and step.leaf.open_ended:
+        found |= step.arguments.keys()
+    return frozenset(found).union(*(sets(child) for child in step.children))
+
+
+def _flow(notes: Notes, step: Step, known: frozenset[str]) -> frozenset[str]:
+    """Check ``step``, before which ``known`` can have been set; return what can have been set after it."""
+    if step.kind in AGAIN:
+        known |= sets(step)
+    for value in step.arguments.values():
+        _check(notes, step, value, known)
+    if step.kind == MISSION:
+        own = frozenset(step.arguments)
+        after = _flow(notes, step.children[0], own)
+        for value in step.returns.values():
+            _check(notes, step, value, after | own)
+        return known | sets(step)
+    for child in step.children:
+        known = _flow(notes, child, known)
+    return known | sets(step)
+
+
+def _check(notes: Notes, step: Step, value: Value, known: frozenset[str]) -> None:
+    if value.template is None:
+        return
+    for read in value.template.reads:
+        if read.name not in known and read.name not in STATE:
+            notes.fault_at(step, f"'{read.name}' is read here, but nothing before this sets it")

@@ -1,0 +1,116 @@
+"""How a step can end: so that what is never reached, and a modifier that cannot matter, are seen before a run."""
+
+from collections.abc import Callable
+
+from missions.language.notes import Notes
+from missions.language.plan import MISSION, Step
+
+Ends = frozenset[str]
+SUCCESS, FAILURE = "success", "failure"
+BOTH: Ends = frozenset({SUCCESS, FAILURE})
+
+
+def check_outcomes(notes: Notes, tree: Step) -> None:
+    """Note the steps that are never reached, and the modifiers that cannot matter."""
+    for step in tree.walk():
+        if step.kind in ("sequence", "reactive_sequence"):
+            _unreached(notes, step, SUCCESS, "succeeds")
+        elif step.kind in ("selector", "reactive_selector"):
+            _unreached(notes, step, FAILURE, "fails")
+        elif len(step.children) == 1:
+            _pointless(notes, step, step.children[0])
+
+
+def _unreached(notes: Notes, step: Step, passes: str, verb: str) -> None:
+    for child, after in zip(step.children, step.children[1:], strict=False):
+        if passes not in ends(child):
+            what = f"'{child.name}' (line {_inner(child).mark.line}) never {verb}"
+            notes.fault_at(_inner(after), f"'{after.name}' is never reached: {what}")
+            return
+
+
+def _pointless(notes: Notes, step: Step, child: Step) -> None:
+    """Note a modifier whose occasion never comes."""
+    never = {
+        "retry": (FAILURE, "never fails"),
+        "on_failure": (FAILURE, "never fails"),
+        "repeat": (SUCCESS, "never succeeds"),
+        "hold": (SUCCESS, "never succeeds"),
+        "cooldown": (SUCCESS, "never succeeds"),
+        "on_success": (SUCCESS, "never succeeds"),
+    }
+    leaf = child.leaf
+    if step.kind == "timeout" and leaf is not None and leaf.instant:
+        notes.fault_at(step, f"'timeout' cannot matter here: '{child.kind}' ends at once")
+    elif step.kind in never and never[step.kind][0] not in ends(child):
+        notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.name}' {never[step.kind][1]}")
+
+
+def _inner(step: Step) -> Step:
+    """Return the behaviour itself inside its modifiers: where a person looks for it."""
+    while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
+        step = step.children[0]
+    return step
+
+
+def ends(step: Step) -> Ends:
+    """Return how a step can end; empty for one that never does. A step that stands alone may always be halted."""
+    if step.leaf is not None:
+        return step.leaf.ends
+    below = [ends(child) for child in step.children]
+    rule = _RULES.get(step.kind)
+    return below[0] if rule is None else rule(step, below)
+
+
+def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
+    """Return the ends of a composite that needs all of its children for one result, and any one for the other."""
+    found = set()
+    for each in below:
+        if one_ends in each:
+            found.add(one_ends)
+        if all_end not in each:
+            return frozenset(found)
+    return frozenset(found | {all_end})
+
+
+def _forever(step: Step) -> bool:
+    value = step.arguments["value"]
+    return value.template is None and value.constant is None
+
+
+def _after_success(step: Step, below: list[Ends]) -> Ends:
+    return _all_or_one(below, SUCCESS, FAILURE) if step.children else BOTH
+
+
+def _after_failure(step: Step, below: list[Ends]) -> Ends:
+    return _all_or_one(below, FAILURE, SUCCESS) if step.children else BOTH
+
+
+def _any(step: Step, below: list[Ends]) -> Ends:
+    chosen_from_all = step.kind == "race" or len(below) > len(step.cases)
+    return frozenset().union(*below) | (frozenset() if chosen_from_all else {FAILURE})
+
+
+_RULES: dict[str, Callable[[Step, list[Ends]], Ends]] = {
+    "sequence": _after_success,
+    "reactive_sequence": _after_success,
+    "random_sequence": _after_success,
+    "parallel": _after_success,
+    "selector": _after_failure,
+    "reactive_selector": _after_failure,
+    "random_selector": _after_failure,
+    "race": _any,
+    "switch": _any,
+    "invert": lambda _, below: frozenset({SUCCESS: FAILURE, FAILURE: SUCCESS}[end] for end in below[0]),
+    "on_failure": lambda _, below: frozenset({SUCCESS}) if below[0] else below[0],
+    "on_success": lambda _, below: frozenset({FAILURE}) if below[0] else below[0],
+    "repeat": lambda step, below: below[0] - {SUCCESS} if _forever(step) else below[0],
+    "retry": lambda step, below: below[0] - {FAILURE} if _forever(step) else below[0],
+    "hold": lambda _, below: below[0] - {FAILURE},
+    "timeout": lambda _, below: below[0] | {FAILURE},
+    "while": lambda _, below: below[0] | {FAILURE},
+    "cooldown": lambda _, below: below[0] | {FAILURE},
+    "until": lambda _, below: below[0] | {SUCCESS},
+    "if": lambda _, below: below[0] | {SUCCESS},
+}
+"""How each kind can end, from how its children can; a kind that is not here ends as its one child does."""

@@ -1,0 +1,98 @@
+"""A mission inside a mission: found, read with the params that it is given, and its results handed back."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from config.faults import InvalidFileError, note, one_of
+from config.marked import Mapping, Node, Scalar, compose, read_source
+from config.units import seen
+from missions.language.arguments import default_value
+from missions.language.body import read_body, read_returns
+from missions.language.notes import Notes
+from missions.language.params import Param
+from missions.language.plan import MISSION, Step
+from missions.language.values import Value
+
+ReadStep = Callable[[Notes, Node], Step | None]
+
+
+def read_submission(
+    notes: Notes, key: Scalar, value: Node | None, beside: Mapping, name: str | None, read_step: ReadStep
+) -> Step | None:
+    """Read ``mission: NAME`` with the ``with`` and ``returns`` beside it."""
+    if not isinstance(value, Scalar) or value.value is None:
+        notes.fault(key.mark, "'mission' needs the name of a mission, or the path of its file")
+        return None
+    path = _find(notes, value)
+    if path is None:
+        return None
+    if path not in notes.words.files:
+        try:
+            source = read_source(path)
+            notes.words.files[path] = source, compose(source, notes.faults)
+        except InvalidFileError as error:
+            for fault in error.faults:
+                note(notes.faults, fault)
+            return None
+    source, root = notes.words.files[path]
+    inner = Notes(source, notes.words, (*notes.chain, path.resolve()), steps=notes.steps, faults=notes.faults)
+    given: dict[str, Value] = {}
+
+    def take(inner: Notes, params: dict[str, Param], mission: str) -> None:
+        given.update(_take(notes, inner, params, mission, value, beside.get("with")))
+
+    body = read_body(inner, root, take, read_step)
+    if body is None or body.tree is None:
+        return None
+    own = beside.get("returns")
+    returns = read_returns(replace(inner, source=notes.source), own) if own is not None else body.returns
+    if beside.get("as") is None:
+        notes.stored |= returns.keys()
+    elif not returns:
+        notes.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
+    shown = name or body.mission
+    return Step(MISSION, shown, key.mark, notes.source, (body.tree,), arguments=given, returns=returns)
+
+
+def _find(notes: Notes, value: Scalar) -> Path | None:
+    folder = Path(notes.source.name).parent
+    try:
+        path = notes.words.find_mission(value.text, folder)
+    except LookupError as error:
+        notes.fault(value.mark, f"{error.args[0] if error.args else error}")
+        return None
+    if path.resolve() in notes.chain:
+        way = [step.name for step in notes.chain[notes.chain.index(path.resolve()) :]]
+        notes.fault(value.mark, f"a mission cannot include itself: {' -> '.join([*way, path.name])}")
+        return None
+    return path
+
+
+def _take(
+    notes: Notes, inner: Notes, params: dict[str, Param], mission: str, value: Scalar, node: Node | None
+) -> dict[str, Value]:
+    """Return the values of all params of a sub-mission: those given in ``with``, else the defaults."""
+    values: dict[str, Value] = {}
+    if node is not None and not isinstance(node, Mapping):
+        notes.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
+    for name, given in node.entries if isinstance(node, Mapping) else ():
+        param = params.get(name.text)
+        if param is None:
+            hint = one_of(name.text, params) or "it has none"
+            notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
+        elif not isinstance(given, Scalar):
+            notes.fault(given.mark, f"'{name.text}' needs one value")
+        else:
+            meant = given.text if param.kind == "text" else default_value(given)
+            values[name.text] = notes.value(replace(given, value=meant), f"'{name.text}'", param.convert)
+    for param in params.values():
+        if param.name not in values:
+            if param.required:
+                notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', a {param.kind}", param.help)
+            values[param.name] = Value(None if param.required else param.default)
+        if values[param.name].template is None:
+            inner.params[param.name] = values[param.name].constant
+        else:  # known only when the sub-mission starts
+            inner.stored.add(param.name)
+    return values

@@ -1,0 +1,145 @@
+"""What holds in every tree at every tick, whatever its leaves do: tried on trees that nobody has thought of."""
+
+import json
+from collections.abc import Iterator
+from itertools import count
+from typing import Any
+
+from hypothesis import HealthCheck, given, reject, settings
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from behaviours.node import Node
+from config.faults import InvalidFileError
+from missions.executive.composites import COMPOSITES
+from missions.executive.events import STATUS_WORDS
+from missions.language.plan import Plan
+from tests.conformance.harness import Case, Play
+from tests.conformance.probes import Probe
+
+PERCENT = st.integers(0, 3)
+CONDITIONS = PERCENT.map(lambda low: f"battery.percent > {low}")
+DURATIONS = st.sampled_from(["50 ms", "150 ms", "350 ms"])
+COUNTS = st.sampled_from([1, 2, "forever"])
+
+MODIFIERS: dict[str, st.SearchStrategy[Any]] = {
+    **dict.fromkeys(("if", "while", "until"), CONDITIONS),
+    **dict.fromkeys(("timeout", "hold", "delay", "cooldown"), DURATIONS),
+    **dict.fromkeys(("retry", "repeat"), COUNTS),
+    **dict.fromkeys(("invert", "once"), st.just(True)),
+    "on_failure": st.just("succeed"),
+    "on_success": st.just("fail"),
+}
+OUTCOMES = st.sampled_from(["running", "running", "success", "success", "failure", "failure", "crashes", "is offline"])
+LEAVES = st.fixed_dictionaries(
+    {"outcomes": st.lists(OUTCOMES, min_size=1, max_size=4), "halts_in": st.sampled_from([0, 0, 0, 1, 3, 99])},
+    optional={"stopping": st.just("crashes")},
+)
+WORDS = st.sampled_from(["probe", "probe", "base_probe", "arm_probe"])
+
+
+@st.composite
+def modified(draw: st.DrawFn, behaviour: dict[str, Any]) -> dict[str, Any]:
+    """Draw what stands beside a behaviour: up to three modifiers, in any order."""
+    words = draw(st.lists(st.sampled_from(sorted(MODIFIERS)), max_size=3, unique=True))
+    return behaviour | {word: draw(MODIFIERS[word]) for word in words}
+
+
+def composed(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Draw a composite of such children."""
+    words = st.sampled_from(sorted(COMPOSITES))
+    return st.dictionaries(words, st.lists(children, min_size=1, max_size=3), min_size=1, max_size=1).flatmap(modified)
+
+
+TREES = st.recursive(
+    st.tuples(WORDS, LEAVES).flatmap(lambda leaf: modified({leaf[0]: leaf[1]})), composed, max_leaves=8
+)
+TICKS = st.lists(st.tuples(st.sampled_from(["", "", "", "", "told to halt, "]), PERCENT), min_size=1, max_size=12)
+
+
+def named(tree: dict[str, Any], number: Iterator[int]) -> dict[str, Any]:
+    """Give every behaviour a name of its own."""
+    children = {
+        key: [named(child, number) for child in value] if key in COMPOSITES else value for key, value in tree.items()
+    }
+    return {**children, "name": f"n{next(number)}"}
+
+
+class Witness:
+    """Reads what happens in a play, and raises AssertionError where a law is broken."""
+
+    def __init__(self, play: Play) -> None:
+        self.play = play
+        self.leaves = {name: node for name, node in play.nodes.items() if isinstance(node, Probe)}
+        self.shown = dict.fromkeys(play.nodes, "idle")
+        self.state = dict.fromkeys(self.leaves, "at rest")
+
+    def read(self, line: str) -> None:
+        """Read what happened in one tick, and look at the tree that it left."""
+        entries = [
+            entry for entry in line.split(", ") if not entry.startswith(("with ", "told ")) and entry != "nothing"
+        ]
+        for entry in entries:
+            name, what = entry.split(" ", 1)
+            if what.startswith("is ") and name in self.shown:
+                self.shown[name] = what.removeprefix("is ")
+            if name in self.leaves:
+                self.take(name, what)
+        self.look()
+
+    def take(self, name: str, what: str) -> None:
+        """Follow a leaf: it starts, then ends or is halted, once; its actuators are its own until it is at rest."""
+        before = self.state[name]
+        assert what != "is ticked though it has not started", name
+        if what == "starts":
+            assert before != "working", f"{name} starts twice"
+            busy = [other for other in self.leaves if other != name and self.state[other] != "at rest"]
+            rivals = [other for other in busy if self.leaves[other].drives & self.leaves[name].drives]
+            assert not rivals, f"{name} starts while {rivals} still drive"
+            self.state[name] = "working"
+        elif what == "halts" or what.startswith("ends "):
+            assert before == "working", f"{name} {what}, but was {before}"
+            self.state[name] = "halting" if what == "halts" else "at rest"
+        elif what == "is idle":
+            assert before != "working", f"{name} was forgotten while it worked"
+            self.state[name] = "at rest"
+
+    def look(self) -> None:
+        """Check the tree between two ticks."""
+        for name, node in self.play.nodes.items():
+            assert self.shown[name] == STATUS_WORDS[node.status], f"the observer takes {name} for {self.shown[name]}"
+            if node.status is Status.FAILURE:
+                assert node.reason, f"{name} fails without a reason"
+            if node.status is Status.RUNNING and isinstance(node.parent, Node):
+                assert node.parent.status is Status.RUNNING, f"{name} runs on after what is around it"
+        for name, state in self.state.items():
+            running = self.leaves[name].status is Status.RUNNING
+            assert running or state == "at rest", f"{name} is {state}, but shows {self.shown[name]}"
+
+
+def _checked(case: Case) -> Plan | None:
+    """Return the plan, None for the mistakes that are made here: rivals for an actuator, and what cannot matter."""
+    try:
+        return case.plan()
+    except InvalidFileError as error:
+        known = ("at the same time", "never reached", "cannot matter")
+        if not all(any(words in fault.message for words in known) for fault in error.faults):
+            raise
+        return None
+
+
+@settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+@given(TREES, TICKS)
+def test_every_tree_keeps_the_laws(tree: dict[str, Any], ticks: list[tuple[str, int]]) -> None:
+    case = Case("any tree", "laws", f"mission: any\ntree: {json.dumps(named(tree, count()))}\n")
+    plan = _checked(case)
+    if plan is None:
+        reject()
+    play = Play(plan, {"battery": {"percent": 1}})
+    witness = Witness(play)
+    for told, percent in ticks:
+        witness.read(play.line(f"{told}with battery.percent = {percent}", 0.1))
+    for _ in range(12):  # a halt has a second, whatever the leaves do
+        witness.read(play.line("told to halt", 0.1))
+    assert set(witness.state.values()) == {"at rest"}
+    assert play.root.status is not Status.RUNNING

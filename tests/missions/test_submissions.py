@@ -1,0 +1,236 @@
+"""Missions inside missions, switches and chance: what the checker makes of them, and what they do when ticked."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.catalogue import LEAVES
+from behaviours.node import Node
+from behaviours.robot import Robot
+from behaviours.run import Run
+from config.faults import InvalidFileError
+from drivers.clock import ManualClock
+from missions.assembly.things import THINGS
+from missions.executive.build import build
+from missions.language.document import load_plan
+from missions.language.plan import Plan
+from missions.library import find_mission
+
+SQUARE = """\
+mission: square
+params:
+  side: 50 cm
+  corners: {type: count, default: 4}
+tree:
+  sequence:
+    - log: ${side} by ${corners}
+    - set: {driven: "${side * corners}"}
+returns: {length: driven, corners: corners}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "square.yaml").write_text(SQUARE)
+    return tmp_path
+
+
+def load(folder: Path, tree: str, *, params: Mapping[str, str] | None = None, head: str = "") -> Plan:
+    """Load a mission that stands in ``folder``."""
+    (folder / "main.yaml").write_text(f"mission: main\n{head}tree:\n{tree}")
+    return load_plan(folder / "main.yaml", LEAVES, THINGS, find_mission=find_mission, params=params)
+
+
+def messages(folder: Path, tree: str, *, head: str = "") -> list[str]:
+    """Return the mistakes in a mission, each with the name of its file and its line."""
+    with pytest.raises(InvalidFileError) as caught:
+        load(folder, tree, head=head)
+    return [f"{Path(fault.source.name).name}:{fault.mark.line}: {fault.message}" for fault in caught.value.faults]
+
+
+def ready(plan: Plan, *, seed: int = 0) -> tuple[Node, Run]:
+    """Build a mission for a robot without parts."""
+    run = Run(ManualClock(), seed=seed)
+    return build(plan, run, lambda leaf: Robot()), run  # noqa: ARG005 - a robot without parts
+
+
+def named(root: Node, name: str) -> Node:
+    """Return the node of this name."""
+    return next(node for node in root.iterate() if isinstance(node, Node) and node.name == name)
+
+
+def test_a_submission_gets_its_params_and_hands_its_results_back_under_one_name(folder: Path) -> None:
+    root, run = ready(load(folder, "  mission: square.yaml\n  with: {side: 2 m, corners: 3}\n  as: done\n"))
+    assert root.advance() is Status.SUCCESS
+    assert run.variables["done"] == {"length": 6.0, "corners": 3}
+    assert "driven" not in run.variables, "its variables are its own"
+    assert named(root, "log").reason == "2 m by 3"
+
+
+def test_without_as_each_result_becomes_a_variable_of_its_own_name(folder: Path) -> None:
+    tree = "  sequence:\n    - mission: square.yaml\n    - log: ${length} and ${corners}\n      name: told\n"
+    root, _ = ready(load(folder, tree))
+    assert root.advance() is Status.SUCCESS
+    assert named(root, "told").reason == "2 and 4"
+
+
+def test_returns_beside_the_call_are_computed_among_the_submissions_variables(folder: Path) -> None:
+    root, run = ready(load(folder, "  mission: square.yaml\n  returns: {twice: driven * 2}\n"))
+    assert root.advance() is Status.SUCCESS
+    assert run.variables["twice"] == 4.0
+    assert "length" not in run.variables
+
+
+def test_params_are_computed_anew_at_each_start_and_variables_forgotten(folder: Path) -> None:
+    (folder / "count.yaml").write_text(
+        "mission: count\nparams: {start: 0}\ntree:\n  set: {found: '${start + 1}'}\nreturns: {found: found}\n"
+    )
+    tree = "  sequence:\n    - mission: count.yaml\n      with: {start: '${n}'}\n      as: one\n"
+    tree += "    - set: {n: '${one.found}'}\n  repeat: 3\n"
+    root, run = ready(load(folder, "  sequence:\n    - set: {n: 10}\n    - " + tree.strip().replace("\n", "\n    ")))
+    run.tick = 1
+    for _ in range(5):
+        if root.advance() is not Status.RUNNING:
+            break
+    assert run.variables["n"] == 13
+
+
+def test_a_shipped_mission_is_found_by_name_and_a_file_beside_the_one_that_names_it(folder: Path) -> None:
+    (folder / "inner").mkdir()
+    (folder / "inner" / "a.yaml").write_text("mission: a\ntree:\n  mission: b.yaml\n")
+    (folder / "inner" / "b.yaml").write_text("mission: b\ntree: succeed\n")
+    plan = load(folder, "  sequence:\n    - mission: inner/a.yaml\n    - mission: greet\n      with: {patience: 5 s}\n")
+    assert [step.name for step in plan.tree.walk() if step.kind == "mission"] == ["a", "b", "greet"]
+
+
+def test_a_mission_that_includes_itself_is_a_mistake_however_long_the_way(folder: Path) -> None:
+    (folder / "a.yaml").write_text("mission: a\ntree:\n  mission: b.yaml\n")
+    (folder / "b.yaml").write_text("mission: b\ntree:\n  mission: main.yaml\n")
+    assert messages(folder, "  mission: a.yaml\n") == [
+        "b.yaml:3: a mission cannot include itself: main.yaml -> a.yaml -> b.yaml -> main.yaml"
+    ]
+
+
+def test_missions_that_multiply_are_refused_before_they_fill_the_memory(folder: Path) -> None:
+    (folder / "m0.yaml").write_text("mission: m0\ntree: succeed\n")
+    for level in range(1, 12):
+        twice = "".join(f"    - mission: m{level - 1}.yaml\n" for _ in range(5))
+        (folder / f"m{level}.yaml").write_text(f"mission: m{level}\ntree:\n  sequence:\n{twice}")
+    assert any("more than 10,000 steps" in line for line in messages(folder, "  mission: m11.yaml\n"))
+
+
+@pytest.mark.parametrize(
+    ("tree", "expected"),
+    [
+        ("  mission: sqare.yaml\n", "main.yaml:3: "),
+        ("  mission: gret\n", "main.yaml:3: unknown mission 'gret'; did you mean 'greet'?"),
+        ("  mission:\n", "main.yaml:3: 'mission' needs the name of a mission, or the path of its file"),
+        ("  mission: square.yaml\n  with: {sied: 1 m}\n", "main.yaml:4: mission 'square' has no param 'sied'"),
+        ("  mission: square.yaml\n  with: {side: 1 s}\n", "main.yaml:4: 'side' needs a length"),
+        ("  mission: square.yaml\n  with: {side: 3}\n", "main.yaml:4: 'side' needs a length"),
+        ("  mission: square.yaml\n  with: 3\n", "main.yaml:4: 'with' needs names and values"),
+        ("  mission: square.yaml\n  returns: {a: drivn}\n", "main.yaml:4: result 'a': unknown name 'drivn'"),
+        ("  wait: 1 s\n  with: {side: 1 m}\n", "main.yaml:4: 'with' stands only beside 'mission', not beside 'wait'"),
+        ("  switch: {cases: {1: succeed}}\n", "main.yaml:3: 'switch' needs 'on', an expression"),
+        ("  switch: {on: 1}\n", "main.yaml:3: 'switch' needs 'cases', each a value with a behaviour"),
+        ("  switch: {on: 1, case: {1: succeed}}\n", "main.yaml:3: 'switch' has no key 'case'"),
+        ("  switch: {on: nobody, cases: {1: succeed}}\n", "main.yaml:3: 'on': unknown name 'nobody'"),
+        ("  switch: {on: 1, cases: {1: suceed}}\n", "main.yaml:3: unknown behaviour 'suceed'"),
+    ],
+)
+def test_a_mistake_is_told_where_it_stands(tree: str, expected: str, folder: Path) -> None:
+    assert any(line.startswith(expected) for line in messages(folder, tree)), messages(folder, tree)
+
+
+def test_a_mistake_inside_a_submission_is_told_in_its_own_file(folder: Path) -> None:
+    (folder / "bad.yaml").write_text("mission: bad\ntree:\n  parallel:\n    - say: a\n    - say: b\n")
+    lines = messages(folder, "  sequence:\n    - mission: bad.yaml\n    - mission: bad.yaml\n")
+    assert lines == ["bad.yaml:5: 'say' and 'say' (line 4) can both drive the voice at the same time"]
+
+
+def test_what_is_never_reached_and_what_cannot_matter_are_mistakes(folder: Path) -> None:
+    tree = "  sequence:\n    - wait: 1 s\n      repeat: forever\n    - log: never\n"
+    assert messages(folder, tree) == ["main.yaml:6: 'log' is never reached: 'wait' (line 4) never succeeds"]
+    tree = "  selector:\n    - wait: 1 s\n    - log: never\n"
+    assert messages(folder, tree) == ["main.yaml:5: 'log' is never reached: 'wait' (line 4) never fails"]
+    tree = "  wait: 1 s\n  retry: 3\n"
+    assert messages(folder, tree) == ["main.yaml:4: 'retry' cannot matter here: 'wait' never fails"]
+
+
+SWITCH = """\
+  switch:
+    on: ON
+    cases:
+      3: {log: three}
+      red: {log: red}
+      true: {log: yes}
+      2 m: {log: far}
+    default: {log: other}
+"""
+
+
+@pytest.mark.parametrize(
+    ("on", "said"),
+    [
+        ("1 + 2", "three"),
+        ("3.0", "three"),
+        ("'3'", "three"),
+        ("'red'", "red"),
+        ("1 == 1", "yes"),
+        ("1", "other"),
+        ("'blue'", "other"),
+        ("far", "far"),
+    ],
+)
+def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -> None:
+    root, _ = ready(load(folder, SWITCH.replace("ON", f'"{on}"'), head="params: {far: 2 m}\n"))
+    assert root.advance() is Status.SUCCESS
+    assert [
+        node.reason for node in root.iterate() if isinstance(node, Node) and node.kind == "log" and node.reason
+    ] == [said]
+
+
+def test_a_switch_without_a_case_or_a_default_fails_and_says_for_what(folder: Path) -> None:
+    root, _ = ready(load(folder, SWITCH.replace("ON", "\"'blue'\"").replace("    default: {log: other}\n", "")))
+    assert root.advance() is Status.FAILURE
+    assert root.reason == "no case for blue, and no default"
+
+
+def test_a_switch_keeps_to_its_case_until_that_ends(folder: Path) -> None:
+    tree = "  switch:\n    on: colour\n    cases:\n      red: {pretend: [running, success]}\n      blue: fail\n"
+    root, run = ready(load(folder, tree, head="params: {colour: red}\n"))
+    assert root.advance() is Status.RUNNING
+    run.variables["colour"] = "blue"
+    assert root.advance() is Status.SUCCESS
+
+
+def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> None:
+    leaves = "".join(f"    - pretend: [running, success]\n      name: n{number}\n" for number in range(6))
+    plan = load(folder, "  random_sequence:\n" + leaves)
+
+    def order(seed: int) -> list[str]:
+        root, run = ready(plan, seed=seed)
+        seen: list[str] = []
+        run.observer = lambda node: seen.append(node.name) if node.status is Status.SUCCESS else None
+        for _ in range(7):
+            root.advance()
+        assert root.status is Status.SUCCESS
+        return seen[:-1]
+
+    assert sorted(order(1)) == [f"n{number}" for number in range(6)]
+    assert order(1) == order(1)
+    assert len({tuple(order(seed)) for seed in range(10)}) > 5
+
+
+def test_a_random_selector_tries_until_one_succeeds_and_draws_anew_at_each_start(folder: Path) -> None:
+    leaves = "".join(f"    - pretend: [failure]\n      name: n{number}\n" for number in range(4))
+    root, run = ready(load(folder, "  random_selector:\n" + leaves))
+    orders = set()
+    for _ in range(8):
+        seen: list[str] = []
+        run.observer = lambda node, seen=seen: seen.append(node.name) if node.status is Status.FAILURE else None
+        assert root.advance() is Status.FAILURE
+        orders.add(tuple(seen))
+    assert len(orders) > 3
