@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: help setup demo test check bench constraints clean
+.PHONY: help setup demo test check bench docs constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -31,6 +31,9 @@ check: $(STAMP) ## style, types and the arrows between the packages
 
 bench: $(STAMP) ## the benchmarks, as ratios measured side by side
 	$(BIN)/python -m tests.benchmarks
+
+docs: $(STAMP) ## write the tables of docs/ anew from the declarations
+	$(BIN)/python docs/generate.py
 
 constraints: $(STAMP) ## write constraints.txt anew from the newest releases
 	$(BIN)/pip install --quiet uv

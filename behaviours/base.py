@@ -46,16 +46,6 @@ class _Motion(Leaf):
             self._start = reading.value.pose
         return reading.value
 
-    def obstacle(self, state: BaseState, forward: bool) -> str:
-        """Say what stops the base from going on, or nothing."""
-        if state.wheel_drop:
-            return "a wheel has dropped"
-        if forward and state.cliff:
-            return "a cliff ahead"
-        if forward and state.bumper:
-            return "bumped into something"
-        return ""
-
     def come_to_rest(self, speed: float) -> Status:
         """Stop, and succeed once it stands still."""
         if not self._stopping:
@@ -95,7 +85,7 @@ class Drive(_Motion):
         if state is None or self._start is None:
             return self.wait("waiting for the base to report")
         direction = math.copysign(1.0, self.distance)
-        trouble = self.obstacle(state, forward=direction > 0)
+        trouble = obstacle(state, forward=direction > 0)
         if trouble:
             return self.fail(trouble)
         gone = _along(self._start, state.pose)
@@ -123,7 +113,7 @@ class Turn(_Motion):
         state = self.state()
         if state is None or self._start is None:
             return self.wait("waiting for the base to report")
-        trouble = self.obstacle(state, forward=False)
+        trouble = obstacle(state, forward=False)
         if trouble:
             return self.fail(trouble)
         direction = math.copysign(1.0, self.angle)
@@ -132,6 +122,40 @@ class Turn(_Motion):
         if rate == 0.0:
             return self.come_to_rest(state.velocity.angular)
         self.robot.base.drive(Velocity(0.0, direction * min(rate, self.speed)))
+        return self.wait(f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg")
+
+
+class Arc(_Motion):
+    """Drive forwards along a part of a circle: to the left for a positive angle, to the right for a negative one.
+
+    Running until the base has turned by the angle, by the gyro, and stands still, then succeeds.
+    Fails when it bumps into something, comes to a cliff, or a wheel drops.
+    """
+
+    word = "arc"
+    radius: float = argument("length", "of the circle", low=0.05, high=10.0)
+    angle: float = argument("angle", "how far round; positive is to the left", default=math.tau)
+    speed: float = argument("speed", "how fast along the circle", default=0.2, low=0.01, high=0.7)
+
+    def update(self) -> Status:
+        state = self.state()
+        if state is None or self._start is None:
+            return self.wait("waiting for the base to report")
+        trouble = obstacle(state, forward=True)
+        if trouble:
+            return self.fail(trouble)
+        direction = math.copysign(1.0, self.angle)
+        turned = state.pose.heading - self._start.heading
+        # Whichever of driving and turning needs more care on this circle says how fast it may go round.
+        rate = self.approach(
+            (self.angle - turned) * direction,
+            braking=min(TURN_BRAKING, BRAKING / self.radius),
+            crawl=min(TURN_CRAWL, CRAWL / self.radius),
+        )
+        if rate == 0.0:
+            return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
+        rate = min(rate, self.speed / self.radius)
+        self.robot.base.drive(Velocity(rate * self.radius, direction * rate))
         return self.wait(f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg")
 
 
@@ -154,6 +178,17 @@ class Stop(_Motion):
         moving = max(abs(state.velocity.linear), abs(state.velocity.angular))
         # What it was told a moment before may still be on its way to the wheels.
         return SUCCESS if moving < STANDSTILL and self.elapsed >= REACTION else self.wait("stopping")
+
+
+def obstacle(state: BaseState, *, forward: bool) -> str:
+    """Say what stops a base from going on, or nothing; what is ahead matters only where it goes ``forward``."""
+    if state.wheel_drop:
+        return "a wheel has dropped"
+    if forward and state.cliff:
+        return "a cliff ahead"
+    if forward and state.bumper:
+        return "bumped into something"
+    return ""
 
 
 def _along(start: Pose2D, now: Pose2D) -> float:

@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 
 from behaviours.arm import Gesture
-from behaviours.base import Drive, Stop, Turn
+from behaviours.base import Arc, Drive, Stop, Turn
 from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.head import Look
 from behaviours.leaf import Leaf
+from behaviours.scene import SceneUniform
 from behaviours.sight import FaceCentred, FaceSeen, FindFace
+from behaviours.tracking.follow_person import FollowPerson
 from behaviours.tracking.track_face import TrackFace
 from behaviours.voice import Say
 
@@ -18,9 +20,12 @@ LEAVES: Mapping[str, type[Leaf]] = {
         FaceCentred,
         FindFace,
         TrackFace,
+        FollowPerson,
+        SceneUniform,
         Look,
         Drive,
         Turn,
+        Arc,
         Stop,
         Gesture,
         Say,

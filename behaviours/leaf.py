@@ -134,24 +134,38 @@ class Leaf(Node):
         self.feedback_message = reason
         return RUNNING
 
+    @property
+    def place(self) -> str:
+        """What it is and where it stands, for messages: "drive (line 4)"."""
+        return f"{self.name} (line {self.line})" if self.line else self.name
+
     def work(self) -> Status:
         """Start if need be, update once, and turn whatever goes wrong into a failure with a reason."""
+        run = self.run
+        run.working = self
         try:
             status: object = self._work()
         except NotConnected as error:
             # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
-            return self.wait(f"waiting: {error}")
+            status = self.wait(f"waiting: {error}")
         except DriverError as error:
             status = self.fail(str(error))
-        except Exception as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
-            log.exception("%s (%s, line %d) raised", self.name, self.kind, self.line)
-            status = self.fail(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
+        except BaseException as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
+            if self._interrupted(error):
+                raise
+            log.exception("%s raised", self.place)
+            status = self.fail(f"{self.place}: {_said(error)}")
         if not isinstance(status, Status) or status is Status.INVALID:
-            status = self.fail(f"{self.kind} returned {status!r} instead of a status")
+            status = self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
+        if type(self.feedback_message) is not str:
+            self.feedback_message = _shown(self.feedback_message)
+        if run.overheld is not None and run.overheld[:2] == (self, run.tick):
+            status = self.fail(f"{self.place}: held the tick for {run.now() - run.overheld[2]:.1f} s")
         if status is not RUNNING:
             self._end(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
             self.scope[self.keep_as] = self.result
+        run.working = None
         return status
 
     def _work(self) -> Status:
@@ -195,17 +209,23 @@ class Leaf(Node):
     def _terminate(self, status: Status) -> None:
         try:
             self.terminate(status)
-        except Exception as error:  # what cannot be stopped politely is stopped by its driver
+        except BaseException as error:  # what cannot be stopped politely is stopped by its driver
             if not isinstance(error, NotConnected):
-                log.exception("%s (%s, line %d) raised while it stopped", self.name, self.kind, self.line)
+                log.exception("%s raised while it stopped", self.place)
             self._settle()
+            if self._interrupted(error):
+                raise
+
+    def _interrupted(self, error: BaseException) -> bool:
+        """True for a Ctrl-C, which is the user's and no fault of the leaf."""
+        return self.run.interruptible and isinstance(error, KeyboardInterrupt)
 
     def _settle(self) -> None:
         if self.drives:
             try:
                 self.run.settle(self.drives)
             except Exception:  # as in _terminate
-                log.exception("%s (%s, line %d): its actuators could not be stopped", self.name, self.kind, self.line)
+                log.exception("%s: its actuators could not be stopped", self.place)
 
     def halt(self) -> bool:
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
@@ -223,6 +243,12 @@ class Leaf(Node):
 
     def _come_to_rest(self) -> bool:
         """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
+        before, self.run.working = self.run.working, self  # another may be waiting for it to make way
+        at_rest = self._stopped()
+        self.run.working = before
+        return at_rest
+
+    def _stopped(self) -> bool:
         now = self.run.now()
         if self._halt_by is None:
             self._halt_by = now + self.halt_limit
@@ -241,7 +267,26 @@ class Leaf(Node):
     def _still_halting(self) -> bool:
         try:
             return self.halting()
-        except Exception:  # as in _terminate
-            log.exception("%s (%s, line %d) raised while it stopped", self.name, self.kind, self.line)
+        except BaseException as error:  # as in _terminate
+            log.exception("%s raised while it stopped", self.place)
             self._settle()
+            if self._interrupted(error):
+                raise
             return False
+
+
+def _said(error: BaseException) -> str:
+    """Return an exception's type and words; the type alone where it has none, or cannot say them."""
+    try:
+        words = str(error)
+    except Exception:
+        words = ""
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def _shown(value: object) -> str:
+    """Return what a leaf gave, whatever that is, for a message."""
+    try:
+        return repr(value)[:80]
+    except Exception:
+        return f"a {type(value).__name__}"

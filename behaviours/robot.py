@@ -23,7 +23,6 @@ class Robot:
     arm_part: Joints | None = None
     voice_part: Voice | None = None
     sight_part: Sight | None = None
-    latency: float = 0.0
 
     @property
     def base(self) -> Base:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from drivers.clock import Clock
 
 if TYPE_CHECKING:
+    from behaviours.leaf import Leaf
     from behaviours.node import Node
 
 log = logging.getLogger("missiontree")
@@ -21,7 +22,11 @@ class Run:
     ``observer`` is told of every node whose status has changed. ``preemptible`` are the running nodes that give way as
     soon as a leaf of higher priority is about to drive an actuator. ``settle`` brings the named actuators to rest when
     a leaf did not manage to in time.
-    ``woken`` is set by whatever should not wait for the next scheduled tick.
+    ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
+    comes as a KeyboardInterrupt.
+
+    For who watches from another thread: ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf
+    that has the word now. ``overheld`` says back which leaf held which tick for too long, and since when.
     """
 
     def __init__(self, clock: Clock, *, seed: int = 0) -> None:
@@ -33,10 +38,18 @@ class Run:
         self.preemptible: list[Node] = []
         self.settle: Callable[[frozenset[str]], None] = _nothing_to_settle
         self.woken = Event()
+        self.interruptible = True
+        self.alive_at = clock.now()
+        self.working: Leaf | None = None
+        self.overheld: tuple[Leaf, int, float] | None = None
 
     def now(self) -> float:
         """The time in seconds on the run's clock."""
         return self.clock.now()
+
+    def beat(self) -> None:
+        """Show that the loop goes on."""
+        self.alive_at = self.clock.now()
 
     def wake(self) -> None:
         """Tick at once: something has happened that a behaviour may wait for. From any thread."""

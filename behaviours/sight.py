@@ -8,7 +8,8 @@ from py_trees.common import Status
 
 from behaviours.head import arrived
 from behaviours.leaf import SUCCESS, Leaf, argument
-from drivers.api import HeadPose
+from behaviours.meeting import Meeting
+from drivers.api import HeadPose, Pose2D
 from perception.api import Face
 
 BLIND = 2.0
@@ -23,9 +24,15 @@ class _Seeing(Leaf):
     max_age: float
 
     def fresh(self, *, since: float = -math.inf) -> Face | None:
-        """Return the largest face that was seen within ``max_age``, and not before ``since``."""
+        """Return the largest face that was seen within ``max_age``, and not before ``since``, and that is wanted."""
         oldest = max(since, self.run.now() - self.max_age)
-        return next((face for face in self.robot.sight.faces() if face.stamp >= oldest), None)
+        faces = self.robot.sight.faces()
+        return next((face for face in faces if face.stamp >= oldest and self.wanted(face)), None)
+
+    def wanted(self, face: Face) -> bool:
+        """Whether it is one of those that are looked for: anybody."""
+        del face
+        return True
 
     def nobody(self, so_far: str = "no face in view") -> str:
         """Say that no face is seen; or that nothing is, which is another trouble."""
@@ -57,13 +64,19 @@ class FaceSeen(_Seeing):
 class FaceCentred(_Seeing):
     """Is the face in the middle of the picture?
 
-    Succeeds when the largest face is within that angle of the camera's axis, fails when not. It never runs.
+    Succeeds when the largest face, or the one that is named, is within that angle of the camera's axis, fails when
+    not. It never runs.
     """
 
     word = "face_centred"
     instant = True
     within: float = argument("angle", "how far from the axis still counts", default=math.radians(5), principal=True)
     max_age: float = argument("duration", "how long ago still counts", default=0.5, low=0.01)
+    face: object = argument("value", "whose, as `as` has kept them; else the largest", default=None)
+
+    def wanted(self, face: Face) -> bool:
+        only = chosen(self.face)
+        return only is None or face.id == only.id
 
     def update(self) -> Status:
         face = self.fresh()
@@ -93,7 +106,9 @@ class FindFace(_Seeing):
     step: float = argument("angle", "from look to look", default=math.radians(30), low=math.radians(2))
     pause: float = argument("duration", "how long to look each time", default=0.3, low=0.05)
     scans: int = argument("count", "how many rounds; 0 is for ever", default=0, low=0)
+    new: bool = argument("flag", "only somebody whom it has not found before in this run", default=False)
     max_age = 0.5
+    _met: tuple[Meeting, ...] = ()  # outlives a restart: that is what `new` is for
     _route: Iterator[HeadPose] = iter(())
     _goal: HeadPose | None = None
     _there_since: float | None = None
@@ -103,9 +118,13 @@ class FindFace(_Seeing):
         self._goal, self._there_since = self.robot.head.pose().value, None
         self._route = self._rounds()
 
+    def wanted(self, face: Face) -> bool:
+        return not self.new or not any(meeting.was_with(face, self._stand()) for meeting in self._met)
+
     def update(self) -> Status:
-        face = self.fresh(since=self._since)
+        face = self.fresh(since=self._from)
         if face is not None:
+            self._met += (Meeting.of(face, self._stand()),) if self.new else ()
             return self.see(face)
         if self._goal is None or self._looked_long_enough():
             self._goal = next(self._route, None)
@@ -123,6 +142,18 @@ class FindFace(_Seeing):
         del new_status  # found or not, the head stays where it looks
         self.robot.head.stop()
 
+    @property
+    def _from(self) -> float:
+        """Since when a face counts: where it is must be known to tell people apart, so then the head must stand."""
+        if not self.new:
+            return self._since
+        return math.inf if self._there_since is None else self._there_since
+
+    def _stand(self) -> Pose2D:
+        """Return where the base is, as far as there is one that tells."""
+        state = None if self.robot.base_part is None else self.robot.base.state().value
+        return Pose2D(0.0, 0.0, 0.0) if state is None else state.pose
+
     def _looked_long_enough(self) -> bool:
         """True once the pictures taken since the head arrived, and searched, span the pause: no matter what is late."""
         looked = self.robot.sight.looked()
@@ -131,6 +162,13 @@ class FindFace(_Seeing):
     def _rounds(self) -> Iterator[HeadPose]:
         for _ in range(self.scans) if self.scans else itertools.count():
             yield from serpentine(self.pan, self.tilt, self.step)
+
+
+def chosen(kept: object) -> Face | None:
+    """Return the face that a mission names, None where it names none. Raises ValueError for what is no face."""
+    if kept is None or isinstance(kept, Face):
+        return kept
+    raise ValueError(f"'face' needs a face that a behaviour has found, such as ${{person}}, got {kept!r}")
 
 
 def serpentine(pan: tuple[float, float], tilt: tuple[float, float], step: float) -> Iterator[HeadPose]:

@@ -78,15 +78,13 @@ class ArmConfig:
 class CameraConfig:
     """A camera: an index, a device, a file, a URL or a folder; its view and where it sits.
 
-    ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead;
-    ``delay`` how long after the exposure a picture arrives.
+    ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead.
     """
 
     source: str
     field_of_view: float
     width: int
     height: int
-    delay: float
     position: tuple[float, float, float]
 
 
@@ -248,7 +246,6 @@ def _camera(fields: Fields | None) -> CameraConfig | None:
         field_of_view=fields.quantity("field_of_view", "angle", 1.0471975512, low=0.2, high=2.6),
         width=fields.integer("width", 640, low=64, high=4096),
         height=fields.integer("height", 480, low=48, high=4096),
-        delay=fields.quantity("delay", "duration", 0.0, low=0.0, high=1.0),
         position=position,
     )
     fields.done()

@@ -66,6 +66,28 @@ class Quantity(float):
         return Quantity, (float(self), self.dimension, self.text)
 
 
+_MEANT = {
+    word: unit
+    for unit, words in {
+        "deg": "° degree degrees grad",
+        "rad": "radian radians",
+        "s": "sec secs second seconds",
+        "ms": "msec millisecond milliseconds",
+        "min": "mins minute minutes",
+        "h": "hr hour hours",
+        "m": "meter meters metre metres",
+        "cm": "centimeter centimeters centimetre centimetres",
+        "m/s": "mps",
+        "deg/s": "°/s dps",
+        "Hz": "hz",
+        "%": "percent",
+        "V": "v volt volts",
+    }.items()
+    for word in words.split()
+}
+"""What people write for a unit, and how we write it."""
+
+
 def quantity(text: str) -> Quantity | None:
     """Read ``text`` as a finite number with a unit that we know; None when it is something else."""
     found = _WRITTEN.fullmatch(text.strip())
@@ -97,12 +119,16 @@ def _what_is_wrong(value: object, dimension: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f": {seen(value)} has no unit ({units})"
     text = value.strip() if isinstance(value, str) else ""
+    if re.match(r"[-+]?\d+,\d", text):
+        return f": write '{text.replace(',', '.', 1)}', with a point"
     written = _WRITTEN.fullmatch(text)
     if written is None:
         return f": {seen(value)} has no unit ({units})" if re.fullmatch(_NUMBER, text) else f", got {seen(value)}"
     if written[2] in _DIMENSION_OF:
         return f": {seen(value)} is too large"
-    return f": unknown unit {seen(written[2])} ({units})"
+    meant = _MEANT.get(written[2].lower())
+    hint = f"write '{written[1]} {meant}'" if meant else units
+    return f": unknown unit {seen(written[2])} ({hint})"
 
 
 def written(value: float, dimension: str) -> str:

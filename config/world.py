@@ -42,6 +42,7 @@ class WorldConfig:
     light: float
     noise: float
     people: tuple[PersonConfig, ...]
+    file: str = ""
 
 
 def load_world(path: Path) -> WorldConfig:
@@ -64,6 +65,7 @@ def load_world(path: Path) -> WorldConfig:
         light=fields.quantity("light", "share", 1.0, low=0.0, high=2.0),
         noise=fields.number("noise", 3.0, low=0.0, high=80.0),
         people=tuple(_person(fields, node) for node in fields.items("people")),
+        file=fields.source.name,
     )
     fields.done()
     if fields.faults:

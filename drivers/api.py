@@ -5,7 +5,10 @@ So a positive pan looks left, and a positive tilt (about y) looks *down*.
 
 Every device starts without its hardware: ``open`` starts looking for it, ``health`` says whether it is there, and
 it reconnects by itself. Commands to a device that is offline raise ``drivers.errors.NotConnected``.
-No call blocks longer than one exchange on the wire (20 ms), so all of them may be made in a tick.
+So all commands may be made in a tick: they take one exchange on the wire at most, a few milliseconds, while the
+hardware answers. The exception are joints, which confirm hold, relax, and a move that first makes them stiff, one by
+one: each that answers costs two or three exchanges, each that has just fallen silent up to six time-outs (6 ms each,
+22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
 """
 
 from collections.abc import Callable, Mapping
@@ -75,7 +78,10 @@ class Notice:
 
 
 Report = Callable[[Notice], None]
-"""Where a driver sends its notices; called from the driver's own thread, must return at once."""
+"""Where a driver sends its notices; called mostly from the driver's own thread, must return at once.
+
+What it raises is logged once and goes no further: a driver that reports must not come to harm by it.
+"""
 
 
 def unreported(notice: Notice) -> None:

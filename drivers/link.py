@@ -1,5 +1,6 @@
 """A serial line that is owned, read on a thread of its own, and found again after it was lost."""
 
+from contextlib import suppress
 from threading import Event, RLock, Thread
 from typing import Protocol
 
@@ -7,6 +8,7 @@ import serial
 
 from drivers.api import Health, Notice, Report, unreported
 from drivers.errors import NotConnected
+from drivers.guard import guarded
 from drivers.ports import explain, open_port
 
 PULSE = 0.02
@@ -14,10 +16,14 @@ PULSE = 0.02
 
 
 class Talker(Protocol):
-    """The protocol on top of a link. All three are called from the link's thread."""
+    """The protocol on top of a link. All four are called from the link's thread.
+
+    Whatever they raise does not end that thread: NotConnected makes the link look for the port again, anything else
+    is reported as a fault when it is new.
+    """
 
     def connected(self) -> None:
-        """The port has just been opened: forget old state, say hello."""
+        """The port has just been opened: forget old state, say hello. If this raises, the port is given up again."""
         ...
 
     def received(self, data: bytes) -> None:
@@ -28,20 +34,29 @@ class Talker(Protocol):
         """Called at least every ``PULSE`` seconds while the port is open: time-outs and renewals go here."""
         ...
 
+    def ending(self) -> None:
+        """The thread ends, whatever the reason, and the port is released next: say the last word."""
+        ...
+
 
 class Link:
-    """Owns one serial port. Starts without it, opens it when it appears, and again whenever it comes back."""
+    """Owns one serial port. Starts without it, opens it when it appears, and again whenever it comes back.
+
+    Only the link's own thread opens and closes the port: who meets trouble on another one leaves it in ``_trouble``.
+    """
 
     def __init__(self, name: str, port: str, baud: int, *, retry: float = 0.5, report: Report = unreported) -> None:
         self.name = name
         self.port = port
         self.baud = baud
         self._retry = retry
-        self._report = report
+        self._report = guarded(report)
         self._talker: Talker | None = None
         self._serial: serial.Serial | None = None
-        self._trouble: NotConnected | None = None
-        self._lock = RLock()
+        self._trouble: NotConnected | None = None  # why there is no port, or why the one that is open must go
+        self._fault = ""  # the newest that was reported
+        self._greeted = False  # the talker has made its beginning on this port
+        self._lock = RLock()  # over the port while it is written, opened and closed
         self._ending = Event()
         self._thread: Thread | None = None
         self._connections = 0
@@ -64,92 +79,120 @@ class Link:
 
     @property
     def online(self) -> bool:
-        """True while the port is open."""
-        return self._serial is not None
+        """True while the port is open and sound. The thread leaves none open when it ends."""
+        return self._serial is not None and self._trouble is None
 
     def health(self) -> Health:
         """Say whether the port is open, and if not, why."""
-        trouble = self._trouble
         if self.online:
             return Health(online=True, counters={"connections": self._connections})
-        if trouble is None:
-            return Health(online=False, detail=f"{self.name}: {self.port}: not opened yet")
+        trouble = self._absent()
         return Health(online=False, detail=str(trouble), hint=trouble.hint)
 
     def write(self, data: bytes) -> None:
         """Send ``data`` whole; at most one writer at a time. Raises NotConnected when the port is not there."""
         with self._lock:
-            if self._serial is None:
-                raise self._trouble or NotConnected(f"{self.name}: {self.port}: not opened yet")
+            if self._serial is None or self._trouble is not None:
+                raise self._absent()
             try:
                 self._serial.write(data)
             except (serial.SerialException, OSError) as error:
-                raise self._lost(error) from error
+                self._trouble = explain(self.name, self.port, error)
+                raise self._absent() from error
 
-    def _lost(self, error: Exception) -> NotConnected:
-        """Give the port up; the thread will look for it again."""
-        with self._lock:
-            port, self._serial = self._serial, None
-            trouble = explain(self.name, self.port, error)
-            self._trouble = trouble
-            if port is not None:
-                _release(port)
-                self._report(Notice(self.name, "offline", f"{self.port} is gone: {error}", trouble.hint))
-        return trouble
+    def _absent(self) -> NotConnected:
+        """Return a new error that says why there is no port: several threads may raise one at once."""
+        trouble = self._trouble
+        if trouble is None:
+            return NotConnected(f"{self.name}: {self.port}: not opened yet")
+        return NotConnected(str(trouble), hint=trouble.hint)
+
+    # --- the link's thread --------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
         talker = self._talker
         if talker is None:
             return
-        while not self._ending.is_set():
-            if self._serial is None and not self._connect(talker):
-                self._ending.wait(self._retry)
-                continue
-            try:
-                self._serve(talker)
-            except NotConnected:
-                continue  # already reported by _lost; look for the port again
-            except Exception as error:
-                self._report(Notice(self.name, "fault", f"{type(error).__name__}: {error}"))
-                self._ending.wait(PULSE)
-        with self._lock:
-            if self._serial is not None:
-                _release(self._serial)
-                self._serial = None
+        try:
+            while not self._ending.is_set():
+                try:
+                    self._turn(talker)
+                except NotConnected:
+                    continue  # the next turn lets the port go, if it has gone
+                except BaseException as error:  # SystemExit too: this thread alone can stop what it has set in motion
+                    self._complain(error)
+                    self._ending.wait(PULSE)
+        finally:
+            self._finish(talker)
 
-    def _connect(self, talker: Talker) -> bool:
+    def _turn(self, talker: Talker) -> None:
+        if self._serial is not None and self._trouble is not None:
+            self._release()
+            if self._greeted:
+                self._report(Notice(self.name, "offline", str(self._trouble), self._trouble.hint))
+            self._ending.wait(self._retry)
+        elif self._serial is None:
+            self._connect(talker)
+        else:
+            self._serve(talker, self._serial)
+
+    def _connect(self, talker: Talker) -> None:
         try:
             port = open_port(self.name, self.port, self.baud, timeout=PULSE)
         except NotConnected as error:
             self._trouble = error
-            return False
+            self._ending.wait(self._retry)
+            return
         with self._lock:
             self._serial, self._trouble = port, None
             self._connections += 1
-        self._report(Notice(self.name, "online", f"{self.port} is open at {self.baud} baud"))
+        self._greeted = False
         try:
             talker.connected()
-        except NotConnected:
-            return False
-        return True
+        except BaseException as error:
+            # Half a beginning is none: the next turn lets the port go.
+            unfit = NotConnected(f"{self.name}: {self.port}: {_words(error)}")
+            self._trouble = error if isinstance(error, NotConnected) else unfit
+            raise
+        self._greeted = True
+        self._report(Notice(self.name, "online", f"{self.port} is open at {self.baud} baud"))
 
-    def _serve(self, talker: Talker) -> None:
-        port = self._serial
-        if port is None:
-            return
+    def _serve(self, talker: Talker, port: serial.Serial) -> None:
         try:
             data = port.read(max(1, port.in_waiting))
-        except (serial.SerialException, OSError, TypeError) as error:
-            # TypeError: pyserial reads from a None descriptor when _lost closed the port under us.
-            raise self._lost(error if isinstance(error, OSError) else OSError(str(error))) from error
+        except (serial.SerialException, OSError) as error:
+            self._trouble = explain(self.name, self.port, error)
+            return
         if data:
             talker.received(data)
         talker.pulse()
 
+    def _complain(self, error: BaseException) -> None:
+        """Report a fault, unless it is the same as before: it may come with every pulse."""
+        if (fault := _words(error)) != self._fault:
+            self._fault = fault
+            self._report(Notice(self.name, "fault", fault))
 
-def _release(port: serial.Serial) -> None:
-    """Close a port that may be gone already."""
-    try:
-        port.close()
-    except (serial.SerialException, OSError):
-        return
+    def _finish(self, talker: Talker) -> None:
+        """Let the talker say its last word, and release the port whatever comes of that."""
+        try:
+            if self._serial is not None:
+                talker.ending()
+        except NotConnected:
+            return  # nobody is there to hear it
+        except BaseException as error:
+            self._complain(error)
+        finally:
+            self._release()
+
+    def _release(self) -> None:
+        """Close the port, which may be gone already."""
+        with self._lock:
+            port, self._serial = self._serial, None
+            if port is not None:
+                with suppress(serial.SerialException, OSError):
+                    port.close()
+
+
+def _words(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -31,6 +31,10 @@ class Ramp:
         self.position += min(max(self.goal - self.position, -reach), reach)
         return self.position
 
+    def place(self, position: float, now: float) -> None:
+        """Go on from ``position`` (radians), where it turned out to stand at time ``now``; the goal stays."""
+        self.position, self.stamp = position, now
+
     def halt(self) -> None:
         """Make the present position the goal."""
         self.goal = self.position

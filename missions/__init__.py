@@ -1,3 +1,52 @@
-"""What the robot is asked: the missions, their language, and the executive that runs them."""
+"""What the robot is asked: the missions, their language, and the executive that runs them.
+
+From Python, a mission is loaded and ticked by hand, or run from beginning to end::
+
+    import missions
+
+    mission = missions.load("hello.yaml", params={"text": "Good morning"})  # all mistakes in one InvalidFileError
+    mission.events.listeners.append(print)
+    while mission.tick() is Status.RUNNING:  # one tick, at once
+        ...
+    mission.halt()
+
+    with missions.load("greet", robot="turtlebot2_arm", simulate=True) as mission:  # opened; at rest in the end
+        mission.tick()
+
+    result = missions.run("greet", listeners=[print])  # what `mission run greet` does
+    print(result.result, result.reason)
+
+A whole example, which needs no robot:
+
+>>> import pathlib, tempfile, missions
+>>> file = pathlib.Path(tempfile.mkdtemp(), "count.yaml")
+>>> _ = file.write_text("{mission: count, params: {to: 2}, tree: {succeed: , repeat: '${to}'}}")
+>>> mission = missions.load(file, params={"to": 3})
+>>> [mission.tick().name for _ in range(3)]
+['RUNNING', 'RUNNING', 'SUCCESS']
+
+What is not one of ``load``, ``wrap``, ``run``, ``Mission``, ``Result``, ``InvalidFileError`` and ``UnknownNameError``
+may change from one version to the next.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from config.faults import InvalidFileError
+    from config.library import UnknownNameError
+    from missions.api import Mission, load, run, wrap
+    from missions.executive.executive import Result
 
 __project__ = "missiontree"
+
+__all__ = ["InvalidFileError", "Mission", "Result", "UnknownNameError", "load", "run", "wrap"]
+
+_HOME = {"InvalidFileError": "config.faults", "UnknownNameError": "config.library"}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is public when it is first asked for, so that `mission --help` need not wait for it."""
+    if name not in __all__:
+        raise AttributeError(f"module 'missions' has no attribute '{name}'")
+    return getattr(import_module(_HOME.get(name, "missions.api")), name)

@@ -4,8 +4,11 @@ Our packages have plain names (``config``, ``drivers``...), which something else
 working directory, a ROS ``PYTHONPATH``, another distribution. So before anything of ours is used, each is looked at.
 """
 
+import signal
 import sys
 from importlib import import_module
+
+INTERRUPTED = 130
 
 PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 
@@ -26,6 +29,15 @@ def shadowed() -> list[str]:
 
 def main() -> None:
     """Run the ``mission`` command."""
+    try:
+        _main()
+    except KeyboardInterrupt:  # before or after the command, which has its own way of stopping
+        sys.exit(INTERRUPTED)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: a second Ctrl-C has nothing left to interrupt
+
+
+def _main() -> None:
     problems = shadowed()
     if problems:
         lines = ["mission: another module hides a part of MissionTree:", *problems]

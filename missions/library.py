@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf
 from config.library import find
 from missions.assembly.things import THINGS
 from missions.language.document import load_plan
@@ -38,14 +39,17 @@ def load_mission(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: tuple[str, frozenset[str]] | None = None,
+    leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
     """Read and check a mission by name or path, for a robot with these parts; ``complete`` asks for all its params.
+
+    ``leaves`` are what it may be made of: missions.vocabulary finds more of them than ship with MissionTree.
 
     Raises UnknownNameError, or InvalidFileError with every mistake in it.
     """
     return load_plan(
         find_mission(name),
-        LEAVES,
+        leaves,
         THINGS,
         find_mission=find_mission,
         params=params,

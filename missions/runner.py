@@ -1,11 +1,13 @@
 """A run from beginning to end: read the mission, put the robot together, tick, and leave everything at rest."""
 
-import signal
-import threading
+import logging
+import os
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import FrameType
+from functools import partial
+from pathlib import Path
 
 from behaviours.node import Node
 from behaviours.run import Run, log
@@ -19,29 +21,35 @@ from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.assembly.assembled import Assembled
 from missions.executive.build import build
 from missions.executive.commands import robot_for
-from missions.executive.events import CommandSent, FaultRaised, Listener, PerceptSeen, Stream
+from missions.executive.events import CommandSent, FaultRaised, Listener, Logged, PerceptSeen, Stream
 from missions.executive.executive import Executive, Result
+from missions.executive.signals import Signals
 from missions.executive.state import state_of
+from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
 from missions.library import load_mission
+from missions.vocabulary import vocabulary
 from perception.api import Face
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
 
-CONNECT_TIME = 8.0
+CONNECT_TIME = 6.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
 
 REMARK_TIME = 1.0
 """Seconds after which a part that is still missing is mentioned."""
 
-FAREWELL = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "the terminal was closed"}
-"""The signals that end a run safely."""
+CLOSE_TIME = 3.0
+"""Seconds that devices have to close when a run is given up while its main thread hangs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated."""
+    """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
+
+    ``behaviours`` are files of Python with leaves of the user's own.
+    """
 
     mission: str
     params: Mapping[str, str] = field(default_factory=dict)
@@ -51,34 +59,63 @@ class Order:
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
+    behaviours: Sequence[Path] = ()
+
+
+def end_process(result: Result) -> None:
+    """End this process here and now, whatever its other threads do, with the exit code that belongs to ``result``."""
+    os._exit(130 if result.result == "interrupted" else 1)
 
 
 class Runner:
     """One run of one mission. Make it (which reads and checks everything), then ``run`` it, once.
 
+    ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
     Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
     """
 
-    def __init__(self, order: Order, *, listeners: Sequence[Listener] = (), out: Callable[[str], None] = print) -> None:
+    def __init__(
+        self,
+        order: Order,
+        *,
+        listeners: Sequence[Listener] = (),
+        limits: Limits | None = None,
+        give_up: Callable[[Result], None] = end_process,
+    ) -> None:
         config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
         self.plan: Plan = load_mission(
-            order.mission, params=order.params, complete=True, robot=(config.name, config.parts)
+            order.mission,
+            params=order.params,
+            complete=True,
+            robot=(config.name, config.parts),
+            leaves=vocabulary(order.behaviours),
         )
-        self.stream = Stream(list(listeners))
+        self.stream = Stream(listeners)
+        self._give_up = give_up
         self._context = Run(SystemClock(), seed=order.seed)
-        self._robot: Assembled = self._assemble(config, order, out)
+        self._robot: Assembled = self._assemble(config, order)
         self._context.settle = self._robot.settle
         self._context.variables.update(state_of(self._robot.robot, self._context.clock))
+        self.watchdog = Watchdog(
+            self._context,
+            self.stream,
+            still={part: partial(self._robot.settle, frozenset({part})) for part in ("base", "head", "arm")},
+            heard=self._heard,
+            abandon=self._abandon,
+            limits=limits,
+        )
+        permit = self.watchdog.permit
         self.root: Node = build(
-            self.plan, self._context, lambda leaf: robot_for(leaf, self._robot.robot, self._commanded)
+            self.plan, self._context, lambda leaf: robot_for(leaf, self._robot.robot, self._commanded, permit)
         )
         self.executive = Executive(self.root, self._context, self.stream, rate=config.rate, mission=self.plan.mission)
+        self._signals = Signals(self.executive.stop)
 
-    def _assemble(self, config: RobotConfig, order: Order, out: Callable[[str], None]) -> Assembled:
+    def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
         simulated = order.simulate or order.robot is None
         world = load_world(find("worlds", order.world or DEFAULT_WORLD)) if simulated else None
         wishes = Wishes(world, order.camera, order.ports, order.seed)
-        ears = Ears(self._noticed, self._context.wake, out, self._seen)
+        ears = Ears(self._noticed, self._context.wake, self._said, self._seen)
         return assemble(config, self.plan.tree.needs | self.plan.tree.claims, self._context.clock, wishes, ears)
 
     def run(self) -> Result:
@@ -86,23 +123,54 @@ class Runner:
 
         Raises NotConnected when a part of the robot does not appear; its message names all that are missing.
         """
-        self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name)
+        self.stream.open()
+        self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
         result = Result(self.plan.mission, "error", "", 0.0, 0)
+        self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
-            with _signals(self.executive.stop):
-                try:
-                    self._robot.open()
-                    self._connect()
-                    result = self.executive.loop()
-                finally:
-                    self._close()
+            with self._signals, _logging(self._logged), self.watchdog, self.ready():
+                self._context.beat()
+                self.watchdog.armed = True
+                result = self.executive.loop()
         except Exception as error:
             reason = str(error) or type(error).__name__
             result = Result(self.plan.mission, "error", reason, self.executive.time(), self._context.tick)
             raise
         finally:
             self.executive.tell_end(result)
+            self.stream.close()
         return result
+
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        """Open the robot and wait for its parts; in the end bring it to rest and close it, whatever happened.
+
+        Raises NotConnected with all parts that do not appear.
+        """
+        self._context.beat()
+        try:
+            self._robot.open()
+            self._connect()
+            yield
+        finally:
+            self.watchdog.armed = False
+            self._context.beat()
+            self._close()
+
+    def _heard(self) -> str | None:
+        return self._signals.heard()
+
+    def _abandon(self, outcome: str, reason: str) -> None:
+        """Close the robot for a main thread that hangs. No device waits for another, nor anything for ever."""
+        result = Result(self.plan.mission, outcome, reason, self.executive.time(), self._context.tick)
+        robot = self._robot
+        closing = {name: device.close for name, device in robot.devices.items()}
+        attempt_all(closing if robot.eyes is None else {**closing, "eyes": robot.eyes.close}, CLOSE_TIME)
+        if robot.simulation is not None:
+            attempt_all({"simulation": robot.simulation.close}, CLOSE_TIME)
+        self.executive.tell_end(result)
+        attempt_all({"events": self.stream.close}, CLOSE_TIME)
+        self._give_up(result)
 
     def _connect(self) -> None:
         """Wait until every part is there. Raises NotConnected with all that are not."""
@@ -120,6 +188,7 @@ class Runner:
                 raise NotConnected(f"{self._robot.name} is not complete:\n{details}", hint="\n       ".join(hints))
             self._context.woken.wait(0.02)
             self._context.woken.clear()
+            self._context.beat()
 
     def _close(self) -> None:
         for problem in self._robot.close():
@@ -133,6 +202,15 @@ class Runner:
         time = self._context.now()
         self.stream.emit(FaultRaised(time, notice.device, notice.kind, notice.what, notice.hint))
         self._context.wake()
+
+    def _logged(self, record: logging.LogRecord) -> None:
+        text = record.getMessage()
+        if record.exc_info is not None:
+            text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
+        self.stream.emit(Logged(self._context.now(), record.levelname.lower(), text))
+
+    def _said(self, text: str) -> None:
+        self.stream.emit(Logged(self._context.now(), "voice", text))
 
     def _seen(self, stamp: float, faces: tuple[Face, ...]) -> None:
         seen = tuple(_face(face) for face in faces)
@@ -149,20 +227,27 @@ def _face(face: Face) -> Mapping[str, object]:
     return {"id": face.id, "box": box, "stamp": face.stamp, **angles, "distance": round(face.distance, 2)}
 
 
+class _Handler(logging.Handler):
+    """Hands log records on; ``log`` in missions and what goes wrong inside arrive this way."""
+
+    def __init__(self, hear: Callable[[logging.LogRecord], None]) -> None:
+        super().__init__()
+        self._hear = hear
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand on one record."""
+        self._hear(record)
+
+
 @contextmanager
-def _signals(stop: Callable[[str], None]) -> Iterator[None]:
-    """Turn the signals that end a process into a request to stop. Off the main thread, signals are not ours to take."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def request(number: int, frame: FrameType | None) -> None:
-        del frame
-        stop(FAREWELL[signal.Signals(number)])
-
-    before = {number: signal.signal(number, request) for number in FAREWELL}
+def _logging(hear: Callable[[logging.LogRecord], None]) -> Iterator[None]:
+    """Hear what is logged, from the level of information up."""
+    handler, before = _Handler(hear), (log.level, log.propagate)
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.propagate = False
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        log.removeHandler(handler)
+        log.level, log.propagate = before

@@ -104,6 +104,19 @@ class Face:
         return self.yaw + self.yaw_rate * ahead, self.pitch + self.pitch_rate * ahead
 
 
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What one picture shows as a whole, in grey levels of 255.
+
+    ``stamp`` is its frame's time, ``brightness`` its mean. ``contrast`` is how much neighbouring spots differ where
+    they do most: about 1 where it shows nothing but a blank wall or a covered lens, some tens for a room.
+    """
+
+    stamp: float
+    brightness: float
+    contrast: float
+
+
 class Sight(Protocol):
     """What a behaviour sees of perception: the newest percepts, ready at once; how old is too old, the caller says."""
 
@@ -113,4 +126,8 @@ class Sight(Protocol):
 
     def looked(self) -> float | None:
         """The stamp of the newest frame that was searched, None before the first."""
+        ...
+
+    def scene(self) -> Scene | None:
+        """What the newest frame shows as a whole, None before the first."""
         ...

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Protocol
 
-from perception.api import Face, Frame, Gaze, Image
+from perception.api import Face, Frame, Gaze, Image, Scene
 from perception.geometry import Pinhole
+from perception.scene import measure
 from perception.sighting import Sighting
 from perception.tracks import Tracker
 
@@ -48,6 +49,7 @@ class _Percept:
 
     looked: float | None = None
     faces: tuple[Face, ...] = ()
+    scene: Scene | None = None
 
 
 def unheard() -> None:
@@ -125,6 +127,10 @@ class Eyes:
         """The stamp of the newest frame that was searched, None before the first."""
         return self._percept.looked
 
+    def scene(self) -> Scene | None:
+        """What the newest frame shows as a whole, None before the first."""
+        return self._percept.scene
+
     @property
     def effort(self) -> Effort:
         """What it has cost so far."""
@@ -158,9 +164,10 @@ class Eyes:
             gaze=self._gaze(frame.stamp),
             stamp=frame.stamp,
         )
+        scene = measure(frame.image, stamp=frame.stamp)
         spent = self._now() - began
         self._effort = Effort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
-        self._percept = _Percept(frame.stamp, faces)
+        self._percept = _Percept(frame.stamp, faces, scene)
         self._on_percept(frame.stamp, faces)
         self._changed()
 

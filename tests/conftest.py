@@ -5,8 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from drivers.clock import ManualClock
+
+# Machines are shared: how long an example takes says nothing.
+settings.register_profile("ours", deadline=None)
+settings.load_profile("ours")
 
 GRACE = 3.0
 """Seconds that a thread has to end after its test."""

@@ -26,7 +26,7 @@ from drivers.api import (
 )
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from perception.api import Box, Face
+from perception.api import Box, Face, Scene
 
 T = TypeVar("T")
 L = TypeVar("L", bound=Leaf)
@@ -208,11 +208,12 @@ class RecordedVoice(Recorder):
 
 
 class RecordedSight:
-    """A ``perception.api.Sight``: the test sets ``seen`` and ``searched``."""
+    """A ``perception.api.Sight``: the test sets ``seen``, ``searched`` and ``shown``."""
 
     def __init__(self) -> None:
         self.seen: Sequence[Face] = ()
         self.searched: float | None = 0.0
+        self.shown: Scene | None = None
 
     def faces(self) -> Sequence[Face]:
         """Return what the test has set."""
@@ -221,6 +222,10 @@ class RecordedSight:
     def looked(self) -> float | None:
         """Return what the test has set."""
         return self.searched
+
+    def scene(self) -> Scene | None:
+        """Return what the test has set."""
+        return self.shown
 
 
 def face(

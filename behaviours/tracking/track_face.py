@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.sight import chosen
 from behaviours.tracking.follow import Follower, RuleBases
 from drivers.api import COMMAND_LIFE, HeadPose, Velocity
 from perception.api import Face
@@ -28,18 +29,20 @@ class TrackFace(Leaf):
     max_turn: float = argument(
         "turn rate", "how fast the base may turn; 0 deg/s keeps it still", default=math.radians(110), low=0.0
     )
+    face: object = argument("value", "whom to begin with, as `as` has kept them; else the largest face", default=None)
     _follower: Follower | None = None
     _face: Face | None = None
     _seen_at = 0.0
 
     def initialise(self) -> None:
-        self._face = None
+        self._face = chosen(self.face)
         self._seen_at = self.run.now()
-        self._follower = Follower(
-            self.controller, limits=self.robot.head.limits, max_turn=self.max_turn, latency=self.robot.latency
-        )
+        self._follower = Follower(self.controller, limits=self.robot.head.limits, max_turn=self.max_turn)
 
     def update(self) -> Status:
+        trouble = self.trouble()
+        if trouble:
+            return self.fail(trouble)
         now = self.run.now()
         face = self._choose([face for face in self.robot.sight.faces() if now - face.stamp <= self.patience])
         if face is not None:
@@ -49,7 +52,7 @@ class TrackFace(Leaf):
             return self.fail(f"no face for {self.patience:g} s")
         # A face that was not seen for a moment goes on as it did, for as long as a command is good; then all waits.
         if self._face is None or self._follower is None or unseen > COMMAND_LIFE:
-            self._turn(0.0)
+            self._drive(0.0, 0.0)
             return self.wait(f"no face for {unseen:.1f} s")
         self.result = self._face
         return self._follow(now, self._face, self._follower)
@@ -59,6 +62,15 @@ class TrackFace(Leaf):
             self.robot.head.stop()
             if self.robot.base_part is not None:
                 self.robot.base.stop()
+
+    def trouble(self) -> str:
+        """Return why it cannot go on, or nothing: for those that do more than turn."""
+        return ""
+
+    def forward(self, face: Face, pan: float) -> float:
+        """Return how fast the base is to drive (m/s) with the head turned by ``pan``: not at all, on the spot."""
+        del face, pan
+        return 0.0
 
     def _choose(self, faces: Sequence[Face]) -> Face | None:
         """Stay with the face that is followed, else take the largest."""
@@ -73,7 +85,7 @@ class TrackFace(Leaf):
         pose = self.robot.head.pose().value
         command = follower.step(now, face, head=pose or HeadPose(0.0, 0.0), heading=heading, turning=turning)
         self.robot.head.look(command.head)
-        self._turn(command.turn)
+        self._drive(self.forward(face, command.head.pan), command.turn)
         off = math.degrees(max(abs(face.bearing), abs(face.drop)))
         return self.wait(f"face {face.id}, {off:.0f} deg off")
 
@@ -87,6 +99,6 @@ class TrackFace(Leaf):
         # Reports that fail to come say where it was; but not that it still turns, as it stops by itself.
         return reading.value.pose.heading, reading.value.velocity.angular if reading.good else 0.0
 
-    def _turn(self, rate: float) -> None:
+    def _drive(self, speed: float, turn: float) -> None:
         if self.robot.base_part is not None:
-            self.robot.base.drive(Velocity(0.0, rate))
+            self.robot.base.drive(Velocity(speed, turn))

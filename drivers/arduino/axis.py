@@ -9,6 +9,9 @@ MIDDLE = 90
 FULL = 180
 """The largest angle in degrees; from 544 on the Servo library would take the number for microseconds."""
 
+STARTS = (90, 120, 90, 90)
+"""Degrees to which the Rodney sketch sends servos 0 to 3 when it starts."""
+
 LARGEST_TRIM = math.radians(45)
 
 
@@ -17,7 +20,8 @@ class ServoAxis:
     """Which servo it is, how far it may turn (radians), and how it is built in.
 
     ``flip`` is for a servo that turns the other way; ``trim`` (radians, +-45 degrees) corrects a horn that sits askew,
-    and counts in the servo's own direction. Raises ValueError for values that no servo can have.
+    and counts in the servo's own direction. ``start`` is where the sketch sends the servo when it starts, in degrees as
+    it takes them; None is where the Rodney sketch sends it. Raises ValueError for values that no servo can have.
     """
 
     index: int
@@ -25,6 +29,7 @@ class ServoAxis:
     upper: float
     flip: bool = False
     trim: float = 0.0
+    start: int | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.index <= 255:
@@ -33,6 +38,8 @@ class ServoAxis:
             raise ValueError(f"servo {self.index}: lower limit {self.lower} is not below upper limit {self.upper}")
         if not abs(self.trim) <= LARGEST_TRIM:
             raise ValueError(f"servo {self.index}: trim {self.trim} rad is more than 45 degrees")
+        if not 0 <= self.awake <= FULL:
+            raise ValueError(f"servo {self.index}: a start of {self.awake} degrees is not within 0..{FULL}")
         if self.range[0] > self.range[1]:
             raise ValueError(f"servo {self.index}: nothing of {self.lower}..{self.upper} rad is within its reach")
 
@@ -41,6 +48,13 @@ class ServoAxis:
         """The angles in radians that it may have and can reach, least and greatest."""
         ends = sorted((self.to_radians(0), self.to_radians(FULL)))
         return max(self.lower, ends[0]), min(self.upper, ends[1])
+
+    @property
+    def awake(self) -> int:
+        """The degrees at which it stands once the sketch has started."""
+        if self.start is not None:
+            return self.start
+        return STARTS[self.index] if self.index < len(STARTS) else MIDDLE
 
     def to_degrees(self, angle: float) -> int:
         """Return what to send for ``angle`` radians: the nearest whole degree in 0..180."""

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from threading import Lock
 
 from drivers.api import HeadLimits, HeadPose, Health, Quality, Reading, Report, unheard, unreported
@@ -12,6 +11,7 @@ from drivers.arduino.axis import ServoAxis
 from drivers.arduino.session import Session
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
 from drivers.history import History
 from drivers.link import Link
 from drivers.profile import Ramp
@@ -27,8 +27,9 @@ class ArduinoHead:
     The pose is what was sent, hence in whole degrees; a servo lags behind it by a few hundredths of a second.
 
     Opening the port resets most boards: the first word waits ``boot_delay`` seconds (0 on a pseudo-terminal).
-    The sketch sends its servos to positions of its own when it starts. From there the head goes to the pose that was
-    commanded last, at first ``start``; a goal does not survive the loss of the connection.
+    The sketch sends its servos to positions of its own when it starts. From there the head goes, at ``speed``, to the
+    pose that was commanded last, at first ``start``; a goal does not survive the loss of the connection. A board is
+    taken to have started anew on the first connection, on every one if ``boot_delay`` is not 0, and when it was silent.
     After ``close`` the board keeps its servos where they are.
     ``changed`` is called from the link's thread whenever the pose has changed.
     """
@@ -57,8 +58,8 @@ class ArduinoHead:
         self._clock = clock
         self._axes = (pan, tilt)
         self._boot_delay = boot_delay
-        self._report = report
-        self._changed = changed
+        self._report = guarded(report)
+        self._changed = guarded(changed)
         begin = self.limits.clamp(start)
         self._lock = Lock()  # over the ramps, which both the caller and the link's thread move
         self._ramps = (Ramp(begin.pan, speed), Ramp(begin.tilt, speed))
@@ -119,10 +120,10 @@ class ArduinoHead:
 
     def close(self) -> None:
         """Hold, tell the board to stop sending, and release the port."""
-        self.rest()
-        with suppress(NotConnected):
-            self._link.write(wire.STOP_SENDING)
-        self._link.close()
+        try:
+            self.rest()
+        finally:
+            self._link.close()
 
     def health(self) -> Health:
         """Say whether the board takes angles, and what it is waiting for if not."""
@@ -148,10 +149,12 @@ class ArduinoHead:
     def connected(self) -> None:
         """Begin a session with a board that is booting."""
         self._forget()
-        if self._session is not None:
-            self._past.update(self._session.counters())
+        before, boot = self._session, self._boot_delay
+        if before is not None:
+            self._past.update(before.counters())
+        restarted = boot > 0 or before is None or before.restarted
         self._session = Session(
-            self.name, wire.SERVO, self._link, self._clock, self._report, boot_delay=self._boot_delay
+            self.name, wire.SERVO, self._link, self._clock, self._report, boot_delay=boot, restarted=restarted
         )
 
     def received(self, data: bytes) -> None:
@@ -169,6 +172,9 @@ class ArduinoHead:
             self._forget()
             return
         now = self._clock.now()
+        if session.restarted:
+            session.restarted = False
+            self._lead_on(now)
         with self._lock:
             angles = [ramp.advance(now) for ramp in self._ramps]
         pan, tilt = (axis.to_degrees(angle) for axis, angle in zip(self._axes, angles, strict=True))
@@ -179,6 +185,17 @@ class ArduinoHead:
         self._history.add(now, (pose.pan, pose.tilt))
         if turned:
             self._changed()
+
+    def ending(self) -> None:
+        """Tell the board to stop sending."""
+        self._link.write(wire.STOP_SENDING)
+
+    def _lead_on(self, now: float) -> None:
+        """Go on from where a sketch that has just started has put its servos: they would leap if led from elsewhere."""
+        with self._lock:
+            for ramp, axis in zip(self._ramps, self._axes, strict=True):
+                ramp.place(axis.to_radians(axis.awake), now)
+        self._sent = (None, None)
 
     def _forget(self) -> None:
         """Give up the goal, and send both axes anew once the board is there."""

@@ -8,8 +8,9 @@ from drivers.arduino import wire
 from drivers.clock import Clock
 from drivers.link import Link
 
-SYNC_LOST = 15.0
-"""Seconds without a question for the time after which the board counts as lost: it asks every 2.5 s."""
+SYNC_LOST = 5.5
+"""Seconds without a question for the time after which the board counts as reset: it asks every 2.5 s, and one question
+may be garbled. A board whose reset button was pressed says nothing until it is asked for its topics."""
 
 ASK_AGAIN = 3.0
 """Seconds between two requests for the topics; a board that runs answers one within a tenth of a second."""
@@ -26,13 +27,24 @@ class Session:
 
     ``topic`` is the number by which the board knows the ``wanted`` topic: None until it has said so, when it means
     something else by it, and once it has fallen silent.
+    ``restarted`` is set whenever the sketch has begun anew, as far as can be told, so that its servos stand at its own
+    angles; who has taken account of it clears it.
     The board is told the clock's own time: a monotonic one, not the time of day.
     """
 
     def __init__(
-        self, name: str, wanted: wire.Topic, link: Link, clock: Clock, report: Report, *, boot_delay: float
+        self,
+        name: str,
+        wanted: wire.Topic,
+        link: Link,
+        clock: Clock,
+        report: Report,
+        *,
+        boot_delay: float,
+        restarted: bool,
     ) -> None:
         self.topic: int | None = None
+        self.restarted = restarted
         self._name = name
         self._wanted = wanted
         self._link = link
@@ -66,7 +78,7 @@ class Session:
         if self._finder.waiting and now - self._heard > PATIENCE:
             self._take(self._finder.give_up())
         if self.topic is not None and now - self._synced > SYNC_LOST:
-            self.topic = None
+            self.topic, self.restarted = None, True
             self._topics.clear()
             silence = f"the board has not asked for the time for {SYNC_LOST:g} s"
             self._report(Notice(self._name, "offline", silence, "press the board's reset button, look at its power"))
@@ -127,7 +139,10 @@ class Session:
         if info.topic.name != self._wanted.name:
             return
         if info.topic == self._wanted:
-            if self.topic is None:
+            if self.topic is not None and self._clock.now() - self._asked > ASK_AGAIN:
+                self.restarted = True  # nobody had asked: it is telling a newcomer, as after a reset
+                self._report(Notice(self._name, "fault", "the board has started anew", "look at its power supply"))
+            elif self.topic is None:
                 self._report(Notice(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}"))
             self.topic, self._trouble, self._synced = info.id, ("", ""), self._clock.now()
             return

@@ -6,6 +6,7 @@ from drivers.api import CameraFrame, Health, Image, Notice, Report
 from drivers.camera.feed import Feed
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.guard import guarded
 
 _GLANCE = 0.005
 """Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
@@ -30,7 +31,7 @@ class Capture:
         self._clock = clock
         self._loop = loop
         self._retry = retry
-        self._report = report
+        self._report = guarded(report)
         self._arrived = Condition()
         self._frame: CameraFrame | None = None
         self._given = -1

@@ -5,6 +5,7 @@ caller's thread. Nothing is ever written to a servo's EEPROM.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from math import isfinite
 from threading import Event, RLock, Thread
@@ -19,6 +20,7 @@ from drivers.dynamixel.port import timer_of
 from drivers.dynamixel.torque import ready, recover, settle
 from drivers.dynamixel.watch import Watch
 from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
 
 PERIOD = 0.025
 """Seconds from one round of readings to the next."""
@@ -59,13 +61,14 @@ class DynamixelJoints:
         self._joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
         self._clock = clock
         self._stiff_at_rest = at_rest == "hold"
-        self._report = report
-        self._changed = changed
+        self._report = guarded(report)
+        self._changed = guarded(changed)
         self._lock = RLock()
-        self._watch = Watch(name, bus, self._joints, self._lock, clock, report)
+        self._watch = Watch(name, bus, self._joints, self._lock, clock, self._report)
         self._ending = Event()
         self._thread: Thread | None = None
         self._connections = 0
+        self._fault = ""  # the newest of the driver's own that was reported
 
     @property
     def name(self) -> str:
@@ -90,9 +93,13 @@ class DynamixelJoints:
         if self._thread is None:
             return
         self._ending.set()
-        self._thread.join()
+        with ExitStack() as whatever_happens:
+            whatever_happens.callback(self._release)
+            whatever_happens.callback(self.rest)
+            self._thread.join()
+
+    def _release(self) -> None:
         self._thread = None
-        self.rest()
         self._bus.close()
         self._watch.end()
         self._connections = 0
@@ -101,11 +108,16 @@ class DynamixelJoints:
         """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
         if not self._connections:
             return  # it was never there: nothing was moved
-        failed = self._settle(stiff=self._stiff_at_rest)
+        why = ""
+        try:
+            failed = self._settle(stiff=self._stiff_at_rest)
+        except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
+            failed, why = list(self._joints.values()), f" ({type(error).__name__}: {error})"
         if failed:
             what = "held" if self._stiff_at_rest else "relaxed"
             names = ", ".join(joint.title for joint in failed)
-            self._report(Notice(self._name, "fault", f"could not be {what}: {names}", "switch their power off by hand"))
+            cure = "switch their power off by hand"
+            self._report(Notice(self._name, "fault", f"could not be {what}: {names}{why}", cure))
 
     def hold(self) -> None:
         """Stand still and stiff where it is now. Safe from any state; does not raise when offline."""
@@ -170,7 +182,8 @@ class DynamixelJoints:
         if not wrong and self._bus.latency > SLOW_ADAPTER:
             wrong = [f"the adapter holds every reply back for {self._bus.latency * 1000:.0f} ms"]
             hint = f"echo 1 | sudo tee {timer_of(self._bus.port)}"
-        return Health(self._watch.online, f"{self._name}: {'; '.join(wrong)}" if wrong else "", hint, counters)
+        online = self._watch.online and self._thread is not None and self._thread.is_alive()
+        return Health(online, f"{self._name}: {'; '.join(wrong)}" if wrong else "", hint, counters)
 
     def _quality(self, reading: Reading[JointState]) -> Quality:
         if reading.value is None:
@@ -200,13 +213,25 @@ class DynamixelJoints:
             started = self._clock.now()
             pause = 0.0
             try:
-                if self._watch.connected:
-                    self._watch.look()
-                else:
-                    self._watch.connect()
-                    self._connections += 1
+                self._round()
             except NotConnected as error:
                 self._watch.lost(error)
                 pause = RETRY
+            except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
+                self._complain(error)
+                pause = RETRY
             self._changed()
             self._ending.wait(pause or max(PERIOD / 5, started + PERIOD - self._clock.now()))
+
+    def _round(self) -> None:
+        if self._watch.connected:
+            self._watch.look()
+        else:
+            self._watch.connect()
+            self._connections += 1
+
+    def _complain(self, error: BaseException) -> None:
+        """Report what is wrong with the driver itself, unless it is the same as before."""
+        if (fault := f"{type(error).__name__}: {error}") != self._fault:
+            self._fault = fault
+            self._report(Notice(self._name, "fault", fault))

@@ -102,6 +102,21 @@ class Joint:
         """Return the nearest angle of the joint within its limits."""
         return min(max(angle, self.spec.lower), self.spec.upper)
 
+    def position_at(self, now: float) -> float | None:
+        """Return where the joint is by ``now``: seen last, and carried on at its speed as far as its goal.
+
+        A fast joint covers several degrees from one reading to the next. One that was seen to turn any other way than
+        towards its goal is taken to be where it was seen. None when it never was.
+        """
+        state = self.reading.value
+        if state is None or self.goal is None:
+            return None if state is None else state.position
+        way = self.goal - state.position
+        covered = state.velocity * (now - self.reading.stamp)
+        if covered * way <= 0:
+            return state.position
+        return state.position + min(covered, way, key=abs)
+
     def ticks(self, angle: float) -> int:
         """Return the servo's position for an angle of the joint."""
         return self.model.ticks(self.spec.zero + self.spec.direction * angle)

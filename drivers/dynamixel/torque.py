@@ -24,9 +24,10 @@ def stiffen(bus: Bus, joint: Joint) -> None:
     joint.goal, joint.torque = joint.angle(goal), True
 
 
-def stiffen_together(bus: Bus, joints: Iterable[Joint]) -> None:
-    """Make joints stiff where they were last seen, in two packets that none acknowledges. Raises NotConnected."""
-    goals = {j.name: (j, j.nearest(j.ticks(j.reading.value.position))) for j in joints if j.reading.value is not None}
+def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
+    """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected."""
+    places = [(joint, joint.position_at(now)) for joint in joints]
+    goals = {j.name: (j, j.nearest(j.ticks(place))) for j, place in places if place is not None}
     bus.sync_write_block(
         GOAL_POSITION.address, {j.spec.id: j.order(goal, j.limits.speed) for j, goal in goals.values()}
     )
@@ -43,7 +44,7 @@ def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
     """
     able = [joint for joint in joints if joint.driven and not joint.shut]
     limp = [joint for joint in able if not joint.torque]
-    stiffen_together(bus, [joint for joint in limp if now - joint.reading.stamp <= RECENT])
+    stiffen_together(bus, [joint for joint in limp if now - joint.reading.stamp <= RECENT], now=now)
     for joint in limp:
         if not joint.torque:
             with suppress(NoReply, BadRequest):
@@ -64,7 +65,7 @@ def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> lis
     together: Sequence[Joint] = ()
     with suppress(NotConnected, BadRequest):
         if stiff:
-            stiffen_together(bus, recent)
+            stiffen_together(bus, recent, now=now)
             together = recent
         else:
             bus.sync_write(TORQUE_ENABLE, {joint.spec.id: 0 for joint in touched})

@@ -204,4 +204,8 @@ class Watch:
         self._tell("fault", f"{joint.title} reports {risen.words} ({figures})", hint)
 
     def _tell_shut(self, joint: Joint) -> None:
-        self._tell("fault", f"{joint.title} has shut down: its torque limit is 0", "remove the cause, then recover()")
+        self._tell(
+            "fault",
+            f"{joint.title} has shut down: its torque limit is 0",
+            "free the joint, then switch the arm's power off and on",
+        )

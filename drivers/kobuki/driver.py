@@ -13,6 +13,7 @@ from threading import RLock
 from drivers.api import BaseState, Health, Notice, Quality, Reading, Report, Velocity, unheard, unreported
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
 from drivers.history import History
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, RequestExtra, SetOutputs
 from drivers.kobuki.helm import Helm
@@ -68,8 +69,8 @@ class KobukiBase:
         self._name = name
         self._link = link
         self._clock = clock
-        self._report = report
-        self._changed = changed
+        self._report = guarded(report)
+        self._changed = guarded(changed)
         self._helm = Helm(Limits(max_linear, max_angular, linear_acceleration, angular_acceleration))
         self._closing = False
         # Held from the choice of a velocity until it is written, so that no older one can follow the zero of ``stop``.
@@ -102,18 +103,19 @@ class KobukiBase:
         """Drive so for ``COMMAND_LIFE`` at most; return what was accepted: limited, and what the touch permits.
 
         The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite, and
-        NotConnected when no reports arrive: it does not drive blind.
+        NotConnected when no reports arrive: it does not drive blind, and tells the base to stand still.
         """
         if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
             raise BadRequest(
                 f"{self._name}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
                 hint="both must be finite numbers",
             )
-        health = self.health()
-        if not health.online:
-            raise NotConnected(health.detail, hint=health.hint)
+        now = self._clock.now()
+        if not (self._link.online and self._hears(now)):
+            self.stop()
+            raise self._unheard(now)
         with self._lock:
-            accepted = self._helm.steer(velocity, self._clock.now())
+            accepted = self._helm.steer(velocity, now)
         return permitted(accepted, self._latest.value)
 
     def stop(self) -> None:
@@ -143,9 +145,10 @@ class KobukiBase:
         """Stand still, end the thread and release the port. Safe from any state, more than once."""
         with self._lock:
             self._closing = True  # from here on every renewal is a zero as well
-        for _ in range(3):  # one of them may be garbled on the wire
-            self.stop()
-        self._link.close()
+        try:
+            self._stop_for_good()
+        finally:
+            self._link.close()
 
     def health(self) -> Health:
         """Say whether reports of the base arrive, and the figures of its wire."""
@@ -196,6 +199,14 @@ class KobukiBase:
             self._silent = True
             self._report(Notice(self._name, "offline", *self._silence(now)))
 
+    def ending(self) -> None:
+        """Stand still, as the last word of a thread that may have been cut short."""
+        self._stop_for_good()
+
+    def _stop_for_good(self) -> None:
+        for _ in range(3):  # one of them may be garbled on the wire
+            self.stop()
+
     def _renew(self, now: float) -> None:
         """Send the velocity that is due. Raises NotConnected, which tells the link to look for the port again."""
         with self._lock:
@@ -226,6 +237,12 @@ class KobukiBase:
     def _hears(self, now: float) -> bool:
         """True while reports arrive on this connection."""
         return self._heard_at >= self._connected_at and now - self._heard_at <= SILENT_AFTER
+
+    def _unheard(self, now: float) -> NotConnected:
+        """Say why a command cannot be taken."""
+        link = self._link.health()
+        detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
+        return NotConnected(detail, hint=hint)
 
     def _silence(self, now: float) -> tuple[str, str]:
         """Say what is the matter with an open port without reports, and what to try."""

@@ -119,11 +119,6 @@ class VirtualServoBus:
         return Fault(0)
 
 
-def chain(count: int = 10, baud: int = 1_000_000) -> VirtualServoBus:
-    """Return ``count`` AX-12A with the IDs from 1, all in their middle: an arm as the shop delivers it."""
-    return VirtualServoBus([VirtualAX12(number) for number in range(1, count + 1)], baud)
-
-
 def refused(servo: VirtualAX12, address: int, data: bytes) -> Fault:
     """Return why ``servo`` would not take ``data`` at ``address``; no bit when it would."""
     end = address + len(data)

@@ -3,10 +3,8 @@
 from threading import Lock
 
 from drivers.arduino import wire
+from drivers.arduino.axis import STARTS
 from drivers.sim.servo import Shaft
-
-STARTS = (90.0, 120.0, 90.0, 90.0)
-"""Degrees to which the sketch sends servos 0 to 3 when it starts."""
 
 SERVO_SPEED = 400.0
 """Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""

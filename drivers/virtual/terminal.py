@@ -6,10 +6,13 @@ unit test without any terminal, and in simulated time.
 
 import contextlib
 import os
+import secrets
 import select
+import shutil
 import tempfile
 import termios
 import tty
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, RLock, Thread
@@ -51,15 +54,20 @@ class Terminal:
         self.distort: Callable[[bytes], bytes] = bytes
         self._clock = clock
         self._period = period
-        self._folder = tempfile.TemporaryDirectory(prefix="missiontree-")
-        self.path = str(Path(self._folder.name) / name)
+        self._folder = Path(tempfile.gettempdir()) / f"missiontree-{secrets.token_hex(8)}"
+        self.path = str(self._folder / name)
+        self._forget: weakref.finalize[[Path], Terminal] | None = None  # removes the folder, at exit if nobody did
         self._lock = RLock()
         self._master = self._slave = -1
         self._ending = Event()
         self._thread: Thread | None = None
 
     def open(self) -> None:
-        """Plug the device in and start it."""
+        """Plug the device in and start it. Does nothing while it is open."""
+        if self._thread is not None:
+            return
+        self._folder.mkdir(mode=0o700)
+        self._forget = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self.replug()
         self._ending.clear()
         self._thread = Thread(target=self._run, name=f"virtual {self.name}", daemon=True)
@@ -72,7 +80,8 @@ class Terminal:
             self._thread.join()
             self._thread = None
         self.unplug()
-        self._folder.cleanup()
+        if self._forget is not None:
+            self._forget()
 
     def unplug(self) -> None:
         """Pull the plug: the port vanishes under whoever has it open. The device goes on without a wire."""

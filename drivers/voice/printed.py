@@ -53,7 +53,7 @@ class PrintedVoice:
     def say(self, text: str) -> Utterance:
         """Print ``text`` now; its time runs after that of whatever is being said. Raises NotConnected before open."""
         if not self._open:
-            raise NotConnected(f"{self.name}: not open, cannot say {text!r}", hint="open() it first")
+            raise NotConnected(f"{self.name}: not open, cannot say {text!r}")
         words = PrintedWords(self, len(text.split()) * 60 / WORDS_PER_MINUTE)
         if not words.duration:
             words.ended = True

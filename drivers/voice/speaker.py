@@ -11,6 +11,7 @@ from threading import Condition, Event, Thread
 
 from drivers.api import Health, Notice, Report, Utterance, unheard, unreported
 from drivers.errors import NotConnected
+from drivers.guard import guarded
 from drivers.voice.synthesiser import Synthesiser
 
 LONGEST_COMPLAINT = 200
@@ -35,9 +36,9 @@ class Speaker:
     ) -> None:
         self.name = name
         self._synthesiser = synthesiser
-        self._out = out
-        self._report = report
-        self._changed = changed
+        self._out = guarded(out)
+        self._report = guarded(report)
+        self._changed = guarded(changed)
         self._turn = Condition()  # over everything below
         self._queue: deque[SpokenWords] = deque()
         self._current: SpokenWords | None = None
@@ -84,7 +85,7 @@ class Speaker:
         words = SpokenWords(self, text)
         with self._turn:
             if self._thread is None:
-                raise NotConnected(f"{self.name}: not open, cannot say {text!r}", hint="open() it first")
+                raise NotConnected(f"{self.name}: not open, cannot say {text!r}")
             if not text.strip():
                 words.ended.set()
             else:

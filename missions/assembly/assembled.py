@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from behaviours.robot import Robot
+from behaviours.run import log
 from drivers.api import Device
 from missions.assembly.simulation import Simulation
 from perception.eyes import Eyes
@@ -13,8 +14,8 @@ from perception.eyes import Eyes
 class Assembled:
     """Everything that a run opens and must close.
 
-    ``devices`` are the parts by name, in the order in which they open. ``rest`` and ``close`` do their work on every
-    part, whatever goes wrong with another, and say what did.
+    ``devices`` are the parts by name, in the order in which they open. ``settle`` and ``close`` do their work on every
+    part, whatever goes wrong with another.
     """
 
     name: str
@@ -38,10 +39,23 @@ class Assembled:
         return {name: (each.detail, each.hint) for name, each in health.items() if not each.online}
 
     def settle(self, claims: frozenset[str]) -> None:
-        """Bring the named actuators to rest."""
-        for name, device in self.devices.items():
-            if name in claims:
-                device.rest()
+        """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
+
+        Each for itself, whatever goes wrong with another; that is told in the log.
+        """
+        robot = self.robot
+        stills: dict[str, Callable[[], None] | None] = {
+            "base": None if robot.base_part is None else robot.base_part.stop,
+            "head": None if robot.head_part is None else robot.head_part.stop,
+            "arm": None if robot.arm_part is None else robot.arm_part.hold,
+            "voice": None if robot.voice_part is None else robot.voice_part.rest,
+        }
+        for name, still in stills.items():
+            if still is not None and name in claims:
+                try:
+                    still()
+                except Exception:  # the next part must hold still all the same
+                    log.exception("%s could not be made to hold still", name)
 
     def close(self) -> list[str]:
         """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""

@@ -3,10 +3,12 @@
 import math
 from dataclasses import asdict, replace
 
+from config.faults import Fault, InvalidFileError, Mark, Source
 from config.robot import RobotConfig
 from config.world import PersonConfig, WorldConfig
 from drivers.api import Camera, Pose2D
 from drivers.clock import Clock
+from drivers.errors import BadRequest
 from drivers.sim.panned import PannedCamera
 from drivers.sim.people import Person
 from drivers.sim.rendered import RenderedCamera
@@ -124,12 +126,15 @@ class Simulation:
 
 
 def build_world(config: WorldConfig) -> World:
-    """Return the world that a world file describes. Raises drivers.errors.BadRequest for what cannot be."""
-    return World(
-        room=replace(Room(), length=config.length, width=config.width, centre=config.centre),
-        people=tuple(_person(person) for person in config.people),
-        light=config.light,
-    )
+    """Return the world that a world file describes. Raises InvalidFileError for what cannot be."""
+    try:
+        return World(
+            room=replace(Room(), length=config.length, width=config.width, centre=config.centre),
+            people=tuple(_person(person) for person in config.people),
+            light=config.light,
+        )
+    except BadRequest as error:
+        raise InvalidFileError([Fault(Source(config.file, ""), Mark(), str(error), error.hint)]) from error
 
 
 def _person(config: PersonConfig) -> Person:

@@ -2,43 +2,49 @@
 
 import inspect
 import json
+from collections.abc import Mapping
+from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.table import Table
 
-from behaviours.catalogue import LEAVES
-from behaviours.leaf import Argument, Leaf
+from behaviours.leaf import Leaf
 from config.faults import one_of
-from config.units import UNITS, written
+from config.units import UNITS
+from missions.catalogue import shown_default, summary, terms
+from missions.cli.options import behaviours_option
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import COMPOSITES
+from missions.vocabulary import vocabulary
 
 
 @click.command()
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
-def command(name: str | None, as_json: bool) -> None:
+@behaviours_option
+def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Say what each behaviour does, its arguments with units and defaults, and what it claims."""
-    if name is not None and name not in LEAVES:
+    leaves = vocabulary(files)
+    if name is not None and name not in leaves:
         if name in COMPOSITES or name in MODIFIERS:
             click.echo(f"{name}: {COMPOSITES.get(name) or f'{MODIFIERS[name].help} (takes {MODIFIERS[name].takes})'}")
             return
-        words = [*LEAVES, *COMPOSITES, *MODIFIERS]
+        words = [*leaves, *COMPOSITES, *MODIFIERS]
         raise click.UsageError(f"no behaviour '{name}'; {one_of(name, words)}")
-    chosen = {name: LEAVES[name]} if name is not None else dict(LEAVES)
+    chosen = {name: leaves[name]} if name is not None else leaves
     if as_json:
         click.echo(json.dumps([_as_dict(leaf) for leaf in chosen.values()], indent=2))
     elif name is not None:
-        _describe(LEAVES[name])
+        _describe(leaves[name])
     else:
-        _list()
+        _list(leaves)
 
 
-def _list() -> None:
+def _list(leaves: Mapping[str, type[Leaf]]) -> None:
     console = Console()
     for title, rows in (
-        ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in LEAVES.items()}),
+        ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
         ("Composites, each with a list of behaviours", {word: (text, "") for word, text in COMPOSITES.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
     ):
@@ -60,27 +66,8 @@ def _describe(leaf: type[Leaf]) -> None:
     if leaf.arguments:
         click.echo("\n  arguments:")
     for argument in leaf.arguments.values():
-        default = "must be given" if argument.required else f"default {shown_default(argument)}"
-        principal = ", may stand alone" if argument.principal else ""
-        click.echo(f"    {argument.name}: {kind_of(argument)}, {default}{principal}\n        {argument.help}")
-
-
-def summary(leaf: type[Leaf]) -> str:
-    """Return the first line of what a leaf says of itself."""
-    return (inspect.getdoc(leaf) or "").partition("\n")[0]
-
-
-def kind_of(argument: Argument) -> str:
-    """Say what an argument takes: "length (m, cm, mm)"."""
-    units = f" ({', '.join(UNITS[argument.kind])})" if argument.kind in UNITS else ""
-    return ("two of " if argument.span else "") + argument.kind + units
-
-
-def shown_default(argument: Argument) -> str:
-    """Write a default as a mission would."""
-    values = argument.default if argument.span else (argument.default,)
-    shown = [written(value, argument.kind) if argument.kind in UNITS else str(value) for value in values]
-    return f"[{', '.join(shown)}]" if argument.span else shown[0]
+        principal = "; may stand alone" if argument.principal else ""
+        click.echo(f"    {argument.name}: {terms(argument)}{principal}\n        {argument.help}")
 
 
 def _as_dict(leaf: type[Leaf]) -> dict[str, object]:

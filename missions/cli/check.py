@@ -1,39 +1,75 @@
 """``mission check``: every mistake in missions, before anything moves."""
 
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
 
-from config.faults import InvalidFileError
-from config.library import find
+from behaviours.leaf import Leaf
+from config.faults import Fault, InvalidFileError, Mark, Source
+from config.library import UnknownNameError, find
 from config.robot import load_robot
-from missions.cli.options import params_option
+from missions.cli.options import behaviours_option, params_option
 from missions.library import load_mission, shipped_missions
+from missions.vocabulary import vocabulary
 
 
 @click.command()
 @click.argument("names", nargs=-1, metavar="[MISSION]...")
 @click.option("--robot", metavar="NAME", help="Check that this robot can do it (a name or a file).")
+@click.option("--json", "as_json", is_flag=True, help="Write the mistakes as JSON, for editors and other programs.")
 @params_option
-def command(names: tuple[str, ...], robot: str | None, params: dict[str, str]) -> int:
+@behaviours_option
+def command(
+    names: tuple[str, ...], robot: str | None, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
+) -> int:
     """Check missions: names, files or folders; all that ship with MissionTree when none is given."""
     target = None
     if robot is not None:
         config = load_robot(find("robots", robot))
         target = (config.name, config.parts)
-    wrong = 0
-    chosen = [file for name in names for file in _files(name)] or list(shipped_missions())
-    for name in chosen:
-        try:
-            plan = load_mission(name, params=params, robot=target)
-        except InvalidFileError as error:
-            click.echo(str(error), err=True)
-            wrong += len(error.faults)
-        else:
-            click.echo(f"{name}: good ({plan.mission}, {sum(1 for _ in plan.tree.walk())} nodes)")
-    if wrong:
-        click.echo(f"{wrong} mistake{'s' if wrong > 1 else ''}", err=True)
-    return 2 if wrong else 0
+    leaves = vocabulary(files)
+    found: list[Fault] = []
+    for name in [file for each in names for file in _files(each)] or list(shipped_missions()):
+        said, faults = _checked(name, params, target, leaves)
+        found += faults
+        if not as_json:
+            click.echo(said, err=bool(faults))
+    if as_json:
+        click.echo(json.dumps([_as_dict(fault) for fault in found], indent=2, ensure_ascii=False))
+    elif found:
+        click.echo(f"{len(found)} mistake{'s' if len(found) > 1 else ''}", err=True)
+    return 2 if found else 0
+
+
+def _checked(
+    name: str,
+    params: dict[str, str],
+    robot: tuple[str, frozenset[str]] | None,
+    leaves: Mapping[str, type[Leaf]],
+) -> tuple[str, Sequence[Fault]]:
+    """Check one mission; return what to tell of it, and its mistakes."""
+    try:
+        plan = load_mission(name, params=params, robot=robot, leaves=leaves)
+    except InvalidFileError as error:
+        return str(error), error.faults
+    except UnknownNameError as error:
+        return f"mission: {error}", [Fault(Source(name, ""), Mark(), str(error))]
+    count = sum(1 for _ in plan.tree.walk())
+    return f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''})", []
+
+
+def _as_dict(fault: Fault) -> dict[str, object]:
+    """Return a mistake as an editor takes it; line and column count from 1."""
+    return {
+        "file": fault.source.name,
+        "line": fault.mark.line,
+        "column": fault.mark.column,
+        "length": fault.mark.length,
+        "message": fault.message,
+        "suggestion": fault.suggestion,
+    }
 
 
 def _files(name: str) -> list[str]:
@@ -41,4 +77,7 @@ def _files(name: str) -> list[str]:
     folder = Path(name)
     if not folder.is_dir():
         return [name]
-    return [str(path) for path in sorted(folder.glob("*.yaml"))]
+    found = [str(path) for path in sorted(folder.glob("*.yaml")) if path.is_file()]
+    if not found:
+        raise click.UsageError(f"{name}: this folder holds no missions (files that end in .yaml)")
+    return found

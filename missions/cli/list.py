@@ -22,7 +22,7 @@ def command(kind: str | None) -> None:
     for each in KINDS if kind is None else (kind,):
         click.secho(each, bold=True)
         for name, summary in _entries(each):
-            click.echo(f"  {name:<16} {summary}")
+            click.echo(f"  {name:<28} {summary}")
 
 
 def _entries(kind: str) -> Iterator[tuple[str, str]]:

@@ -1,18 +1,17 @@
 """What a person sees while a mission runs: a line for each thing done, and a live line for what runs now, and why."""
 
-import logging
+from contextlib import suppress
 from types import TracebackType
 from typing import Self, TextIO
 
 from py_trees.common import Status
 from rich.console import Console
 from rich.live import Live
-from rich.logging import RichHandler
 from rich.text import Text
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.executive.events import Ended, Event, FaultRaised, NodeChanged, Started, Ticked
+from missions.executive.events import Ended, Event, FaultRaised, Logged, NodeChanged, Started, Ticked
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
@@ -24,14 +23,15 @@ class Watcher:
     """A listener that shows a run on a terminal, or as plain lines where there is none."""
 
     def __init__(self, out: TextIO) -> None:
-        self.root: Node | None = None
+        self._leaves: dict[str, Leaf] = {}
         self._console = Console(file=out, highlight=False, soft_wrap=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True) if out.isatty() else None
         self._drawn = -REFRESH
         self._started: dict[str, float] = {}
-        self.log_handler: logging.Handler = RichHandler(
-            console=self._console, show_time=False, show_path=False, show_level=True
-        )
+
+    def watch(self, root: Node) -> None:
+        """Show the leaves of this tree."""
+        self._leaves = {node.key: node for node in root.iterate() if isinstance(node, Leaf)}
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -41,12 +41,10 @@ class Watcher:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def say(self, text: str) -> None:
-        """Show what the robot says aloud where no synthesiser speaks."""
-        self._console.print(Text.assemble(("  robot: ", "bold cyan"), text))
+        # Where the terminal has gone, rich raises, even SystemExit: nobody is there to see it.
+        with suppress(OSError, ValueError, SystemExit):
+            if self._live is not None:
+                self._live.stop()
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
@@ -57,6 +55,8 @@ class Watcher:
                 self._node(event)
             case FaultRaised():
                 self._fault(event)
+            case Logged():
+                self._log(event)
             case Ticked() if event.t - self._drawn >= REFRESH:
                 self._draw(event.t)
             case Ended() if event.result != "error":  # an error is told by the command itself, with what to try
@@ -70,16 +70,13 @@ class Watcher:
             self._started[event.node] = event.t
             return
         began = self._started.pop(event.node, None)
-        if began is None or not self._is_leaf(event.node):
+        if began is None or event.node not in self._leaves:
             return
         sign, style = SIGNS[event.status]
         line = Text.assemble(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}")
         note = "halted" if event.status == "idle" else event.reason if event.status == "failure" else ""
         line.append(f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
         self._console.print(line)
-
-    def _is_leaf(self, key: str) -> bool:
-        return self.root is None or any(isinstance(node, Leaf) and node.key == key for node in self.root.iterate())
 
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
@@ -89,12 +86,19 @@ class Watcher:
             line.append(f"\n            try: {event.hint}")
         self._console.print(line)
 
+    def _log(self, event: Logged) -> None:
+        if event.level == "voice":
+            self._console.print(Text.assemble(("  robot: ", "bold cyan"), event.text))
+        else:
+            style = {"info": "dim", "warning": "yellow"}.get(event.level, "red")
+            self._console.print(Text.assemble(f"{event.t:6.1f} s  ", (f"{event.level}: ", style), event.text))
+
     def _draw(self, time: float) -> None:
         self._drawn = time
-        if self._live is None or self.root is None:
+        if self._live is None:
             return
-        running = [node for node in self.root.iterate() if isinstance(node, Leaf) and node.status is Status.RUNNING]
-        words = [f"{node.name}: {node.reason}" if node.reason else node.name for node in running]
+        running = [leaf for leaf in self._leaves.values() if leaf.status is Status.RUNNING]
+        words = [f"{leaf.name}: {leaf.reason}" if leaf.reason else leaf.name for leaf in running]
         line = Text(f"{time:6.1f} s  > {' | '.join(words)}", no_wrap=True, overflow="ellipsis")
         self._live.update(line, refresh=True)
 

@@ -1,6 +1,7 @@
 """What several subcommands share: options of the form NAME=VALUE."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -30,4 +31,16 @@ def params_option(command: Any) -> Any:
         metavar="NAME=VALUE",
         callback=pairs('patience="5 s"'),
         help='Set one of the mission\'s params, such as patience="5 s". Repeat it for more.',
+    )(command)
+
+
+def behaviours_option(command: Any) -> Any:
+    """Add ``--behaviours FILE.py`` to a command, which gets a tuple of paths as ``files``."""
+    return click.option(
+        "--behaviours",
+        "files",
+        multiple=True,
+        metavar="FILE.py",
+        type=click.Path(path_type=Path),
+        help="Take more behaviours from a file of Python. Repeat it for more.",
     )(command)

@@ -1,20 +1,27 @@
 """The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
 
+import io
+import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 
 import click
 
-SUCCESS, FAILURE, USAGE, DEVICE, INTERRUPTED = 0, 1, 2, 3, 130
-"""The exit codes: a mission's success and failure, bad usage or a bad file, a device, Ctrl-C or SIGTERM."""
+SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
+"""The exit codes: a mission's success and failure, bad usage or a bad file, a device,
+a fault of our own, Ctrl-C or SIGTERM."""
 
 COMMANDS = {
     "run": "Run a mission: simulated, unless a robot is named.",
+    "motion": "Run one of the eight motions of the TurtleBot course, by number.",
     "check": "Check missions without running them.",
     "show": "Draw a mission's tree.",
     "list": "List the missions, robots, worlds, gestures and controllers there are.",
     "behaviours": "Say what a mission can be made of.",
+    "schema": "Write the JSON Schema of missions, for editors.",
     "simulate": "Run a robot's virtual devices alone, for other programs to use.",
     "see": "Look for faces in pictures, folders and videos.",
 }
@@ -55,6 +62,12 @@ def mission() -> None:
 
 def main() -> None:
     """Run ``mission`` with the arguments of the process, and exit."""
+    # Without a standard stream (`>&-`), libraries that look at it would fail.
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
+    sys.stderr = sys.stderr or sys.stdout
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that has no sign for what we print is no reason to stop
     sys.exit(guarded(lambda: mission.main(standalone_mode=False)))
 
 
@@ -72,12 +85,10 @@ def guarded(work: Callable[[], object]) -> int:
         error.show()
         return USAGE
     except (click.Abort, KeyboardInterrupt):
+        click.echo("mission: interrupted", err=True)
         return INTERRUPTED
-    except InvalidFileError as error:
-        click.echo(str(error), err=True)
-        return USAGE
-    except UnknownNameError as error:
-        click.echo(f"mission: {error}", err=True)
+    except (InvalidFileError, UnknownNameError) as error:
+        click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
         return USAGE
     except DriverError as error:
         click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
@@ -85,4 +96,20 @@ def guarded(work: Callable[[], object]) -> int:
     except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
         sys.stdout = None  # so that Python does not flush into the pipe at exit
         return SUCCESS
+    except OSError as error:  # a full disk behind stdout
+        with suppress(OSError):
+            click.echo(f"mission: cannot write: {error.strerror or error}", err=True)
+        sys.stdout = None
+        return USAGE
+    except Exception as error:
+        return _own_fault(error)
     return code if isinstance(code, int) else SUCCESS
+
+
+def _own_fault(error: Exception) -> int:
+    """Tell of an error that no user has made, in two lines; all of it where MISSION_DEBUG is set."""
+    if "MISSION_DEBUG" in os.environ:
+        raise error
+    click.echo(f"mission: {type(error).__name__}: {error}", err=True)
+    click.echo("  this is a fault of MissionTree itself; MISSION_DEBUG=1 shows where, for a report", err=True)
+    return INTERNAL

@@ -1,5 +1,6 @@
 """``mission see``: what perception finds in pictures and videos, as text, as JSON, and drawn."""
 
+import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ from perception.finder import FaceFinder
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw the faces, into OUT.")
 def command(files: tuple[str, ...], as_json: bool, folder: Path | None) -> int:
     """Look for faces in pictures, videos and folders of them."""
+    drawn = None if folder is None else Drawings(folder, files)
     try:
         for path, number, image, boxes in _seen(files):
             if as_json:
@@ -29,8 +31,8 @@ def command(files: tuple[str, ...], as_json: bool, folder: Path | None) -> int:
                 click.echo(json.dumps({"file": str(path), "frame": number, "faces": faces}))
             else:
                 click.echo(f"{path} frame {number}: {_words(boxes)}")
-            if folder is not None:
-                _draw(folder, path, number, annotate(image, ((box, "face") for box in boxes)))
+            if drawn is not None:
+                drawn.write(path, number, annotate(image, ((box, "face") for box in boxes)))
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
     return 0
@@ -48,14 +50,35 @@ def _seen(files: tuple[str, ...]) -> Iterator[tuple[Path, int, Image, list[Box]]
         yield path, number, image, [sighting.detection.box for sighting in finder.find(image)]
 
 
-def _draw(folder: Path, path: Path, number: int, image: Image) -> None:
-    target = folder / (f"{path.stem}.png" if kind_of(path) is Kind.PICTURE else f"{path.stem}_{number:05d}.png")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise click.BadParameter(f"{folder}: {error.strerror}", param_hint="--annotate") from error
-    if not cv2.imwrite(str(target), image):
-        raise click.ClickException(f"{target}: cannot be written")
+class Drawings:
+    """Pictures with faces drawn in, in a folder; never over what was looked at, nor one over another."""
+
+    def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise click.BadParameter(f"{folder}: {error.strerror}", param_hint="--annotate") from error
+        self._folder = folder
+        self._inputs = [Path(name) for name in inputs]
+        self._names: dict[Path, str] = {}
+
+    def write(self, path: Path, number: int, image: Image) -> None:
+        """Write one picture."""
+        stem = self._stem(path)
+        target = self._folder / (f"{stem}.png" if kind_of(path) is Kind.PICTURE else f"{stem}_{number:05d}.png")
+        looked_at = (path, *self._inputs)
+        if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
+            raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
+        if not cv2.imwrite(str(target), image):
+            raise click.ClickException(f"{target}: cannot be written")
+
+    def _stem(self, path: Path) -> str:
+        """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""
+        if path not in self._names:
+            taken = set(self._names.values())
+            tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))
+            self._names[path] = next(name for name in tries if name not in taken)
+        return self._names[path]
 
 
 def _words(boxes: list[Box]) -> str:

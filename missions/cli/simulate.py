@@ -10,6 +10,7 @@ from config.library import find
 from config.robot import load_robot
 from drivers.clock import SystemClock
 from missions.assembly.simulation import WIRED, Simulation
+from missions.executive.executive import GLANCE
 from missions.runner import DEFAULT_ROBOT
 
 
@@ -25,14 +26,18 @@ def command(robot: str, period: float | None) -> None:
     """
     config = load_robot(find("robots", robot))
     clock = SystemClock()
-    ending = threading.Event()
+    ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: ending.set())
+        signal.signal(number, lambda got, _: ending.append(got))
     simulation = Simulation(config, frozenset(WIRED) & config.parts, clock)
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
-        while not ending.wait(period):
-            click.echo(json.dumps({"t": round(clock.now(), 3)} | simulation.state()))
+        pause, told = threading.Event(), clock.now()
+        while not ending:
+            pause.wait(GLANCE if period is None else min(GLANCE, period))
+            if period is not None and clock.now() - told >= period:
+                told = clock.now()
+                click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
     finally:
         simulation.close()

@@ -25,17 +25,23 @@ from drivers.api import (
 Tell = Callable[[str, str, Mapping[str, object]], None]
 """Told of a command: to which part, from which source, with which values."""
 
+Permit = Callable[[], None]
+"""Called before an actuator is set moving; raises where that is not to be."""
 
-def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
+
+def always() -> None:
+    """Permit everything."""
+
+
+def robot_for(node: Node, robot: Robot, tell: Tell, permit: Permit = always) -> Robot:
     """Return ``robot`` as ``node`` sees it."""
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
     return Robot(
-        base_part=None if robot.base_part is None else ToldBase(robot.base_part, source, tell),
-        head_part=None if robot.head_part is None else ToldHead(robot.head_part, source, tell),
-        arm_part=None if robot.arm_part is None else ToldJoints(robot.arm_part, source, tell),
-        voice_part=None if robot.voice_part is None else ToldVoice(robot.voice_part, source, tell),
+        base_part=None if robot.base_part is None else ToldBase(robot.base_part, source, tell, permit),
+        head_part=None if robot.head_part is None else ToldHead(robot.head_part, source, tell, permit),
+        arm_part=None if robot.arm_part is None else ToldJoints(robot.arm_part, source, tell, permit),
+        voice_part=None if robot.voice_part is None else ToldVoice(robot.voice_part, source, tell, permit),
         sight_part=robot.sight_part,
-        latency=robot.latency,
     )
 
 
@@ -45,11 +51,12 @@ D = TypeVar("D", bound=Device)
 class _Told(Generic[D]):
     """What all have in common: the device, a source, and a command that is told only when it differs from the last."""
 
-    def __init__(self, device: D, source: str, tell: Tell) -> None:
+    def __init__(self, device: D, source: str, tell: Tell, permit: Permit) -> None:
         self.name = device.name
         self._device = device
         self._source = source
         self._tell = tell
+        self._permit = permit
         self._last: Mapping[str, object] | None = None
 
     def open(self) -> None:
@@ -80,6 +87,7 @@ class ToldBase(_Told[Base]):
 
     def drive(self, velocity: Velocity) -> Velocity:
         """See drivers.api.Base."""
+        self._permit()
         accepted = self._device.drive(velocity)
         self._told(linear=round(accepted.linear, 4), angular=round(accepted.angular, 4))
         return accepted
@@ -108,6 +116,7 @@ class ToldHead(_Told[Head]):
 
     def look(self, target: HeadPose) -> HeadPose:
         """See drivers.api.Head."""
+        self._permit()
         accepted = self._device.look(target)
         self._told(pan=round(accepted.pan, 4), tilt=round(accepted.tilt, 4))
         return accepted
@@ -136,6 +145,7 @@ class ToldJoints(_Told[Joints]):
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """See drivers.api.Joints."""
+        self._permit()
         accepted = self._device.move(goals, speeds=speeds)
         self._told(**{joint: round(goal, 4) for joint, goal in accepted.items()})
         return accepted

@@ -9,70 +9,21 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
 from behaviours.node import Node
+from missions.executive.parent import FAILURE, IDLE, RUNNING, SUCCESS, Parent
 
-RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 
+class Composite(Parent):
+    """What all composites share: they forget their children's results when they start."""
 
-class Composite(Node):
-    """What all composites share: starting afresh, halting children, and an end that waits for them.
-
-    ``ending`` is the result that will stand once every child that still runs has been halted; INVALID when it was this
-    composite that was told to halt.
-    """
-
-    ending: Status | None = None
-    members: tuple[Node, ...] = ()
-
-    def work(self) -> Status:
-        """Start if need be, then tick the children by this composite's rule.
-
-        Ticked again before its halt is through, it finishes that first and starts afresh.
-        """
-        afresh = self.status is not RUNNING
-        if self.ending is not None:
-            status = self.end(self.ending)
-            if status is not Status.INVALID:
-                return status
-            afresh = True
-        if afresh:
-            self.feedback_message = ""
-            for child in self.members:
+    def start(self) -> str:
+        for child in self.members:
+            if child.status is not IDLE:
                 child.reset()
-            self.begin()
-        return self.tick_children()
+        self.begin()
+        return ""
 
     def begin(self) -> None:
         """Forget where an earlier run of it was."""
-
-    def tick_children(self) -> Status:
-        """Tick the children by this composite's rule."""
-        raise TypeError(f"{type(self).__name__} has no rule for its children")
-
-    def end(self, status: Status) -> Status:
-        """End with ``status`` once the children that still run are at rest; running until then."""
-        self.ending = None if self._halt_children() else status
-        return status if self.ending is None else RUNNING
-
-    def blame(self, child: Node) -> Status:
-        """End with a failure, for the reason that ``child`` gives."""
-        self.feedback_message = child.feedback_message
-        return FAILURE
-
-    def halt(self) -> bool:
-        """Halt every child that runs; True once all are at rest."""
-        if self.status is not RUNNING:
-            return True
-        if self.end(Status.INVALID) is RUNNING:
-            return False
-        self.publish(Status.INVALID)
-        return True
-
-    def _halt_children(self) -> bool:
-        at_rest = True
-        for child in self.members:
-            if child.status is RUNNING:
-                at_rest &= child.halt()
-        return at_rest
 
 
 class InOrder(Composite):
@@ -90,7 +41,7 @@ class InOrder(Composite):
         self._index = 0
         self.order = self.members
 
-    def tick_children(self) -> Status:
+    def go_on(self) -> Status:
         order, passes, last = self.order, self.passes, len(self.order) - 1
         while True:
             child = order[self._index]
@@ -112,7 +63,7 @@ class _Reactive(Composite):
     def begin(self) -> None:
         self._running = self._retiring = None
 
-    def tick_children(self) -> Status:
+    def go_on(self) -> Status:
         if not self._retired():
             return RUNNING
         behind = self._running  # the child that runs, while we are still before it
@@ -223,7 +174,7 @@ class Parallel(Composite, composites.Parallel):
     def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
 
-    def tick_children(self) -> Status:
+    def go_on(self) -> Status:
         left = False
         for child in self.members:
             if child.status is SUCCESS:
@@ -241,7 +192,7 @@ class Race(Composite, composites.Parallel):
     def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
 
-    def tick_children(self) -> Status:
+    def go_on(self) -> Status:
         for child in self.members:
             status = child.advance()
             if status is not RUNNING:

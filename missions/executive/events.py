@@ -1,9 +1,10 @@
 """The one stream of events that a run makes, and everything else listens to."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from threading import RLock
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from queue import SimpleQueue
+from threading import Thread
 from typing import ClassVar, TextIO
 
 from py_trees.common import Status
@@ -88,13 +89,22 @@ class CommandSent(Event):
 
 @dataclass(frozen=True, slots=True)
 class FaultRaised(Event):
-    """A device tells of itself (``what`` is ``offline``, ``online`` or ``fault``), or the executive of an overrun."""
+    """A part of the robot tells of itself: ``what`` is ``offline``, ``online`` or ``fault``."""
 
     event: ClassVar[str] = "fault"
     part: str
     what: str
     detail: str
     hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Logged(Event):
+    """A line for people: ``level`` is a level of Python's logging in small letters, or ``voice`` for printed words."""
+
+    event: ClassVar[str] = "log"
+    level: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,22 +121,63 @@ class Ended(Event):
 
 Listener = Callable[[Event], None]
 
+FAREWELL_TIME = 2.0
+"""Seconds that slow listeners have, at the end of a run, to hear what is still to be told."""
 
-@dataclass(slots=True)
+MOST_WAITING = 200_000
+"""Events that may wait for slow listeners; what comes on top is counted and lost."""
+
+
 class Stream:
-    """Passes each event to every listener, in one order, from whichever thread it comes."""
+    """Passes each event to every listener, in one order, from whichever thread it comes.
 
-    listeners: list[Listener] = field(default_factory=list)
-    _lock: RLock = field(default_factory=RLock)
+    Between ``open`` and ``close`` that happens on a thread of its own: a listener that is slow, stuck or broken never
+    holds up a tick or a driver. Otherwise, listeners are told at once. One that raises anything is told no more, and
+    named in ``lost``; the run goes on.
+    """
+
+    def __init__(self, listeners: Iterable[Listener] = ()) -> None:
+        self.listeners = list(listeners)
+        self.lost: list[str] = []
+        self.dropped = 0
+        self._waiting: SimpleQueue[Event | None] = SimpleQueue()
+        self._thread: Thread | None = None
+
+    def open(self) -> None:
+        """Start the thread that tells the listeners."""
+        if self._thread is None:
+            self._thread = Thread(target=self._run, name="events", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Tell what is still waiting, for ``FAREWELL_TIME`` at most. Safe more than once."""
+        if self._thread is not None:
+            self._waiting.put(None)
+            self._thread.join(FAREWELL_TIME)
+            if self._thread.is_alive():
+                self.lost.append("a listener that did not come to an end")
+            self._thread = None
 
     def emit(self, event: Event) -> None:
-        """Tell all listeners. One that raises OSError (a full disk) is told no more; the run goes on."""
-        with self._lock:
-            for listener in list(self.listeners):
-                try:
-                    listener(event)
-                except OSError:
-                    self.listeners.remove(listener)
+        """Tell all listeners, soon; returns at once and never raises."""
+        if self._thread is None:
+            self._tell(event)
+        elif self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(event)
+        else:
+            self.dropped += 1
+
+    def _run(self) -> None:
+        while (event := self._waiting.get()) is not None:
+            self._tell(event)
+
+    def _tell(self, event: Event) -> None:
+        for listener in list(self.listeners):
+            try:
+                listener(event)
+            except BaseException as error:
+                self.listeners.remove(listener)
+                self.lost.append(f"{type(listener).__name__}: {str(error) or type(error).__name__}")
 
 
 class JsonLines:

@@ -1,5 +1,6 @@
 """The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from threading import Semaphore
 
@@ -76,10 +77,11 @@ class Executive:
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
-    def tell_start(self, *, file: str, robot: str) -> None:
+    def tell_start(self, *, file: str, robot: str, params: Mapping[str, object]) -> None:
         """Begin the stream of events."""
-        params = {name: str(value) for name, value in self.run.variables.items()}
-        self.stream.emit(Started(self.time(), self.mission, file, robot, params))
+        self.stream.emit(
+            Started(self.time(), self.mission, file, robot, {name: str(value) for name, value in params.items()})
+        )
 
     def loop(self) -> Result:
         """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
@@ -89,11 +91,12 @@ class Executive:
             step = self._steps.acquire(blocking=False)
             if self._paused and not step:
                 if not held:
-                    self.run.settle(self.root.claims)
+                    self.run.settle(self.root.claims - {"voice"})  # a sentence is not broken off for a pause
                     held = True
                 self._woken.wait(GLANCE)
                 self._woken.clear()
                 due = self.run.now()
+                self.run.beat()
                 continue
             held = False
             self._woken.clear()
@@ -115,7 +118,9 @@ class Executive:
             self.overruns += missed
             due += (missed + 1) * self._period
         while self._stop_reason is None and (left := due - self.run.now()) > 0:
-            if self._woken.wait(min(left, GLANCE)):
+            woken = self._woken.wait(min(left, GLANCE))
+            self.run.beat()
+            if woken:
                 break
         return due
 
@@ -124,6 +129,7 @@ class Executive:
         self.run.tick += 1
         status = self.root.advance()
         self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
+        self.run.beat()
         return status
 
     def time(self) -> float:
@@ -150,6 +156,7 @@ class Executive:
             self.run.tick += 1
             self._woken.clear()
             self._woken.wait(self._period)
+            self.run.beat()
 
     def tell_end(self, result: Result) -> None:
         """End the stream of events."""

@@ -1,5 +1,6 @@
 """The modifiers of the mission language, as py_trees decorators."""
 
+from abc import abstractmethod
 from typing import Any
 
 from py_trees.common import Status
@@ -7,61 +8,46 @@ from py_trees.decorators import Decorator
 
 from behaviours.node import Node
 from config.units import written
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.values import Value
 
-RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
 
-
-class Modifier(Node, Decorator):
-    """One node around another. ``value`` is what stands in the mission; ``setting`` what it was when the node started.
-
-    ``ending`` is the result that will stand once the child, which still runs, has been halted; INVALID when it was this
-    modifier that was told to halt.
-    """
+class Modifier(Parent, Decorator):
+    """One node around another: ``value`` as it stands in the mission, ``setting`` as it was when the node started."""
 
     child: Node
     setting: Any = None
-    ending: Status | None = None
     since = 0.0
 
     def __init__(self, name: str, child: Node, value: Value) -> None:
         Decorator.__init__(self, name, child)
         self.child = child
+        self.members = (child,)
         self.value = value
 
-    def work(self) -> Status:
-        """Start if need be, then do what this modifier does.
+    def start(self) -> str:
+        self.since = self.run.now()
+        try:
+            self.setting = self.value.resolve(self.scope)
+        except (ExpressionError, ValueError) as error:
+            return f"{self.kind}: {error}"
+        self.begin()
+        return ""
 
-        Ticked again before its halt is through, it finishes that first and starts afresh.
-        """
-        afresh = self.status is not RUNNING
-        if self.ending is not None:
-            status = self.end(self.ending)
-            if status is not Status.INVALID:
-                return status
-            afresh = True
-        if afresh:
-            self.feedback_message = ""
-            self.since = self.run.now()
-            try:
-                self.setting = self.value.resolve(self.scope)
-            except (ExpressionError, ValueError) as error:
-                self.feedback_message = f"{self.kind}: {error}"
-                return FAILURE
-            self.begin()
+    def begin(self) -> None:
+        """Forget an earlier run of it."""
+
+    def go_on(self) -> Status:
         try:
             return self.modify()
         except ExpressionError as error:
             self.feedback_message = f"{self.kind}: {error}"
             return self.end(FAILURE)
 
-    def begin(self) -> None:
-        """Forget an earlier run of it."""
-
+    @abstractmethod
     def modify(self) -> Status:
         """Tick the child, or not, and turn its status into this node's."""
-        raise TypeError(f"{type(self).__name__} does not say what it modifies")
 
     def tick_child(self) -> Status:
         """Tick the child and pass its reason on."""
@@ -69,23 +55,9 @@ class Modifier(Node, Decorator):
         self.feedback_message = self.child.feedback_message
         return status
 
-    def end(self, status: Status) -> Status:
-        """End with ``status`` once the child is at rest; running until then."""
-        self.ending = None if self.child.halt() else status
-        return status if self.ending is None else RUNNING
-
     def true_now(self) -> bool:
         """Ask the expression in ``value`` now. Raises ExpressionError."""
         return bool(self.value.resolve(self.scope))
-
-    def halt(self) -> bool:
-        """Halt the child if it runs; True once it is at rest."""
-        if self.status is not RUNNING:
-            return True
-        if self.end(Status.INVALID) is RUNNING:
-            return False
-        self.publish(Status.INVALID)
-        return True
 
 
 class If(Modifier):

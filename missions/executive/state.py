@@ -4,11 +4,14 @@ What is not known is None, so that a comparison with it fails with a reason inst
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, HeadPose
+from drivers.api import BaseState, HeadPose, Reading
 from drivers.clock import Clock
 from perception.api import Face
+
+T = TypeVar("T")
 
 FRESH = 0.5
 """Seconds after which a face is not "seen" any more."""
@@ -57,10 +60,19 @@ class FaceState:
 
 
 @dataclass(frozen=True)
-class BasePart:
-    """Where the base is, and what it feels."""
+class _OfBase:
+    """What is read from the base's report."""
 
     robot: Robot
+
+    @property
+    def _state(self) -> BaseState | None:
+        return None if self.robot.base_part is None else fresh(self.robot.base_part.state())
+
+
+@dataclass(frozen=True)
+class BasePart(_OfBase):
+    """Where the base is, and what it feels."""
 
     @property
     def x(self) -> float | None:
@@ -92,13 +104,9 @@ class BasePart:
         """True while a wheel hangs."""
         return None if self._state is None else bool(self._state.wheel_drop)
 
-    @property
-    def _state(self) -> BaseState | None:
-        return None if self.robot.base_part is None else self.robot.base_part.state().value
-
 
 @dataclass(frozen=True)
-class BatteryState(BasePart):
+class BatteryState(_OfBase):
     """The base's battery."""
 
     @property
@@ -135,7 +143,12 @@ class HeadState:
 
     @property
     def _pose(self) -> HeadPose | None:
-        return None if self.robot.head_part is None else self.robot.head_part.pose().value
+        return None if self.robot.head_part is None else fresh(self.robot.head_part.pose())
+
+
+def fresh(reading: Reading[T]) -> T | None:
+    """Return what was measured, if it was lately."""
+    return reading.value if reading.good else None
 
 
 def state_of(robot: Robot, clock: Clock) -> dict[str, object]:

@@ -5,7 +5,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.node import Node
-from missions.executive.composites import FAILURE, Composite
+from missions.executive.composites import Composite
+from missions.executive.parent import FAILURE
 from missions.language.expressions import ExpressionError
 from missions.language.values import Value, shown
 
@@ -27,7 +28,7 @@ class Switch(Composite, composites.Selector):
     def begin(self) -> None:
         self._chosen = None
 
-    def tick_children(self) -> Status:
+    def go_on(self) -> Status:
         if self._chosen is None:
             try:
                 found = self.on.resolve(self.scope)

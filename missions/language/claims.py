@@ -34,8 +34,6 @@ def _claimant(step: Step, part: str) -> Step:
 def check_needs(notes: Notes, tree: Step, robot: str, parts: frozenset[str]) -> None:
     """Note every leaf that needs a part which the robot does not have."""
     for step in tree.walk():
-        if step.leaf is None:
-            continue
-        for part in sorted(step.leaf.needs - parts):
+        for part in sorted(step.own_needs - parts):
             has = ", ".join(sorted(parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot}' has none (it has {has})")

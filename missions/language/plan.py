@@ -26,6 +26,10 @@ MISSION = "mission"
 """The node that runs another mission as a subtree."""
 
 
+PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head"}
+"""The part of a robot that knows each piece of state that expressions read."""
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """One node of the tree to be: a leaf, a composite, a sub-mission, or a modifier around its one child.
@@ -34,6 +38,7 @@ class Step:
     its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
     params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
     ``returns`` are computed among a sub-mission's own variables, ``keep_as`` names the variable that keeps a result.
+    ``text`` is what stands behind the word, where that is one value.
     """
 
     kind: str
@@ -46,6 +51,7 @@ class Step:
     keep_as: str | None = None
     cases: tuple[object, ...] = ()
     returns: Mapping[str, Value] = field(default_factory=dict)
+    text: str = ""
 
     def walk(self) -> Iterator["Step"]:
         """This step and all below it, in the order of the file."""
@@ -60,8 +66,20 @@ class Step:
 
     @property
     def needs(self) -> frozenset[str]:
-        """The parts of a robot that it cannot do without."""
-        return frozenset().union(*(step.leaf.needs for step in self.walk() if step.leaf is not None))
+        """The parts of a robot that it cannot do without: to act, and to know what its expressions read."""
+        return frozenset().union(*(step.own_needs for step in self.walk()))
+
+    @property
+    def own_needs(self) -> frozenset[str]:
+        """The parts that it needs itself, not those of what is below it."""
+        reads = (
+            read.name
+            for value in (*self.arguments.values(), *self.returns.values())
+            if value.template is not None
+            for read in value.template.reads
+        )
+        known = frozenset(PART_OF_STATE[name] for name in reads if name in PART_OF_STATE)
+        return known | (self.leaf.needs if self.leaf is not None else frozenset())
 
 
 @dataclass(frozen=True, slots=True)

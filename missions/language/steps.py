@@ -50,7 +50,10 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
         if word.text in MODIFIERS:
             setting = read_modifier(notes, word.text, given)
             if step is not None:
-                step = Step(word.text, step.name, word.mark, notes.source, (step,), arguments={"value": setting})
+                step = replace(
+                    Step(word.text, step.name, word.mark, notes.source, (step,), arguments={"value": setting}),
+                    text=_text(given),
+                )
     return step
 
 
@@ -90,7 +93,7 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     shown = name or key.text
     if leaf is not None:
         arguments = read_arguments(notes, leaf, key, value)
-        return Step(key.text, shown, key.mark, notes.source, leaf=leaf, arguments=arguments)
+        return Step(key.text, shown, key.mark, notes.source, leaf=leaf, arguments=arguments, text=_text(value))
     if key.text == MISSION:
         return read_submission(notes, key, value, beside, name, read_step)
     if key.text == SWITCH:
@@ -98,11 +101,17 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     return Step(key.text, shown, key.mark, notes.source, _children(notes, key, value))
 
 
+def _text(node: Node | None) -> str:
+    return node.text if isinstance(node, Scalar) else ""
+
+
 def _unknown(notes: Notes, key: Scalar, what: str, more: list[str]) -> None:
     """Note an unknown word, with what may have been meant."""
     words = [*notes.leaves, *COMPOSITES, SWITCH, MISSION, *more]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
-    if found is not None and found[1] in words:
+    if " - " in key.text:
+        hint = "the '- ' of a list must stand one below the other, in one column"
+    elif found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
     else:
         hint = did_you_mean(key.text, words) or "`mission behaviours` lists what there is"

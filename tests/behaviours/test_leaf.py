@@ -25,7 +25,7 @@ class Puppet(Leaf):
     drives = BASE
     starts: Callable[[], None] | None = None
     works: Callable[[], Any] | None = None
-    ends: Callable[[], None] | None = None
+    at_end: Callable[[], None] | None = None
     still_halting = 0
     halts: Callable[[], None] | None = None
 
@@ -45,8 +45,8 @@ class Puppet(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         self.asked.append(new_status)
-        if self.ends:
-            self.ends()
+        if self.at_end:
+            self.at_end()
 
     def halting(self) -> bool:
         self.asked.append("halting")
@@ -141,10 +141,10 @@ def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
     leaf.line = 12
     with caplog.at_level(logging.ERROR):
         assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == reason
+    assert leaf.reason == f"the shelf (line 12): {reason}"
     assert leaf.asked[-1] is FAILURE
     (record,) = caplog.records
-    assert record.message == "the shelf (puppet, line 12) raised"
+    assert record.message == "the shelf (line 12) raised"
     assert record.exc_info is not None
 
 
@@ -174,7 +174,7 @@ def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
     bench = Bench()
     leaf = bench.put(Puppet(), works=gives(nonsense))
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == f"puppet returned {nonsense!r} instead of a status"
+    assert leaf.reason == f"puppet: returned {nonsense!r} instead of a status"
     assert leaf.asked[-1] is FAILURE
 
 
@@ -215,7 +215,7 @@ def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
     caplog: pytest.LogCaptureFixture, status: Status
 ) -> None:
     bench = Bench()
-    leaf = bench.put(Puppet(), works=gives(status), ends=fails_with(Boom("stuck")))
+    leaf = bench.put(Puppet(), works=gives(status), at_end=fails_with(Boom("stuck")))
     assert bench.tick(leaf) is status
     assert bench.settled == [BASE]
     assert "raised while it stopped" in caplog.text
@@ -223,7 +223,7 @@ def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
 
 def test_a_device_lost_while_it_is_stopped_is_settled_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
     bench = Bench()
-    leaf = bench.put(Puppet(), ends=fails_with(GONE))
+    leaf = bench.put(Puppet(), at_end=fails_with(GONE))
     bench.tick(leaf)
     assert bench.halt(leaf)
     assert bench.settled == [BASE]
@@ -237,7 +237,7 @@ def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
         drives = frozenset()
 
     bench = Bench()
-    leaf = bench.put(Thinker(), works=gives(FAILURE), ends=fails_with(Boom("stuck")))
+    leaf = bench.put(Thinker(), works=gives(FAILURE), at_end=fails_with(Boom("stuck")))
     assert bench.tick(leaf) is FAILURE
     assert bench.settled == []
 
@@ -245,7 +245,7 @@ def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
 def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.LogCaptureFixture) -> None:
     bench = Bench()
     bench.run.settle = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
-    leaf = bench.put(Puppet(), ends=fails_with(Boom("stuck")))
+    leaf = bench.put(Puppet(), at_end=fails_with(Boom("stuck")))
     bench.tick(leaf)
     assert bench.halt(leaf)
     assert leaf.status is INVALID

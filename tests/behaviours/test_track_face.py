@@ -1,7 +1,6 @@
 """Following a face as a leaf: whom it follows, how long it goes on without, and that head and base are stopped."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -221,13 +220,9 @@ def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: Ru
     bench = Bench()
     moving = BaseState(Pose2D(0.0, 0.0, 0.5), Velocity(0.0, 1.0))
     leaf = tracking(bench, rules)
-    leaf.robot = replace(bench.robot, latency=0.2)
     bench.base.reading = stale(moving)
     follow(bench, leaf, yaw=0.5 + LEFT, ticks=40)
     assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
-    bench.base.reading = good(moving)
-    follow(bench, leaf, yaw=0.5 + LEFT, ticks=40)
-    assert looks(bench)[-1].pan == pytest.approx(LEFT - 0.2, abs=0.1)
 
 
 def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
@@ -246,7 +241,7 @@ def test_a_face_that_is_nowhere_fails_it_and_stops_both(rules: RuleBases, caplog
     leaf = tracking(bench, rules)
     show(bench, yaw=math.nan)
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason.startswith("ValueError: follow: not finite")
+    assert "follow: not finite" in leaf.reason
     assert bench.head.commands == [STOP]
     assert "raised" in caplog.text
 

@@ -47,7 +47,7 @@ def test_a_quantity_is_its_value_in_si_units(text: str, dimension: str, si: floa
         (Bare(1.5), "needs an angle such as '30 deg': '1.5' has no unit (units: deg, rad)"),
         ("1.5", "needs an angle such as '30 deg': '1.5' has no unit (units: deg, rad)"),
         ("30 dge", "needs an angle such as '30 deg': unknown unit 'dge' (units: deg, rad)"),
-        ("30°", "needs an angle such as '30 deg': unknown unit '°' (units: deg, rad)"),
+        ("30°", "needs an angle such as '30 deg': unknown unit '°' (write '30 deg')"),
         ("30 Deg", "needs an angle such as '30 deg': unknown unit 'Deg' (units: deg, rad)"),
         ("3 m/s²", "needs an angle such as '30 deg': unknown unit 'm/s²' (units: deg, rad)"),
         ("3 m", "needs an angle such as '30 deg', got a length: '3 m'"),

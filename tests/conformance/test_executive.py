@@ -176,7 +176,7 @@ def test_a_stop_ends_a_paused_mission() -> None:
 
 def test_a_run_tells_its_story_in_order() -> None:
     scene = Simulated("{probe: [running, success], name: a}")
-    scene.executive.tell_start(file="run.yaml", robot="probes")
+    scene.executive.tell_start(file="run.yaml", robot="probes", params={})
     scene.executive.tell_end(scene.play())
     assert [event.event for event in scene.told] == ["started", "node_changed", "tick", "node_changed", "tick", "ended"]
     assert [event.tick for event in scene.told if isinstance(event, events.Ticked)] == [1, 2]

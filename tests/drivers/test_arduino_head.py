@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import radians
-from threading import Event
 
 import pytest
 from hypothesis import given
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.api import Head, HeadPose, Health, Notice, Quality
 from drivers.arduino import wire
-from drivers.arduino.axis import ServoAxis
+from drivers.arduino.axis import STARTS, ServoAxis
 from drivers.arduino.driver import ArduinoHead
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
@@ -20,6 +20,7 @@ from drivers.link import Link, Talker
 from drivers.profile import LONGEST_STEP, Ramp
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
+from tests.waiting import wait_until
 
 PAN = ServoAxis(0, radians(-80), radians(80))
 TILT = ServoAxis(1, radians(-60), radians(20), flip=True)
@@ -96,6 +97,13 @@ def test_an_axis_that_no_servo_can_have_says_why(
         ServoAxis(index, lower, upper, trim=trim)
 
 
+def test_an_axis_knows_where_the_sketch_puts_its_servo() -> None:
+    assert [ServoAxis(index, -1.0, 1.0).awake for index in range(5)] == [90, 120, 90, 90, 90]
+    assert ServoAxis(1, -1.0, 1.0, start=45).awake == 45
+    with pytest.raises(ValueError, match="a start of 181 degrees"):
+        ServoAxis(0, -1.0, 1.0, start=181)
+
+
 @given(st.floats(-3, 3), st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 0.5)), max_size=20))
 def test_a_ramp_never_outruns_its_speed_nor_its_goal(start: float, moves: list[tuple[float, float]]) -> None:
     ramp, now = Ramp(start, speed=2.0), 0.0
@@ -130,6 +138,7 @@ class Wire(Link):
         self.sent = b""
         self.plugged = False
         self.noise = b""
+        self.deaf_until = 0.0
         self._pending = b""
 
     @property
@@ -143,6 +152,11 @@ class Wire(Link):
         self.talker = talker
 
     def close(self) -> None:
+        if self.plugged:
+            self.talker.ending()
+        self.plugged = False
+
+    def unplug(self) -> None:
         self.plugged = False
 
     def write(self, data: bytes) -> None:
@@ -161,7 +175,7 @@ class Wire(Link):
             self.clock.advance(0.02)
             data = self.noise + self._pending + self.device.poll(self.clock.now())
             self.noise = self._pending = b""
-            if data:
+            if data and self.clock.now() >= self.deaf_until:
                 self.talker.received(data)
             self.talker.pulse()
 
@@ -180,6 +194,20 @@ class Bench:
     head: ArduinoHead
     notices: list[Notice]
     changes: list[HeadPose | None]
+
+    def begin(self) -> None:
+        """Plug the board in, wait until the head has come to its pose, and forget how it came there."""
+        self.link.plug()
+        self.link.run(1.0)
+        self.link.said()
+        self.link.device.commands.clear()
+        self.changes.clear()
+
+
+def leaps(commands: list[tuple[int, int]], index: int) -> int:
+    """Return the widest step, in degrees, between two commands to a servo that begin where the sketch has put it."""
+    angles = [STARTS[index], *(angle for number, angle in commands if number == index)]
+    return max(abs(later - sooner) for sooner, later in pairwise(angles))
 
 
 def bench(
@@ -209,8 +237,10 @@ def test_the_head_is_a_head() -> None:
     assert (head.name, head.limits.pan, head.limits.speed) == ("head", PAN.range, 1.0)
 
 
-def test_it_waits_out_the_boot_then_asks_then_sends_the_start_pose_and_nothing_more() -> None:
-    b = bench(VirtualRodney(boot_delay=1.5), boot_delay=2.0, start=HeadPose(radians(10), radians(-20)))
+def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_nothing_more() -> None:
+    b = bench(
+        VirtualRodney(boot_delay=1.5), boot_delay=2.0, speed=radians(50), start=HeadPose(radians(10), radians(-20))
+    )
     b.link.plug()
     b.link.run(1.9)
     assert b.link.said() == b""
@@ -218,8 +248,10 @@ def test_it_waits_out_the_boot_then_asks_then_sends_the_start_pose_and_nothing_m
     b.link.run(1.0)
     said = b.link.said()
     assert said.startswith(wire.REQUEST_TOPICS)
-    assert said.endswith(servo(0, 100) + servo(1, 110))
-    assert b.link.device.commands == [(0, 100), (1, 110)]
+    assert said.index(servo(0, 90) + servo(1, 120)) < said.index(servo(0, 91))
+    assert sorted(b.link.device.commands) == sorted(
+        [(0, angle) for angle in range(90, 101)] + [(1, angle) for angle in range(110, 121)]
+    )
     assert b.head.health().online
     assert [(one.kind, one.what) for one in b.notices] == [
         ("online", "the board takes servo_msgs/servo_array as topic 100")
@@ -228,16 +260,14 @@ def test_it_waits_out_the_boot_then_asks_then_sends_the_start_pose_and_nothing_m
 
 def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
     b = bench(speed=radians(50))
-    b.link.plug()
-    b.link.run(0.1)
-    b.link.said()
+    b.begin()
     assert b.head.look(HeadPose(radians(30), 0.0)) == HeadPose(radians(30), 0.0)
     b.link.run(0.3)
     assert degrees(b.head) == pytest.approx((15, 0), abs=1)
     b.link.run(0.4)
     assert b.link.said() == b"".join(servo(0, angle) for angle in range(91, 121))
     assert degrees(b.head) == pytest.approx((30, 0))
-    assert len(b.changes) == 31
+    assert len(b.changes) == 30
     assert b.link.device.angle(0, b.clock.now()) == 120
 
 
@@ -276,8 +306,7 @@ def test_two_axes_on_one_servo_are_refused() -> None:
 
 def test_stopped_it_holds_where_it_has_got_to() -> None:
     b = bench(speed=radians(50))
-    b.link.plug()
-    b.link.run(0.1)
+    b.begin()
     b.head.look(HeadPose(radians(30), radians(-30)))
     b.link.run(0.2)
     b.head.stop()
@@ -318,10 +347,8 @@ def test_the_pose_is_none_then_good_then_stale() -> None:
 
 def test_a_question_for_the_time_is_answered_with_the_clocks_time() -> None:
     b = bench()
-    b.link.plug()
-    b.link.run(0.1)
-    b.link.said()
-    b.link.run(2.52)
+    b.begin()
+    b.link.run(1.62)
     (frame,) = wire.FrameFinder().feed(b.link.said())
     assert frame.topic == wire.TIME
     assert wire.Time.unpack(frame.data).seconds == pytest.approx(b.clock.now(), abs=0.1)
@@ -433,31 +460,97 @@ def test_malformed_messages_are_counted_and_survived() -> None:
     assert b.head.health().online
 
 
-def test_a_board_that_reset_itself_is_noticed_and_led_back_to_the_pose_commanded_last() -> None:
-    b = bench()
+def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
+    b = bench(VirtualRodney(boot_delay=1.0), boot_delay=1.5, speed=radians(50), start=HeadPose(radians(-40), 0.3))
     b.link.plug()
-    b.link.run(0.1)
+    b.link.run(4.0)
+    for index in (0, 1):
+        assert leaps(b.link.device.commands, index) == 1
+    b.head.look(HeadPose(radians(50), 0.0))
+    b.link.run(3.0)
+    assert degrees(b.head) == pytest.approx((50, 0))
+    b.link.unplug()
+    b.link.device.reset(b.clock.advance(1.0))
+    b.link.device.commands.clear()
+    b.link.plug()
+    b.link.run(1.0)
+    assert b.head.pose().quality is Quality.STALE
+    b.link.run(3.0)
+    assert b.link.device.commands[:2] == [(0, 90), (1, 120)]
+    assert [leaps(b.link.device.commands, index) for index in (0, 1)] == [1, 1]
+    assert b.head.pose().good
+    assert degrees(b.head) == pytest.approx((50, 0))
+
+
+def test_after_a_reset_it_keeps_to_its_speed() -> None:
+    b = bench(VirtualRodney(boot_delay=1.0), boot_delay=1.5, speed=radians(20), start=HeadPose(radians(40), 0.0))
+    b.link.plug()
+    b.link.run(1.62)
+    for _ in range(4):
+        before = b.link.device.angle(0, b.clock.now())
+        b.link.run(0.5)
+        assert b.link.device.angle(0, b.clock.now()) - before == pytest.approx(10, abs=1.01)
+
+
+def test_a_board_that_reset_itself_is_noticed_and_led_back_to_the_pose_commanded_last() -> None:
+    b = bench(speed=radians(50))
+    b.begin()
     b.head.look(HeadPose(radians(20), 0.0))
     b.link.run(1.0)
     assert b.link.device.angle(0, b.clock.now()) == 110
     b.link.device.reset(b.clock.now())
-    b.link.run(5.0)
-    assert b.link.device.angle(0, b.clock.now()) == 90
     b.link.device.commands.clear()
-    b.link.run(11.0)
+    b.link.run(1.0)
+    assert b.link.device.angle(0, b.clock.now()) == 90
+    b.link.run(6.0)
     assert [one.kind for one in b.notices] == ["online", "offline", "online"]
-    assert "has not asked for the time for 15 s" in b.notices[1].what
-    assert b.link.device.commands == [(0, 110), (1, 90)]
+    assert "has not asked for the time for 5.5 s" in b.notices[1].what
+    assert [leaps(b.link.device.commands, index) for index in (0, 1)] == [1, 1]
+    assert degrees(b.head) == pytest.approx((20, 0))
     assert b.head.health().online
+
+
+def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_angles_again() -> None:
+    b = bench(VirtualRodney(boot_delay=8.0))
+    b.link.plug()
+    b.link.run(10.0)
+    assert b.head.pose().good
+    b.link.device.reset(b.clock.now())
+    b.link.run(6.0)
+    assert b.head.pose().quality is Quality.STALE
+    b.link.run(6.0)
+    assert b.head.pose().good
+
+
+def test_one_garbled_question_for_the_time_is_no_reset() -> None:
+    b = bench()
+    b.begin()
+    b.link.deaf_until = b.clock.now() + 2.0  # one question falls into this
+    b.link.run(10.0)
+    assert b.head.health().counters["times"] == 4
+    assert [one.kind for one in b.notices] == ["online"]
+    assert b.link.device.commands == []
+
+
+def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> None:
+    b = bench()
+    b.begin()
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(4.0)
+    b.link.device.commands.clear()
+    b.link.noise = wire.Frame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO, 512).pack()).pack()
+    b.link.run(1.0)
+    assert b.link.device.commands[:2] == [(0, 90), (1, 120)]
+    assert b.notices[-1].what == "the board has started anew"
+    assert degrees(b.head) == pytest.approx((20, 0))
 
 
 def test_a_goal_does_not_survive_the_loss_of_the_connection() -> None:
     b = bench(speed=radians(50))
-    b.link.plug()
-    b.link.run(0.1)
+    b.begin()
     b.head.look(HeadPose(radians(60), 0.0))
     b.link.run(0.4)
-    b.link.close()
+    b.link.unplug()
     with pytest.raises(NotConnected, match="no such device"):
         b.head.look(HeadPose(0.0, 0.0))
     held = degrees(b.head)
@@ -473,9 +566,7 @@ def test_a_goal_does_not_survive_the_loss_of_the_connection() -> None:
 def test_closing_tells_the_board_to_stop_sending_and_may_be_done_twice() -> None:
     b = bench()
     b.head.close()
-    b.link.plug()
-    b.link.run(0.1)
-    b.link.said()
+    b.begin()
     b.head.close()
     b.head.close()
     b.head.rest()
@@ -512,15 +603,6 @@ def rig() -> Iterator[Rig]:
         terminal.close()
 
 
-def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
-    """Wait until ``condition`` holds."""
-    clock, pause = SystemClock(), Event()
-    deadline = clock.now() + seconds
-    while not condition():
-        assert clock.now() < deadline, "it did not happen in time"
-        pause.wait(0.01)
-
-
 def online(rig: Rig) -> bool:
     return rig.head.health().online
 
@@ -539,10 +621,10 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
 def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
-    until(looks(rig, 0, 0))
+    wait_until(looks(rig, 0, 0))
     rig.head.look(HeadPose(radians(30), radians(15)))
-    until(looks(rig, 30, 15))
-    assert rig.device.commands[:2] == [(0, 90), (1, 90)]
+    wait_until(looks(rig, 30, 15))
+    assert rig.device.commands[:2] == [(0, 90), (1, 120)]
     assert rig.device.commands[-1][0] in (0, 1)
     assert [angle for index, angle in rig.device.commands if index == 0] == sorted(
         {angle for index, angle in rig.device.commands if index == 0}
@@ -551,26 +633,26 @@ def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
 
 def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> None:
     rig.head.open()
-    until(lambda: "no such device" in rig.head.health().detail)
+    wait_until(lambda: "no such device" in rig.head.health().detail)
     with pytest.raises(NotConnected, match="no such device"):
         rig.head.look(HeadPose(0.1, 0.0))
     rig.terminal.open()
-    until(lambda: online(rig))
+    wait_until(lambda: online(rig))
 
 
 def test_unplugged_and_plugged_in_again_it_takes_up_its_pose(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
-    until(lambda: online(rig))
+    wait_until(lambda: online(rig))
     rig.head.look(HeadPose(radians(-20), 0.0))
-    until(looks(rig, -20, 0))
+    wait_until(looks(rig, -20, 0))
     rig.terminal.unplug()
-    until(lambda: not online(rig))
+    wait_until(lambda: not online(rig))
     assert rig.head.pose().quality is Quality.STALE
     rig.device.reset(rig.clock.now())  # a board that hangs on USB loses its power with the plug
     rig.terminal.replug()
-    until(lambda: online(rig))
-    until(looks(rig, -20, 0))
+    wait_until(lambda: online(rig))
+    wait_until(looks(rig, -20, 0))
     assert "offline" in [one.kind for one in rig.notices]
 
 
@@ -578,12 +660,12 @@ def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     rig.terminal.open()
     rig.terminal.distort = lambda data: b"\x00\xff" + data.replace(b"servo_array", b"servo_arrbz")
     rig.head.open()
-    until(lambda: rig.head.health().counters.get("checksum errors", 0) > 0)
+    wait_until(lambda: rig.head.health().counters.get("checksum errors", 0) > 0)
     assert not online(rig)
     rig.terminal.distort = bytes
-    until(lambda: online(rig))
+    wait_until(lambda: online(rig))
     rig.head.look(HeadPose(radians(10), 0.0))
-    until(looks(rig, 10, 0))
+    wait_until(looks(rig, 10, 0))
 
 
 def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
@@ -591,6 +673,6 @@ def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
     rig.terminal.open()
     for _ in range(2):
         rig.head.open()
-        until(lambda: online(rig))
+        wait_until(lambda: online(rig))
         rig.head.close()
         assert not online(rig)

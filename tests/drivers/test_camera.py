@@ -21,19 +21,11 @@ from drivers.camera.source import Kind, Source, kind_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
+from tests.waiting import wait_until
 
 
 def grey(level: int) -> Image:
     return np.full((48, 64, 3), level, np.uint8)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait in real time, ten seconds at most, until something another thread does has happened."""
-    for _ in range(1000):
-        if condition():
-            return
-        Event().wait(0.01)
-    pytest.fail("it did not happen within 10 s")
 
 
 @pytest.fixture
@@ -58,7 +50,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def until_shown(camera: Camera, count: int) -> None:
-    until(lambda: camera.health().counters["frames"] == count)
+    wait_until(lambda: camera.health().counters["frames"] == count)
 
 
 Opener = Callable[[Camera], Camera]
@@ -78,7 +70,7 @@ def opened() -> Iterator[Opener]:
     for camera in cameras:
         camera.close()
         camera.close()
-    until(lambda: not any(thread.name.startswith("camera") for thread in threads()))
+    wait_until(lambda: not any(thread.name.startswith("camera") for thread in threads()))
 
 
 def play(camera: Camera, clock: ManualClock, count: int, step: float) -> list[CameraFrame]:
@@ -114,7 +106,7 @@ def test_a_video_without_loop_says_that_it_has_ended(video: Path, opened: Opener
     clock, notices = ManualClock(), Queue[Notice]()
     camera = opened(OpenCVCamera(video, clock, loop=False, report=notices.put))
     play(camera, clock, 5, 0.1)
-    until(lambda: "has ended after 5 pictures" in camera.health().detail)
+    wait_until(lambda: "has ended after 5 pictures" in camera.health().detail)
     assert camera.read(0.02) is None
     assert [notices.get(timeout=5).kind for _ in range(2)] == ["online", "offline"]
 
@@ -135,7 +127,7 @@ def test_a_late_reader_gets_the_newest_frame_and_the_rest_count_as_dropped(video
 def test_a_file_that_is_absent_is_named_and_found_when_it_appears(video: Path, tmp_path: Path, opened: Opener) -> None:
     path = tmp_path / "later.avi"
     camera = opened(OpenCVCamera(path, SystemClock(), retry=0.02))
-    until(lambda: f"{path}: no such file" in camera.health().detail)
+    wait_until(lambda: f"{path}: no such file" in camera.health().detail)
     assert camera.health().hint == f"`ls {tmp_path}` lists what is there"
     assert camera.read(0.0) is None
     video.rename(path)
@@ -147,21 +139,21 @@ def test_a_file_that_is_no_video_is_named(tmp_path: Path, opened: Opener) -> Non
     path = tmp_path / "broken.avi"
     path.write_bytes(b"this was never a video" * 50)
     camera = opened(OpenCVCamera(path, SystemClock(), retry=0.02))
-    until(lambda: f"{path}: cannot be opened as a video" in camera.health().detail)
+    wait_until(lambda: f"{path}: cannot be opened as a video" in camera.health().detail)
     assert "ffprobe" in camera.health().hint
 
 
 @pytest.mark.parametrize("source", [97, "97", "/dev/video97"])
 def test_a_camera_that_is_not_plugged_in_says_what_to_type(source: Source, opened: Opener) -> None:
     camera = opened(open_source(source, SystemClock(), retry=0.02))
-    until(lambda: camera.health().detail == "camera: /dev/video97: no such device")
+    wait_until(lambda: camera.health().detail == "camera: /dev/video97: no such device")
     assert "ls -l /dev/video*" in camera.health().hint
     assert not camera.health().online
 
 
 def test_the_password_of_a_stream_is_not_shown(opened: Opener) -> None:
     camera = opened(open_source("rtsp://me:secret@127.0.0.1:9/x", SystemClock(), retry=0.02))
-    until(lambda: "rtsp://***@127.0.0.1:9/x: cannot be opened as a stream" in camera.health().detail)
+    wait_until(lambda: "rtsp://***@127.0.0.1:9/x: cannot be opened as a stream" in camera.health().detail)
     assert "secret" not in camera.health().hint
 
 
@@ -195,7 +187,7 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
     feed, clock, notices = Webcam(), ManualClock(), Queue[Notice]()
     camera = live(feed, clock, notices.put)
     camera.open()
-    until(lambda: camera.health().detail == "eye: /dev/eye: no such device")
+    wait_until(lambda: camera.health().detail == "eye: /dev/eye: no such device")
     feed.present.set()
     feed.pictures.put(grey(1))
     assert camera.read(5.0) is not None
@@ -267,11 +259,11 @@ def test_one_picture_is_a_camera_too(folder: Path, opened: Opener) -> None:
 
 def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path, opened: Opener) -> None:
     camera = opened(FolderCamera(tmp_path, SystemClock(), retry=0.02))
-    until(lambda: f"{tmp_path}: holds no pictures" in camera.health().detail)
+    wait_until(lambda: f"{tmp_path}: holds no pictures" in camera.health().detail)
     (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\n nothing")
-    until(lambda: f"{tmp_path}: gives no picture that can be decoded" in camera.health().detail)
+    wait_until(lambda: f"{tmp_path}: gives no picture that can be decoded" in camera.health().detail)
     gone = opened(FolderCamera(tmp_path / "gone.png", SystemClock(), retry=0.02))
-    until(lambda: "gone.png: no such file or folder" in gone.health().detail)
+    wait_until(lambda: "gone.png: no such file or folder" in gone.health().detail)
 
 
 def test_a_source_is_told_by_its_form(folder: Path, video: Path) -> None:

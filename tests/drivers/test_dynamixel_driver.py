@@ -9,28 +9,22 @@ from typing import Any
 
 import pytest
 
-from drivers.api import JointState, Notice, Quality
+from drivers.api import JointState, Notice, Quality, Reading
 from drivers.clock import SystemClock
 from drivers.dynamixel import models as m
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.torque import settle
 from drivers.dynamixel.wire import Fault, Instruction, Packet, Parser, status
 from drivers.errors import BadRequest, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus, chain
+from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.terminal import Terminal
+from tests.drivers.chains import chain
+from tests.waiting import wait_until
 
 TICK = m.MODELS["AX-12A"].tick
 PLAIN = {"shoulder": JointSpec(1), "elbow": JointSpec(2), "wrist": JointSpec(3)}
-
-
-def wait_until(holds: Callable[[], bool], seconds: float = 15.0) -> None:
-    """Poll until ``holds``, in real time; fail the test if it takes too long."""
-    clock, pause = SystemClock(), Event()
-    end = clock.now() + seconds
-    while not holds():
-        assert clock.now() < end, "it never came true"
-        pause.wait(0.005)
 
 
 class Recorder:
@@ -472,6 +466,36 @@ def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
     assert fault.what.count("servo") == 3
 
 
+def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None:
+    joint = Joint("elbow", JointSpec(2), m.MODELS["AX-12A"])
+    assert joint.position_at(5.0) is None
+
+    def at(now: float, *, velocity: float, goal: float | None) -> float | None:
+        joint.goal = goal
+        state = JointState(0.5, velocity, goal, 0.0, 12.0, 35.0, moving=True, torque=True)
+        joint.reading = Reading(state, 1.0, Quality.GOOD)
+        return joint.position_at(now)
+
+    assert at(1.05, velocity=6.0, goal=2.0) == pytest.approx(0.8)
+    assert at(1.05, velocity=-6.0, goal=-2.0) == pytest.approx(0.2)
+    assert at(1.05, velocity=6.0, goal=0.6) == pytest.approx(0.6)
+    assert at(1.05, velocity=6.0, goal=-2.0) == 0.5  # it is turning round: nobody knows how far it got
+    assert at(1.05, velocity=6.0, goal=None) == 0.5
+    assert at(1.0, velocity=6.0, goal=2.0) == 0.5
+
+
+def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: Make) -> None:
+    arm = make()
+    arm.bus.open()
+    joint = Joint("elbow", JointSpec(2), m.MODELS["AX-12A"], complaint="", answers=True, goal=2.0)
+    seen = JointState(0.5, 5.0, 2.0, 0.0, 12.0, 35.0, moving=True, torque=True)
+    joint.reading = Reading(seen, 1.0, Quality.GOOD)
+    assert settle(arm.bus, [joint], stiff=True, now=1.05) == []
+    assert arm.chain.servo(2).get(m.GOAL_POSITION) == joint.ticks(0.75)
+    assert joint.goal == pytest.approx(0.75, abs=TICK)
+    arm.bus.close()
+
+
 # --- what goes wrong on the way ---------------------------------------------------------------------------------------
 
 
@@ -562,6 +586,62 @@ def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_wh
     assert servo.angle == pytest.approx(0.2, abs=TICK)
     assert arm.joints.recover() == ()
     assert arm.joints.health().detail == ""
+
+
+@pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
+def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, error: BaseException) -> None:
+    def throw(*_: object) -> None:
+        raise error
+
+    arm = make()
+    joints = DynamixelJoints(arm.bus, PLAIN, arm.clock, at_rest="relax", report=throw, changed=throw)
+    joints.open()
+    wait_until(lambda: joints.health().online)
+    joints.move({"elbow": 0.2})
+    arm.chain.servo(1).present = False
+    wait_until(lambda: "does not answer" in joints.health().detail)
+    stamp = arm.clock.now()
+    wait_until(lambda: joints.states()["wrist"].stamp > stamp)
+    joints.close()
+    assert not joints.health().online
+    assert not arm.bus.is_open
+    assert arm.limp(2)
+
+
+def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = make().start()
+    rounds = []
+
+    def broken() -> None:
+        rounds.append(arm.clock.now())
+        raise ValueError("broken")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(arm.joints._watch, "look", broken)
+        wait_until(lambda: len(rounds) >= 2)
+    arm.fresh()
+    assert [notice.what for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]
+
+
+def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = make().start()
+
+    def broken(*_: object, **__: object) -> None:
+        raise ValueError("broken")
+
+    monkeypatch.setattr(arm.joints, "_settle", broken)
+    arm.joints.close()
+    assert not arm.bus.is_open
+    assert arm.told("could not be held: shoulder (servo 1), elbow (servo 2), wrist (servo 3) (ValueError: broken)")
+
+
+def test_without_its_thread_the_arm_is_not_online(make: Make) -> None:
+    arm = make().start()
+    arm.joints._ending.set()
+    wait_until(lambda: not arm.joints.health().online)
+    assert arm.bus.is_open
 
 
 def test_a_port_that_someone_else_holds_is_told_by_health(make: Make) -> None:

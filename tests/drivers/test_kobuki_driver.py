@@ -27,6 +27,7 @@ from drivers.link import Link, Talker
 from drivers.sim.wheels import Wheels
 from drivers.virtual.kobuki import COMMAND_TIMEOUT, VirtualKobuki
 from drivers.virtual.terminal import Terminal
+from tests.waiting import wait_until
 
 NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
 
@@ -171,6 +172,8 @@ class DirectLink(Link):
 
     def close(self) -> None:
         self.before_close()
+        if self.talker is not None:
+            self.talker.ending()
         self.talker = None
 
     @property
@@ -319,6 +322,39 @@ def test_it_does_not_go_on_blind() -> None:
     bench.drive(SILENT_AFTER - 0.02, 0.3)
     bench.link.run(0.08)  # the last command is not old yet
     assert bench.link.velocities()[-1] == (0.0, 0.0)
+
+
+def test_asked_to_drive_while_nothing_is_heard_it_tells_the_base_to_stand_still() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.device.frozen = True
+    bench.clock.advance(SILENT_AFTER + 0.01)  # nobody renews: the link's thread may be stuck
+    sent = len(bench.link.velocities())
+    with pytest.raises(NotConnected, match="open but silent"):
+        bench.base.drive(Velocity(0.3, 0.0))
+    assert bench.link.velocities()[sent:] == [(0.0, 0.0)]
+
+
+def test_the_last_word_of_the_links_thread_is_to_stand_still() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    sent = len(bench.link.velocities())
+    bench.base.ending()
+    assert set(bench.link.velocities()[sent:]) == {(0.0, 0.0)}
+
+
+def test_the_port_is_released_though_the_last_zero_cannot_be_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+    closed: list[bool] = []
+
+    def refuse(_: bytes) -> None:
+        raise ValueError("broken")
+
+    monkeypatch.setattr(bench.link, "write", refuse)
+    monkeypatch.setattr(bench.link, "close", lambda: closed.append(True))
+    with pytest.raises(ValueError, match="broken"):
+        bench.base.close()
+    assert closed == [True]
 
 
 def test_close_ends_with_zeros_though_others_go_on_commanding_and_renewing() -> None:
@@ -592,15 +628,6 @@ def test_a_virtual_base_tells_its_gains_when_asked() -> None:
 # --- the whole of it, over a pseudo-terminal in real time -------------------------------------------------------------
 
 
-def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
-    """Wait for something to become true; fail when it does not in time."""
-    clock = SystemClock()
-    deadline = clock.now() + seconds
-    while not condition():
-        assert clock.now() < deadline, "it did not happen in time"
-        threading.Event().wait(0.01)
-
-
 class Rig:
     """A driver on a real thread, a virtual base behind a terminal, and the notices of both driver and link."""
 
@@ -650,95 +677,117 @@ def rig() -> Iterator[Rig]:
 def running(rig: Rig) -> Rig:
     rig.terminal.open()
     rig.base.open()
-    until(rig.online)
+    wait_until(rig.online)
     return rig
 
 
 def test_it_drives_and_stops(running: Rig) -> None:
-    until(lambda: running.driving() and running.x() > 0.02)
+    wait_until(lambda: running.driving() and running.x() > 0.02)
     running.base.stop()
-    until(lambda: not running.moves())
+    wait_until(lambda: not running.moves())
     reading = running.base.state()
     assert reading.value is not None
     assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
 
 
 def test_it_stops_when_nobody_renews(running: Rig) -> None:
-    until(running.driving)
-    until(lambda: not running.moves())
+    wait_until(running.driving)
+    wait_until(lambda: not running.moves())
 
 
 def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
-    until(running.driving)
+    wait_until(running.driving)
     running.base.close()
-    until(lambda: not running.moves())
+    wait_until(lambda: not running.moves())
     assert not running.online()
     running.base.close()
     running.base.open()
-    until(running.online)
+    wait_until(running.online)
 
 
 def test_a_silent_wire_is_offline_and_comes_back(running: Rig) -> None:
-    until(running.driving)
+    wait_until(running.driving)
     running.terminal.distort = lambda _: b""
-    until(lambda: not running.online())
+    wait_until(lambda: not running.online())
     assert "open but silent" in running.base.health().detail
-    until(lambda: not running.moves())
+    wait_until(lambda: not running.moves())
     running.terminal.distort = bytes
-    until(running.driving)
+    wait_until(running.driving)
+
+
+@pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
+def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: Rig, error: BaseException) -> None:
+    def throw(*_: object) -> None:
+        raise error
+
+    link = Link("base", rig.terminal.path, BAUD, retry=0.05, report=throw)
+    rig.base = KobukiBase(link, rig.clock, report=throw, changed=throw)
+    rig.terminal.open()
+    rig.base.open()
+    wait_until(rig.driving)
+    rig.device.bumper = Sides(left=True)
+    wait_until(lambda: (rig.base.state().value or NOWHERE).bumper)
+    wait_until(lambda: not rig.driving())
+    rig.device.bumper = Sides()
+    wait_until(rig.driving)
+    rig.base.close()
+    assert not rig.online()
+    wait_until(lambda: not rig.moves())
+    with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
+        pass
 
 
 def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(running: Rig) -> None:
     running.terminal.distort = lambda said: said[:-1] + bytes([said[-1] ^ 0xFF])
-    until(lambda: running.base.health().counters["checksum_errors"] > 2)
-    until(lambda: not running.online())
+    wait_until(lambda: running.base.health().counters["checksum_errors"] > 2)
+    wait_until(lambda: not running.online())
     running.terminal.distort = bytes
-    until(running.online)
+    wait_until(running.online)
 
 
 def test_noise_before_the_header_is_no_trouble(running: Rig) -> None:
     running.terminal.distort = lambda said: b"\xaa\x00\xaa" + said
     frames = running.base.health().counters["frames"]
-    until(lambda: running.base.health().counters["frames"] > frames + 10)
+    wait_until(lambda: running.base.health().counters["frames"] > frames + 10)
     assert running.base.health().counters["skipped_bytes"] >= 30 - 3
-    until(running.driving)
+    wait_until(running.driving)
 
 
 def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
-    until(lambda: running.driving() and running.x() > 0.02)
+    wait_until(lambda: running.driving() and running.x() > 0.02)
     running.terminal.unplug()
-    until(lambda: "offline" in running.kinds())
-    until(lambda: "no such device" in running.base.health().detail)
+    wait_until(lambda: "offline" in running.kinds())
+    wait_until(lambda: "no such device" in running.base.health().detail)
     with pytest.raises(NotConnected) as caught:
         running.base.drive(Velocity(0.1, 0.0))
     assert "/dev/serial/by-id" in caught.value.hint
     running.base.stop()
-    until(lambda: not running.moves())
+    wait_until(lambda: not running.moves())
     assert running.base.state().quality is Quality.STALE
     before = running.x()
     running.terminal.replug()
-    until(running.online)
+    wait_until(running.online)
     assert running.x() == pytest.approx(before, abs=1e-6)
-    until(lambda: running.kinds()[-1] == "online")
+    wait_until(lambda: running.kinds()[-1] == "online")
     assert running.base.health().counters["connections"] == 2
-    until(lambda: running.driving() and running.x() > before + 0.02)
+    wait_until(lambda: running.driving() and running.x() > before + 0.02)
 
 
 def test_a_base_that_appears_later_is_found(rig: Rig) -> None:
     rig.base.open()
-    until(lambda: "no such device" in rig.base.health().detail)
+    wait_until(lambda: "no such device" in rig.base.health().detail)
     assert rig.base.health().hint
     rig.terminal.open()
-    until(rig.driving)
+    wait_until(rig.driving)
 
 
 def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(rig: Rig) -> None:
     rig.terminal.open()
     with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
         rig.base.open()
-        until(lambda: "in use" in rig.base.health().detail)
+        wait_until(lambda: "in use" in rig.base.health().detail)
         assert "fuser -v" in rig.base.health().hint
-    until(rig.online)
+    wait_until(rig.online)
 
 
 def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -749,6 +798,6 @@ def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytes
     with monkeypatch.context() as forbidden:  # taken away by hand, for root is never refused
         forbidden.setattr(serial, "Serial", refuse)
         rig.base.open()
-        until(lambda: "no permission" in rig.base.health().detail)
+        wait_until(lambda: "no permission" in rig.base.health().detail)
         assert "usermod" in rig.base.health().hint
-    until(rig.online)
+    wait_until(rig.online)

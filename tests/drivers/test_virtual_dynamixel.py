@@ -12,8 +12,9 @@ from drivers.clock import SystemClock
 from drivers.dynamixel import models as m
 from drivers.dynamixel.wire import BROADCAST, Fault, Instruction, Packet, Parser, request
 from drivers.virtual.ax12 import VirtualAX12
-from drivers.virtual.dynamixel import VirtualServoBus, chain
+from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.terminal import Terminal
+from tests.drivers.chains import chain
 
 
 class Client:

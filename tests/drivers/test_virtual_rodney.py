@@ -3,7 +3,8 @@
 import pytest
 
 from drivers.arduino import wire
-from drivers.virtual.rodney import SERVO_SPEED, STARTS, VirtualRodney
+from drivers.arduino.axis import STARTS
+from drivers.virtual.rodney import SERVO_SPEED, VirtualRodney
 
 
 def command(index: int, angle: int) -> bytes:

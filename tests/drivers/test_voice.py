@@ -2,19 +2,19 @@
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event
 
 import pytest
 
 from drivers.api import Notice, Voice
-from drivers.clock import ManualClock, SystemClock
+from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.synthesiser import Synthesiser, find_synthesiser
+from tests.waiting import wait_until
 
 # Writes down its number and what it reads; then speaks until the file "hush" appears, or fails when told to.
 PROGRAM = """
@@ -31,15 +31,6 @@ while "long" in text and not (here / "hush").exists():
     threading.Event().wait(0.01)
 helper.communicate()
 """
-
-
-def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Wait until ``condition`` holds."""
-    clock, pause = SystemClock(), Event()
-    deadline = clock.now() + seconds
-    while not condition():
-        assert clock.now() < deadline, "it did not happen in time"
-        pause.wait(0.01)
 
 
 def runs(process: int) -> bool:
@@ -92,7 +83,7 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
         yield booth
     finally:
         speaker.close()
-        until(lambda: not any(runs(process) for process in booth.processes()))
+        wait_until(lambda: not any(runs(process) for process in booth.processes()))
         assert not [thread for thread in threading.enumerate() if thread.name.startswith("voice ")]
 
 
@@ -101,14 +92,14 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
 
 def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("and another")
-    until(lambda: booth.spoken() == ["a long word"])
+    wait_until(lambda: booth.spoken() == ["a long word"])
     assert not first.done()
     assert not second.done()
     (booth.folder / "hush").touch()
-    until(second.done)
+    wait_until(second.done)
     assert first.done()
     assert booth.spoken() == ["a long word", "and another"]
-    until(lambda: len(booth.changes) == 2)
+    wait_until(lambda: len(booth.changes) == 2)
     health = booth.speaker.health()
     assert (health.online, health.detail, health.counters["said"]) == (True, "", 2)
     assert booth.printed == []
@@ -116,24 +107,24 @@ def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
 
 @pytest.mark.parametrize("text", ["--version", "$(touch pwned); `id` | x", "Grüß Gott, ç'est ça", 'say "so" \\ now'])
 def test_any_text_reaches_the_program_as_it_is(booth: Booth, text: str) -> None:
-    until(booth.speaker.say(text).done)
+    wait_until(booth.speaker.say(text).done)
     assert booth.spoken() == [text]
 
 
 def test_text_that_has_no_utf8_is_spoken_with_a_question_mark(booth: Booth) -> None:
-    until(booth.speaker.say("odd \udc80 one").done)
+    wait_until(booth.speaker.say("odd \udc80 one").done)
     assert booth.spoken() == ["odd ? one"]
 
 
 def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has_its_turn(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("next")
-    until(lambda: len(booth.processes()) == 2)
+    wait_until(lambda: len(booth.processes()) == 2)
     program, helper = booth.processes()
     first.cancel()
     first.cancel()
     assert first.done()
-    until(lambda: not runs(program) and not runs(helper))
-    until(second.done)
+    wait_until(lambda: not runs(program) and not runs(helper))
+    wait_until(second.done)
     assert booth.spoken() == ["a long word", "next"]
     assert booth.notices == []
 
@@ -143,35 +134,35 @@ def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> 
     second.cancel()
     assert second.done()
     (booth.folder / "hush").touch()
-    until(third.done)
+    wait_until(third.done)
     assert first.done()
     assert booth.spoken() == ["a long one", "but this"]
 
 
 def test_resting_silences_everything_and_it_can_speak_again(booth: Booth) -> None:
     waiting = [booth.speaker.say("a long word") for _ in range(3)]
-    until(lambda: len(booth.spoken()) == 1)
+    wait_until(lambda: len(booth.spoken()) == 1)
     booth.speaker.rest()
     booth.speaker.rest()
     assert all(one.done() for one in waiting)
-    until(booth.speaker.say("again").done)
+    wait_until(booth.speaker.say("again").done)
     assert booth.spoken() == ["a long word", "again"]
 
 
 def test_closing_kills_the_program_at_once_and_may_be_done_twice(booth: Booth) -> None:
     speaking, waiting = booth.speaker.say("a long word"), booth.speaker.say("and another")
-    until(lambda: len(booth.processes()) == 2)
+    wait_until(lambda: len(booth.processes()) == 2)
     booth.speaker.close()
     booth.speaker.close()
     assert speaking.done()
     assert waiting.done()
-    until(lambda: not any(runs(process) for process in booth.processes()))
+    wait_until(lambda: not any(runs(process) for process in booth.processes()))
     assert booth.spoken() == ["a long word"]
     assert "not opened yet" in booth.speaker.health().detail
     with pytest.raises(NotConnected, match="cannot say 'more'"):
         booth.speaker.say("more")
     booth.speaker.open()
-    until(booth.speaker.say("back").done)
+    wait_until(booth.speaker.say("back").done)
     assert booth.spoken() == ["a long word", "back"]
 
 
@@ -181,7 +172,7 @@ def test_closed_while_the_program_is_starting_nothing_is_left(booth: Booth) -> N
         booth.speaker.close()
         assert words.done()
         booth.speaker.open()
-    until(lambda: not any(runs(process) for process in booth.processes()))
+    wait_until(lambda: not any(runs(process) for process in booth.processes()))
 
 
 @pytest.mark.parametrize("text", ["", "  \n"])
@@ -191,7 +182,7 @@ def test_nothing_to_say_is_said_at_once(booth: Booth, text: str) -> None:
 
 
 def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed(booth: Booth) -> None:
-    until(booth.speaker.say("this will fail").done)
+    wait_until(booth.speaker.say("this will fail").done)
     assert booth.printed == ["this will fail"]
     (notice,) = booth.notices
     assert (notice.device, notice.kind) == ("voice", "fault")
@@ -199,7 +190,7 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
     assert notice.hint.startswith("echo hello | ")
     health = booth.speaker.health()
     assert (health.online, health.detail, health.counters["failed"]) == (True, notice.what, 1)
-    until(booth.speaker.say("this works").done)
+    wait_until(booth.speaker.say("this works").done)
     assert booth.speaker.health().detail == ""
 
 
@@ -208,7 +199,7 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
     notices: list[Notice] = []
     speaker = Speaker(Synthesiser(str(tmp_path / "gone")), printed.append, report=notices.append)
     speaker.open()
-    until(speaker.say("hello").done)
+    wait_until(speaker.say("hello").done)
     speaker.close()
     assert printed == ["hello"]
     assert "No such file or directory" in notices[0].what
@@ -240,7 +231,7 @@ def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
     printed: list[str] = []
     speaker = Speaker(synthesiser, printed.append)
     speaker.open()
-    until(speaker.say("one two").done)
+    wait_until(speaker.say("one two").done)
     speaker.close()
     counters = speaker.health().counters
     assert (counters["said"], counters["failed"]) == (1, 0) or printed == ["one two"]  # no sound card: it may fail

@@ -272,7 +272,7 @@ UNITS = "(units: deg, rad)"
         (["- turn: ${x}"], "${x}", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
         (["- turn: ${n * 30.0}"], "${n * 30.0}", f"{ANGLE}: '60.0' has no unit {UNITS}", ""),
         (["- turn: ${patience}"], "${patience}", f"{ANGLE}, got a duration: '60 s'", ""),
-        (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' {UNITS}", ""),
+        (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' (write '30 deg')", ""),
         (["- turn: 3 m"], "3 m", f"{ANGLE}, got a length: '3 m'", ""),
         (["- turn: left"], "left", f"{ANGLE}, got 'left'", ""),
         (["- turn: {angle: }"], "}", "'turn': 'angle' needs an angle such as '30 deg', got nothing", ""),

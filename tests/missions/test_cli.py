@@ -169,8 +169,8 @@ def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(miss
     listed = mission("behaviours").out
     assert all(word in listed for word in LEAVES)
     one = mission("behaviours", "drive").out
-    assert "distance: length (m, cm, mm), must be given, may stand alone" in one
-    assert "speed: speed (m/s, cm/s, mm/s), default 0.2 m/s" in one
+    assert "distance: length (m, cm, mm); must be given; may stand alone" in one
+    assert "speed: speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s" in one
     assert "claims: base" in one
     entries = {entry["name"]: entry for entry in json.loads(mission("behaviours", "--json").out)}
     assert entries.keys() == LEAVES.keys()

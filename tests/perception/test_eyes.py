@@ -194,3 +194,13 @@ def test_closed_eyes_can_be_opened_again(eyes: Eyes, watch: Watch) -> None:
     eyes.open()
     watch.source.queue.put(Picture(8.0))
     until(lambda: eyes.looked() == 8.0)
+
+
+def test_what_each_frame_shows_as_a_whole_comes_with_its_stamp(eyes: Eyes, watch: Watch) -> None:
+    assert eyes.scene() is None
+    eyes.open()
+    watch.source.queue.put(Picture(3.0, np.full((480, 640, 3), 40, dtype=np.uint8)))
+    until(lambda: eyes.looked() == 3.0)
+    scene = eyes.scene()
+    assert scene is not None
+    assert (scene.stamp, scene.brightness, scene.contrast) == (3.0, 40.0, 0.0)

@@ -1,0 +1,139 @@
+"""Writes the tables of the docs from the declarations that the checker reads, so that both say the same.
+
+``make docs`` runs it. A page keeps its own words; what stands between ``<!-- NAME: begin -->`` and
+``<!-- NAME: end -->`` is written here. A test fails while a page is stale.
+"""
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf
+from behaviours.robot import Robot
+from config.units import EXAMPLES, UNITS
+from drivers.clock import ManualClock
+from missions.catalogue import bounds, details, kind_of, shown_default, summary
+from missions.executive.state import state_of
+from missions.language.modifiers import MODIFIERS
+from missions.language.operators import FUNCTIONS
+from missions.language.params import TYPES
+from missions.language.plan import COMPOSITES
+
+HERE = Path(__file__).parent
+
+
+def composites() -> str:
+    """Return the table of the composites with a list of children."""
+    return table(("word", "what it does"), ((code(word), text) for word, text in COMPOSITES.items()))
+
+
+def modifiers() -> str:
+    """Return the table of the modifiers."""
+    rows = ((code(word), each.takes, each.help) for word, each in MODIFIERS.items())
+    return table(("word", "takes", "what it does"), rows)
+
+
+def units() -> str:
+    """Return the table of the dimensions with their units."""
+    rows = ((name, ", ".join(map(code, known)), code(EXAMPLES[name])) for name, known in UNITS.items())
+    return table(("dimension", "units", "example"), rows)
+
+
+def state() -> str:
+    """Return the table of what expressions read of the robot."""
+    rows = []
+    for name, part in state_of(Robot(), ManualClock()).items():
+        for member, found in vars(type(part)).items():
+            if isinstance(found, property) and not member.startswith("_"):
+                rows.append((code(f"{name}.{member}"), first_line(found)))
+    return table(("name", "what it is"), rows)
+
+
+def words() -> str:
+    """Return the functions that expressions call, and the types that params have, in a line each."""
+    return "\n".join(
+        [
+            f"- Functions: {', '.join(map(code, FUNCTIONS))}.",
+            f"- Types of params: {', '.join(map(code, TYPES))}.",
+        ]
+    )
+
+
+def leaves() -> str:
+    """Return an entry for each leaf."""
+    return "\n\n".join(entry(leaf) for leaf in LEAVES.values())
+
+
+def entry(leaf: type[Leaf]) -> str:
+    """Return what the catalogue says of one leaf."""
+    facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
+    facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
+    facts += [f"`as` keeps {leaf.stores}."] if leaf.stores else []
+    parts = [f"## {leaf.word}", summary(leaf), details(leaf), " ".join(facts)]
+    rows = [
+        (
+            code(each.name) + (" (may stand alone)" if each.principal else ""),
+            kind_of(each),
+            bounds(each),
+            "must be given" if each.required else code(shown_default(each)),
+            each.help,
+        )
+        for each in leaf.arguments.values()
+    ]
+    if rows:
+        parts.append(table(("argument", "takes", "limits", "default", "what it is"), rows))
+    return "\n\n".join(part for part in parts if part)
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "composites": composites,
+    "modifiers": modifiers,
+    "units": units,
+    "state": state,
+    "words": words,
+    "leaves": leaves,
+}
+"""What is written, by the name in its markers."""
+
+
+def renewed(page: str) -> str:
+    """Return ``page`` with everything between markers written anew. Raises KeyError for a name that is not known."""
+    return re.sub(
+        r"(<!-- (\w+): begin -->\n).*?(<!-- \2: end -->)",
+        lambda found: f"{found[1]}{TABLES[found[2]]()}\n{found[3]}",
+        page,
+        flags=re.DOTALL,
+    )
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
+
+
+def code(text: str) -> str:
+    """Set ``text`` as code."""
+    return f"`{text}`"
+
+
+def first_line(documented: object) -> str:
+    """Return the first line of a docstring."""
+    return (inspect.getdoc(documented) or "").partition("\n")[0]
+
+
+def main() -> None:
+    """Renew every page, and say which have changed."""
+    for path in sorted(HERE.glob("*.md")):
+        page = path.read_text(encoding="utf-8")
+        new = renewed(page)
+        if new != page:
+            path.write_text(new, encoding="utf-8")
+            sys.stdout.write(f"wrote {path.name}\n")
+
+
+if __name__ == "__main__":
+    main()

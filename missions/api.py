@@ -1,0 +1,210 @@
+"""MissionTree from Python: a mission that you tick yourself, and a run from beginning to end.
+
+What is public here is at hand as ``missions.load``, ``missions.run`` and so on; see there for examples.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from behaviours.foreign import Around
+from behaviours.node import Node
+from behaviours.robot import Robot
+from behaviours.run import Run
+from drivers.clock import SystemClock
+from drivers.errors import BadRequest
+from missions.assembly.assembled import Assembled
+from missions.executive.build import build
+from missions.executive.events import Listener, Stream
+from missions.executive.executive import Executive, Result
+from missions.executive.state import state_of
+from missions.executive.watchdog import Limits
+from missions.library import load_mission
+from missions.runner import Order, Runner
+from missions.vocabulary import vocabulary
+
+Params = Mapping[str, object]
+"""A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""
+
+
+class Mission:
+    """A mission to be ticked by hand: ``missions.load`` and ``missions.wrap`` make them.
+
+    ``root`` is the tree, of py_trees behaviours, for its displays and visitors. ``events`` is the stream of what
+    happens: append functions to ``events.listeners``. A mission with a robot is a context manager: it opens the robot
+    and waits for its parts; in the end it halts, brings every actuator to rest and closes every port. Without a robot
+    the context only halts.
+
+    While ticks are made by hand no watchdog looks after them and no signal is taken; ``missions.run`` does that.
+    """
+
+    def __init__(
+        self, executive: Executive, *, lacks: frozenset[str] = frozenset(), runner: Runner | None = None
+    ) -> None:
+        self.root: Node = executive.root
+        self.events: Stream = executive.stream
+        self._executive = executive
+        self._lacks = lacks
+        self._runner = runner
+        self._opened = ExitStack()
+        self._open = runner is None
+
+    @property
+    def name(self) -> str:
+        """What it calls itself."""
+        return self._executive.mission
+
+    @property
+    def status(self) -> Status:
+        """The status of the tree: INVALID before the first tick and after a halt."""
+        return self.root.status
+
+    @property
+    def reason(self) -> str:
+        """Why it failed, or what it waits for, in a few words."""
+        return self.root.reason
+
+    @property
+    def variables(self) -> Mapping[str, object]:
+        """The params, and what behaviours have stored."""
+        return self._executive.run.variables
+
+    def tick(self) -> Status:
+        """Tick once, at once, and return the new status; a mission that has ended begins anew.
+
+        Raises drivers.errors.BadRequest when it needs a robot and has none, or one that is not open.
+        """
+        if self._lacks:
+            parts = ", ".join(sorted(self._lacks))
+            hint = f"missions.load('{self.name}', robot='turtlebot2_arm', simulate=True)"
+            raise BadRequest(f"mission '{self.name}' needs a robot with {parts}, and has none", hint=hint)
+        if not self._open:
+            raise BadRequest(f"the robot of mission '{self.name}' is not open", hint="with mission: mission.tick()")
+        return self._executive.tick()
+
+    def halt(self) -> bool:
+        """Stop what runs; True once all is at rest. A leaf may need several ticks: call it again while it is False."""
+        self._executive.run.tick += 1
+        return self.root.halt()
+
+    def __enter__(self) -> Self:
+        """Open the robot and wait for its parts. Raises drivers.errors.NotConnected with all that do not appear."""
+        if self._runner is not None:
+            self._opened.enter_context(self._runner.ready())
+            self._open = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Halt, and close the robot; what takes more time to halt is brought to rest."""
+        try:
+            self.root.stop()
+        finally:
+            self._open = self._runner is None
+            self._opened.close()
+
+
+def load(
+    path: str | Path,
+    params: Params | None = None,
+    robot: str | Robot | None = None,
+    *,
+    simulate: bool = False,
+    world: str | None = None,
+    seed: int = 0,
+    behaviours: Iterable[str | Path] = (),
+) -> Mission:
+    """Read, check and build a mission: a name in the library, or a file. Opens nothing.
+
+    ``robot`` is the name or file of a robot, which moves unless ``simulate``; or a ``behaviours.robot.Robot`` of parts
+    that the caller has opened, and closes. Without one, what needs none can be ticked. ``behaviours`` are files of
+    Python with leaves of your own.
+
+    Raises InvalidFileError, whose ``faults`` hold every mistake; UnknownNameError for a mission or robot that is not
+    there.
+    """
+    files = [Path(file) for file in behaviours]
+    given = _texts(params)
+    if isinstance(robot, str):
+        order = Order(str(path), given, robot, simulate, world, seed=seed, behaviours=files)
+        runner = Runner(order)
+        return Mission(runner.executive, runner=runner)
+    parts = Robot() if robot is None else robot
+    has = frozenset(part for part, device in _devices(parts).items() if device is not None)
+    target = None if robot is None else ("this robot", has)
+    plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(files))
+    run = Run(SystemClock(), seed=seed)
+    run.settle = Assembled(plan.mission, parts, {}).settle
+    run.variables.update(state_of(parts, run.clock))
+    executive = Executive(build(plan, run, lambda _: parts), run, Stream(), mission=plan.mission)
+    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
+
+
+def wrap(tree: Behaviour) -> Mission:
+    """Return a mission around a tree of plain py_trees behaviours, which are ticked by py_trees' own rules.
+
+    ``behaviours.foreign.Foreign`` tells the few differences to ``tree.tick_once()``.
+    """
+    run = Run(SystemClock())
+    leaf = Around(tree)
+    leaf.run, leaf.scope, leaf.key, leaf.kind, leaf.robot = run, run.variables, "1", leaf.word, Robot()
+    return Mission(Executive(leaf, run, Stream(), mission=tree.name))
+
+
+def run(
+    mission: str | Path,
+    params: Params | None = None,
+    robot: str | None = None,
+    *,
+    simulate: bool = False,
+    world: str | None = None,
+    camera: str | None = None,
+    ports: Mapping[str, str] | None = None,
+    seed: int = 0,
+    behaviours: Iterable[str | Path] = (),
+    listeners: Sequence[Listener] = (),
+) -> Result:
+    """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
+
+    Simulated unless ``robot`` is named. On the main thread, Ctrl-C and its like end it safely, and a signal that a
+    hanging leaf keeps from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is
+    waited for, with the robot kept still.
+
+    Raises InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
+    """
+    order = Order(
+        str(mission),
+        _texts(params),
+        robot,
+        simulate,
+        world,
+        camera,
+        ports or {},
+        seed,
+        [Path(file) for file in behaviours],
+    )
+    return Runner(order, listeners=listeners, limits=Limits(lost=math.inf)).run()
+
+
+def _texts(params: Params | None) -> dict[str, str]:
+    """Return params as they would stand in a file."""
+    return {
+        name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in (params or {}).items()
+    }
+
+
+def _devices(robot: Robot) -> dict[str, object | None]:
+    return {
+        "base": robot.base_part,
+        "head": robot.head_part,
+        "arm": robot.arm_part,
+        "voice": robot.voice_part,
+        "camera": robot.sight_part,
+    }

@@ -1,0 +1,85 @@
+"""What the declarations of leaves say, in words: for the catalogue, the JSON Schema and the pages of docs."""
+
+import inspect
+import math
+
+from behaviours.leaf import Argument, Leaf
+from config.units import EXAMPLES, UNITS, written
+
+WRITTEN: dict[str, object] = {
+    "text": "Hello",
+    "number": 1,
+    "count": 3,
+    "flag": True,
+    "value": 1,
+    "outcomes": ["running", "success"],
+}
+"""A value of each kind that has no unit, as a mission writes it."""
+
+
+def summary(leaf: type[Leaf]) -> str:
+    """Return the first line of what a leaf says of itself."""
+    return (inspect.getdoc(leaf) or "").partition("\n")[0]
+
+
+def details(leaf: type[Leaf]) -> str:
+    """Return what a leaf says of itself after the first line: when it runs, succeeds and fails."""
+    return (inspect.getdoc(leaf) or "").partition("\n")[2].strip()
+
+
+def sentence(words: str) -> str:
+    """Begin words with a capital and end them with a full stop."""
+    return f"{words[:1].upper()}{words[1:]}."
+
+
+def kind_of(argument: Argument) -> str:
+    """Say what an argument takes: "length (m, cm, mm)"."""
+    units = f" ({', '.join(UNITS[argument.kind])})" if argument.kind in UNITS else ""
+    return ("two of " if argument.span else "") + argument.kind + units
+
+
+def plain_default(argument: Argument) -> object:
+    """Return a default as a mission would write it, as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
+    if argument.kind not in UNITS:
+        return argument.default
+    if argument.span:
+        return [written(value, argument.kind) for value in argument.default]
+    return written(argument.default, argument.kind)
+
+
+def shown_default(argument: Argument) -> str:
+    """Write a default as a mission would."""
+    default = plain_default(argument)
+    if default is None:
+        return "nothing"
+    if isinstance(default, bool):
+        return str(default).lower()
+    return f"[{', '.join(default)}]" if isinstance(default, list) else str(default)
+
+
+def bounds(argument: Argument) -> str:
+    """Say between what an argument must lie: "0.01 m/s to 0.7 m/s"; nothing where anything goes."""
+
+    def show(bound: float) -> str:
+        return written(bound, argument.kind) if argument.kind in UNITS else f"{bound:g}"
+
+    if math.isinf(argument.low):
+        return "" if math.isinf(argument.high) else f"at most {show(argument.high)}"
+    low = show(argument.low)
+    return f"at least {low}" if math.isinf(argument.high) else f"{low} to {show(argument.high)}"
+
+
+def terms(argument: Argument) -> str:
+    """Say all that a value must be: "speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s"."""
+    limits = bounds(argument)
+    default = "must be given" if argument.required else f"default {shown_default(argument)}"
+    return kind_of(argument) + (f", {limits}" if limits else "") + f"; {default}"
+
+
+def example(argument: Argument) -> object:
+    """Return a value for an argument, as plain data: its default, or a common one of its kind."""
+    if not argument.required:
+        return plain_default(argument)
+    if argument.kind not in UNITS:
+        return WRITTEN.get(argument.kind)
+    return [written(0, argument.kind), EXAMPLES[argument.kind]] if argument.span else EXAMPLES[argument.kind]

@@ -1,0 +1,38 @@
+"""Whether what a user asks of a run makes sense, before anything is opened or written."""
+
+from pathlib import Path
+
+import click
+
+from drivers.camera.source import Kind, kind_of
+from missions.assembly.simulation import WIRED
+from missions.language.plan import Plan
+from missions.runner import Order
+
+
+def check_order(order: Order) -> None:
+    """Raise click.UsageError for options that contradict each other, or could only be ignored."""
+    simulated = order.simulate or order.robot is None
+    if order.ports and simulated:
+        raise click.UsageError("--port names real ports, which are used only with --robot NAME and without --simulate")
+    for part in order.ports:
+        if part not in WIRED:
+            raise click.UsageError(f"--port: '{part}' is no part with a port; these are: {', '.join(WIRED)}")
+    if order.world is not None and not simulated:
+        raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
+    if order.camera is not None:
+        _check_camera(order.camera)
+
+
+def _check_camera(source: str) -> None:
+    """Raise for a file that is not there: unlike a device, it will not be plugged in."""
+    kind = kind_of(source) if source.strip() else None
+    if kind is None or (kind in (Kind.VIDEO, Kind.PICTURE) and not Path(source).is_file()):
+        raise click.UsageError(f"--camera: '{source}': no such file, and no index, device or address of a camera")
+
+
+def check_events(path: Path, plan: Plan) -> None:
+    """Raise click.UsageError for an events file that would take the place of a file that the run reads."""
+    for step in plan.tree.walk():
+        if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
+            raise click.UsageError(f"--events would write over the mission {path}")

@@ -1,0 +1,33 @@
+"""``mission schema``: the JSON Schema of missions, for editors that know YAML."""
+
+import json
+from pathlib import Path
+
+import click
+
+from missions.cli.options import behaviours_option
+from missions.schema.mission import known_things, mission_schema
+from missions.vocabulary import vocabulary
+
+
+@click.command()
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
+@behaviours_option
+def command(output: Path | None, files: tuple[Path, ...]) -> None:
+    r"""Write the JSON Schema of missions, from which an editor completes, explains and checks them.
+
+    In VS Code, with the YAML extension, after `mission schema -o mission.schema.json`, begin a mission in that folder
+    with the line
+
+    \b
+    # yaml-language-server: $schema=mission.schema.json
+    """
+    text = json.dumps(mission_schema(vocabulary(files), known_things()), indent=1, ensure_ascii=False)
+    if output is None:
+        click.echo(text)
+        return
+    try:
+        output.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise click.BadParameter(f"{output}: {error.strerror}", param_hint="-o") from error
+    click.echo(f"wrote {output}", err=True)

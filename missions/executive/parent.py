@@ -1,0 +1,75 @@
+"""What every node with children does alike: start afresh, halt what runs below, and end once that is at rest."""
+
+from abc import abstractmethod
+
+from py_trees.common import Status
+
+from behaviours.node import Node
+
+RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
+
+
+class Parent(Node):
+    """A node with ``members``, its children, as the tick walks them.
+
+    ``ending`` is the result that will stand once every member that still runs has been halted; IDLE when it was this
+    node that was told to halt.
+    """
+
+    members: tuple[Node, ...] = ()
+    ending: Status | None = None
+
+    def work(self) -> Status:
+        """Start if need be, then go on.
+
+        Ticked again before its halt is through, it finishes that first and starts afresh.
+        """
+        afresh = self.status is not RUNNING
+        if self.ending is not None:
+            status = self.end(self.ending)
+            if status is not IDLE:
+                return status
+            afresh = True
+        if afresh:
+            self.feedback_message = ""
+            problem = self.start()
+            if problem:
+                self.feedback_message = problem
+                return FAILURE
+        return self.go_on()
+
+    def start(self) -> str:
+        """Forget an earlier run; return why it cannot start, or nothing."""
+        return ""
+
+    @abstractmethod
+    def go_on(self) -> Status:
+        """Tick the members by this node's rule."""
+
+    def end(self, status: Status) -> Status:
+        """End with ``status`` once the members that still run are at rest; running until then."""
+        at_rest = True
+        for member in self.members:
+            if member.status is RUNNING:
+                at_rest &= member.halt()
+        self.ending = None if at_rest else status
+        return status if at_rest else RUNNING
+
+    def blame(self, member: Node) -> Status:
+        """Return a failure, for the reason that ``member`` gives."""
+        self.feedback_message = member.feedback_message
+        return FAILURE
+
+    def halt(self) -> bool:
+        """Halt every member that runs; True once all are at rest."""
+        if self.status is not RUNNING:
+            return True
+        if self.end(IDLE) is RUNNING:
+            return False
+        self.publish(IDLE)
+        return True
+
+    def reset(self) -> None:
+        """Forget the result, and an end that was under way."""
+        self.ending = None
+        super().reset()

@@ -1,0 +1,201 @@
+"""Who watches the tick loop from outside: whatever holds it up is named, and meanwhile the robot is kept still."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Event, Thread
+from types import TracebackType
+from typing import Self
+
+from behaviours.leaf import Leaf
+from behaviours.run import Run, log
+from drivers.clock import SystemClock
+from drivers.errors import DeviceFault
+from missions.executive.events import FaultRaised, Stream
+
+GLANCE = 0.05
+"""Seconds between two looks at the loop."""
+
+AGAIN = 0.2
+"""Seconds after which actuators are told to keep still once more: a command may have been under way."""
+
+ABSENCE = 1.0
+"""A watchdog that has not looked for so long was asleep itself, as was the loop: the process was stopped, say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How long things may take, in seconds.
+
+    A leaf that holds a tick for ``slow`` is reported. When the loop has shown no life for ``stall`` the robot is kept
+    still. A leaf that has held a tick for ``fail`` has failed, whatever it returns in the end. After ``lost``, or
+    ``react`` after a signal that nobody has reacted to, the run is given up and the process ended.
+    """
+
+    slow: float = 0.25
+    stall: float = 0.5
+    fail: float = 2.0
+    lost: float = 15.0
+    react: float = 2.0
+
+
+Still = Mapping[str, Callable[[], None]]
+"""How each actuator, by the name of its part, is told to keep still."""
+
+Abandon = Callable[[str, str], None]
+"""Ends the process, since the loop cannot: with a result ("failure" or "interrupted") and a reason."""
+
+
+class Watchdog:
+    """Looks at a run every ``GLANCE`` from a thread of its own; nothing it does waits for the loop, nor for a device.
+
+    ``armed`` says that the loop ought to be running; a paused loop shows life like any other. ``heard`` returns the
+    word for a signal that came, ``abandon`` ends what cannot be saved. A leaf that hangs within a call of a driver may
+    hold that driver's lock, so each actuator is told to keep still from a thread of its own.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        stream: Stream,
+        *,
+        still: Still,
+        heard: Callable[[], str | None],
+        abandon: Abandon,
+        limits: Limits | None = None,
+    ) -> None:
+        self.armed = False
+        self.limits = limits or Limits()
+        self._run = run
+        self._stream = stream
+        self._still = still
+        self._heard = heard
+        self._abandon = abandon
+        self._thread: Thread | None = None
+        self._done = Event()
+        self._hands: dict[str, Thread] = {}
+        self._looked = self._awake_since = run.now()
+        self._asked: float | None = None  # when the first signal was heard
+        self._watched: tuple[Leaf | None, int] = (None, 0)
+        self._watched_since = 0.0
+        self._reported = False
+        self._stalled: tuple[Leaf | None, int] | None = None
+        self._stalled_at = 0.0
+        self._again = False
+
+    def start(self) -> None:
+        """Begin to look."""
+        if self._thread is None:
+            self._done.clear()
+            self._thread = Thread(target=self._watch, name="watchdog", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Look no more. Safe more than once, and from any state."""
+        self.armed = False
+        self._done.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def permit(self) -> None:
+        """Called before an actuator is set moving. Raises DeviceFault for a leaf that is being kept still."""
+        if self._stalled is not None and self._stalled == (self._run.working, self._run.tick):
+            raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
+
+    def look(self) -> None:
+        """Look once, and do what is due."""
+        now = self._run.now()
+        if now - self._looked > ABSENCE:
+            self._awake_since = now
+        self._looked = now
+        silence = now - max(self._run.alive_at, self._awake_since)
+        if self.armed:
+            self._look_at_leaf(now)
+            self._look_at_loop(now, silence)
+        word = self._heard()
+        if word is not None:
+            self._asked = now if self._asked is None else self._asked
+            if min(now - self._asked, silence) > self.limits.react:
+                self._give_up("interrupted", word)
+
+    def _watch(self) -> None:
+        while not self._done.wait(GLANCE):
+            try:
+                self.look()
+            except Exception:  # the last one to give up
+                log.exception("the watchdog stumbled")
+
+    def _look_at_leaf(self, now: float) -> None:
+        """Report a leaf that has had the word, within one tick, for too long."""
+        leaf, tick = watched = self._run.working, self._run.tick
+        if leaf is None or watched != self._watched:
+            self._watched, self._watched_since, self._reported = watched, now, False
+            return
+        held = now - self._watched_since
+        if held > self.limits.slow and not self._reported:
+            self._reported = True
+            self._fault(
+                f"{leaf.place} has held a tick for {held:.2f} s", "a tick must not wait: return running instead"
+            )
+        if held > self.limits.fail:
+            self._run.overheld = leaf, tick, self._watched_since
+
+    def _look_at_loop(self, now: float, silence: float) -> None:
+        """Keep the robot still while the loop shows no life."""
+        if silence <= self.limits.stall:
+            self._stalled = None
+            return
+        leaf = self._run.working
+        if self._stalled is None:
+            self._stalled, self._stalled_at, self._again = (leaf, self._run.tick), now, True
+            self._fault(f"{self._culprit(leaf)} has held up the robot for {silence:.2f} s: it is kept still")
+            self._keep_still()
+        elif self._again and now - self._stalled_at > AGAIN:
+            self._again = False
+            self._keep_still()
+        if silence > self.limits.lost:
+            self._give_up("failure", f"{self._culprit(leaf)}: held the tick for over {self.limits.lost:g} s")
+
+    def _keep_still(self) -> None:
+        free = [part for part in self._still if part not in self._hands or not self._hands[part].is_alive()]
+        self._hands.update(attempt_all({part: self._still[part] for part in free}))
+
+    def _give_up(self, result: str, reason: str) -> None:
+        self._done.set()
+        self.armed = False
+        self._keep_still()
+        self._abandon(result, reason)
+
+    def _fault(self, detail: str, hint: str = "") -> None:
+        self._stream.emit(FaultRaised(self._run.now(), "executive", "fault", detail, hint))
+
+    @staticmethod
+    def _culprit(leaf: Leaf | None) -> str:
+        return "the executive" if leaf is None else leaf.place
+
+
+def attempt_all(steps: Mapping[str, Callable[[], object]], seconds: float = 0.0) -> dict[str, Thread]:
+    """Do several things, each in a thread of its own, and wait ``seconds`` for all of them; return the threads."""
+    threads = {name: Thread(target=_attempt, args=(name, step), name=name, daemon=True) for name, step in steps.items()}
+    for thread in threads.values():
+        thread.start()
+    clock = SystemClock()
+    for thread in threads.values() if seconds else ():
+        thread.join(max(0.0, seconds - clock.now()))
+    return threads
+
+
+def _attempt(name: str, step: Callable[[], object]) -> None:
+    try:
+        step()
+    except Exception:  # the others have threads of their own
+        log.exception("%s: what the watchdog tried went wrong", name)

@@ -1,0 +1,104 @@
+"""The schema of a whole mission file, for the leaves and the things that there are."""
+
+from collections import Counter
+from collections.abc import Callable
+from collections.abc import Mapping as Named
+from pathlib import Path
+
+from behaviours.leaf import Leaf
+from config.controller import load_controller
+from config.gesture import load_gesture
+from config.library import shipped
+from config.marked import Mapping, Scalar, compose, read_source
+from missions.language.params import TYPES
+from missions.language.plan import MISSION
+from missions.library import shipped_missions
+from missions.schema.nodes import NODE, RESULTS, definitions
+from missions.schema.values import HOLE, NAME, SCALAR, Schema, Things
+
+_LOADERS: Named[str, Callable[[Path], object]] = {"gesture": load_gesture, "controller": load_controller}
+
+
+def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
+    """Return the JSON Schema (draft-07) of missions made of ``leaves``, that name ``things``."""
+    text = {"type": SCALAR, "pattern": r"\S"}
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
+        "type": "object",
+        "properties": {
+            "mission": {"description": "The mission's name.", **text},
+            "summary": {"description": "What it does, in a line.", **text},
+            "params": {
+                "description": "What the caller may set, each with its default: `patience: 60 s`.",
+                "type": "object",
+                "propertyNames": NAME,
+                "additionalProperties": _param(),
+            },
+            "tree": NODE,
+            "returns": {
+                "description": "What it hands back to a mission that runs it: names and expressions.",
+                **RESULTS,
+            },
+        },
+        "required": ["mission", "tree"],
+        "additionalProperties": False,
+        "defaultSnippets": [_WHOLE],
+        "definitions": definitions(leaves, things),
+    }
+
+
+def known_things() -> dict[str, dict[str, str]]:
+    """Return the names of the gestures, controllers and missions that ship with MissionTree, with their summaries."""
+    found = {
+        kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped(f"{kind}s").items()}
+        for kind, load in _LOADERS.items()
+    }
+    return {**found, MISSION: _missions()}
+
+
+def _missions() -> dict[str, str]:
+    """Return the shipped missions by the shortest name that is theirs alone. Only their summaries are read."""
+    files = shipped_missions()
+    short = Counter(path.stem for path in files.values())
+    return {path.stem if short[path.stem] == 1 else name: _summary(path) for name, path in files.items()}
+
+
+def _summary(path: Path) -> str:
+    root = compose(read_source(path))
+    found = root.get("summary") if isinstance(root, Mapping) else None
+    return found.text if isinstance(found, Scalar) else ""
+
+
+def _param() -> Schema:
+    """Return what a param is: a plain default, or the long form."""
+    default = {
+        "type": [*SCALAR, "null"],
+        "pattern": rf"^(?![\s\S]*{HOLE})",
+        "patternErrorMessage": "the default of a param cannot be calculated: write a plain value",
+    }
+    bound = {"type": ["string", "number"]}
+    return {
+        **default,
+        "type": [*default["type"], "object"],
+        "properties": {
+            "default": {"description": "Its value where the caller gives none.", **default},
+            "type": {"description": "What it is; told by its default where there is one.", "enum": list(TYPES)},
+            "help": {"description": "What it is for.", "type": SCALAR},
+            "low": {"description": "The lowest value it may have.", **bound},
+            "high": {"description": "The highest value it may have.", **bound},
+        },
+        "additionalProperties": False,
+        "anyOf": [{"not": {"type": "object"}}, {"required": ["default"]}, {"required": ["type"]}],
+    }
+
+
+_WHOLE: Schema = {
+    "label": "a new mission",
+    "description": "A name, a summary, and a tree with a first behaviour.",
+    "body": {
+        "mission": "${1:my_mission}",
+        "summary": "${2:What it does.}",
+        "tree": {"sequence": [{"say": "${3:Hello}"}]},
+    },
+}

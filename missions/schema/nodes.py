@@ -1,0 +1,160 @@
+"""Nodes in the schema: behaviours, composites, sub-missions, and what may stand beside them."""
+
+from collections.abc import Mapping, Sequence
+
+from behaviours.leaf import Leaf
+from missions.catalogue import sentence, summary
+from missions.language.modifiers import MODIFIERS, Modifier
+from missions.language.plan import COMPOSITES, MISSION, SWITCH
+from missions.schema.leaves import leaf_value, needs_nothing
+from missions.schema.values import EXPRESSION, HOLE, NAME, SCALAR, Schema, Things, named, quantity
+
+NODE = {"$ref": "#/definitions/node"}
+CHILDREN: Schema = {
+    "type": "array",
+    "items": NODE,
+    "minItems": 1,
+    "errorMessage": "needs a list of at least one behaviour, each on a line with '- '",
+}
+RESULTS: Schema = {"type": "object", "propertyNames": NAME, "additionalProperties": EXPRESSION}
+
+
+def definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
+    """Return the schema of a ``node``, and those of all ``behaviours`` by their words."""
+    behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composites(things)
+    return {"node": _node(leaves, list(behaviours)), "behaviours": behaviours}
+
+
+def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
+    """Return what a node of the tree may be: a word, or a behaviour with what stands beside it.
+
+    Once there is a behaviour, editors propose only what may stand beside it.
+    """
+    behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
+    silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
+    beside = {word: _setting(modifier) for word, modifier in MODIFIERS.items()} | _beside()
+    storing = [word for word, leaf in leaves.items() if leaf.stores] + [MISSION]
+    no_behaviour: Schema = {
+        "if": {"type": "object", "propertyNames": {"enum": list(beside)}},
+        "then": {"type": "string", "errorMessage": "a behaviour is missing here"},
+    }
+    return {
+        "type": ["string", "object"],
+        "if": {"type": "object", "anyOf": [{"required": [word]} for word in words]},
+        "then": {
+            "properties": {**silent, **beside},
+            "additionalProperties": False,
+            "dependencies": {
+                **_one_behaviour(words),
+                "as": _one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
+                "with": [MISSION],
+                "returns": [MISSION],
+            },
+        },
+        "else": {
+            "properties": {**behaviours, **beside},
+            "additionalProperties": False,
+            "if": {"type": "string"},
+            "then": _word(leaves),
+            "else": no_behaviour,
+            "defaultSnippets": _SNIPPETS,
+        },
+    }
+
+
+def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
+    """Return what may be a node by its word alone."""
+    alone = {word: leaf for word, leaf in leaves.items() if needs_nothing(leaf)}
+    return {
+        "enum": list(alone),
+        "markdownEnumDescriptions": [summary(leaf) for leaf in alone.values()],
+        "errorMessage": f"write 'say: Hello', with a colon and a blank; alone stand only {', '.join(alone)}",
+    }
+
+
+def _composites(things: Things) -> dict[str, Schema]:
+    """Return what stands behind each composite, and behind ``mission``."""
+    lists = {word: {"description": f"A list of behaviours: {text}.", **CHILDREN} for word, text in COMPOSITES.items()}
+    switch = {
+        "description": "Does the one behaviour whose case is the value of an expression; fails where none is.",
+        "type": "object",
+        "properties": {
+            "on": {"description": "The expression whose value chooses.", **EXPRESSION},
+            "cases": {
+                "description": "A behaviour for each value.",
+                "type": "object",
+                "minProperties": 1,
+                "additionalProperties": NODE,
+            },
+            "default": NODE,
+        },
+        "required": ["on", "cases"],
+        "additionalProperties": False,
+    }
+    text = "Runs another mission as one node: its name in the library, or a path from this file's folder."
+    mission = {"description": text, **named(MISSION, things[MISSION], computed=False)}
+    return {**lists, SWITCH: switch, MISSION: mission}
+
+
+def _beside() -> dict[str, Schema]:
+    return {
+        "name": {"description": "What people see in pictures of the tree.", "type": SCALAR, "pattern": r"\S"},
+        "as": {"description": "The variable that keeps what this behaviour has found.", **NAME},
+        "with": {
+            "description": "The values of the params of the mission that is run.",
+            "type": "object",
+            "additionalProperties": {"type": [*SCALAR, "null"], "errorMessage": "needs one value"},
+        },
+        "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
+    }
+
+
+def _setting(modifier: Modifier) -> Schema:
+    """Return what a modifier takes, from the words that say so."""
+    found: Schema = {"description": f"{sentence(modifier.help)} Takes {modifier.takes}."}
+    match modifier.takes:
+        case "an expression":
+            return found | EXPRESSION
+        case "a duration":
+            return found | quantity("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
+        case "a count or forever":
+            message = "needs a count of 1 or more, or forever"
+            pattern = f"^forever$|{HOLE}"
+            return found | {
+                "type": ["integer", "string"],
+                "minimum": 1,
+                "pattern": pattern,
+                "errorMessage": message,
+                "examples": [3, "forever"],
+            }
+        case word:
+            return found | {"enum": [True if word == "true" else word]}
+
+
+def _one_behaviour(words: Sequence[str]) -> dict[str, Schema]:
+    """Forbid, beside each behaviour, all those that come after it in the list: so each pair is an error once."""
+    return {
+        word: {
+            "properties": dict.fromkeys(words[place + 1 :], False),
+            "errorMessage": f"a second behaviour beside '{word}': begin it with '- ' in a sequence, or indent it",
+        }
+        for place, word in enumerate(words[:-1])
+    }
+
+
+def _one_of(words: Sequence[str], message: str) -> Schema:
+    """Ask for one of these keys in the node."""
+    some = {"anyOf": [{"required": [word]} for word in words]}
+    return {"if": {"not": some}, "then": {"type": "string", "errorMessage": message}}
+
+
+_SNIPPETS: list[Schema] = [
+    {"label": label, "description": text, "bodyText": "\n    - ".join([f"{word}:", *lines])}
+    for label, text, word, lines in (
+        ("steps", "One after another.", "sequence", ("say: ${1:Hello}", "wait: ${2:2 s}")),
+        ("or else", "The first that succeeds.", "selector", ("face_seen", "say: ${1:Where are you?}")),
+        ("at once", "Several at the same time.", "parallel", ("gesture: ${1:hello}", "say: ${2:Hello}")),
+        ("until one ends", "One thing, until another has ended.", "race", ("track_face", "wait: ${1:10 s}")),
+    )
+]
+"""Common forms, each composite with two children; children are indented by four blanks, below "- " too."""

@@ -1,0 +1,135 @@
+"""Values in the schema: how each kind of value is written. ``${...}`` may stand wherever a value does.
+
+``errorMessage``, ``defaultSnippets`` and ``markdownDescription`` are what the YAML language server adds to JSON Schema;
+validators pass over them. Patterns keep to what Python's and JavaScript's regular expressions have in common.
+"""
+
+import keyword
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from behaviours.leaf import Argument
+from config.units import EXAMPLES, UNITS, article
+from missions.catalogue import bounds, example, plain_default, sentence, terms
+from missions.language.arguments import OUTCOMES
+from missions.language.expressions import WORDS
+from missions.language.notes import STATE
+from missions.language.operators import FUNCTIONS
+
+Schema = dict[str, Any]
+
+Things = Mapping[str, Mapping[str, str]]
+"""What missions name: for each kind ("gesture", "mission") the names, each with its summary."""
+
+HOLE = r"\$\{"
+SCALAR = ["string", "number", "boolean"]
+
+_UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_ABOVE_ZERO = r"(?=[0-9.]*[1-9])"
+_TAKEN = sorted({*keyword.kwlist, *STATE, *WORDS, *FUNCTIONS})
+
+# A word as Python has it, with letters of any alphabet: no ASCII sign but the underscore, no digit in front.
+_SIGNS = r"\s!-/:-@\[-\^`{-~"
+NAME: Schema = {
+    "type": "string",
+    "pattern": rf"^(?!(?:{'|'.join(_TAKEN)})$)[^{_SIGNS}0-9][^{_SIGNS}]*$",
+    "errorMessage": "needs a plain word such as last_seen, that means nothing else in expressions",
+}
+"""The name that a mission gives to a param or a variable."""
+
+EXPRESSION: Schema = {
+    "type": SCALAR,
+    "pattern": r"\S",
+    "errorMessage": "needs an expression, such as face.seen",
+    "examples": ["face.seen", "battery.percent > 20"],
+}
+
+
+def quantity(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
+    """Return what a quantity looks like. ``limits`` are for the message; the pattern knows of its sign and of zero."""
+    number = ("[-+]?" if negative else r"\+?") + ("" if zero else _ABOVE_ZERO) + _UNSIGNED
+    units = UNITS[dimension]
+    message = f"needs {article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
+    return {
+        "type": "string",
+        "pattern": rf"^\s*{number}\s*(?:{'|'.join(map(_escaped, units))})\s*$|{HOLE}",
+        "errorMessage": message + (f", {limits}" if limits else ""),
+    }
+
+
+def named(what: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
+    """Return what the name of a thing looks like: one of ``names``, each with its summary, or the path of a file."""
+    known = "|".join(_escaped(name) for name in names)
+    return {
+        "type": "string",
+        "pattern": f"^(?:{known})$|[./]" + (f"|{HOLE}" if computed else ""),
+        "errorMessage": f"needs {article(what)}, or the path of its file; known are: {', '.join(names)}",
+        "defaultSnippets": [{"label": name, "body": name, "description": text} for name, text in names.items()],
+    }
+
+
+def described(argument: Argument, things: Things) -> Schema:
+    """Return what an argument takes, with its help, and its default or an example."""
+    text = f"{sentence(argument.help)} {sentence(terms(argument))}"
+    found = {"description": text, **written(argument, things)}
+    if not argument.required:
+        default = plain_default(argument)
+        return {**found, "default": default} if _is_json(default) else found
+    return found if "defaultSnippets" in found else {**found, "examples": [example(argument)]}
+
+
+def written(argument: Argument, things: Things) -> Schema:
+    """Return what an argument takes."""
+    kind = argument.kind
+    if kind in UNITS:
+        one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
+    else:
+        one = named(kind, things[kind]) if kind in things else _plain(argument)
+    if not argument.span:
+        return one
+    return {
+        "type": "array",
+        "items": one,
+        "minItems": 2,
+        "maxItems": 2,
+        "errorMessage": f"needs two values, [low, high]; {kind} with its unit",
+    }
+
+
+def _plain(argument: Argument) -> Schema:
+    """Return what a value without a unit looks like."""
+    limits = bounds(argument)
+    within = {"minimum": argument.low, "maximum": argument.high}
+    limited = {word: bound for word, bound in within.items() if math.isfinite(bound)}
+    match argument.kind:
+        case "text":
+            return {"type": SCALAR, "errorMessage": "needs a text"}
+        case "number":
+            message = "needs a number" + (f", {limits}" if limits else "")
+            return {"type": ["number", "string"], "pattern": HOLE, **limited, "errorMessage": message}
+        case "count":
+            message = "needs a whole number" + (f", {limits}" if limits else "")
+            return {"type": ["integer", "string"], "pattern": HOLE, **limited, "errorMessage": message}
+        case "flag":
+            return {"type": ["boolean", "string"], "pattern": HOLE, "errorMessage": "needs true or false"}
+        case "outcomes":
+            return {
+                "type": ["array", "string"],
+                "items": {"enum": list(OUTCOMES)},
+                "minItems": 1,
+                "pattern": f"^(?:{'|'.join(OUTCOMES)})$|{HOLE}",
+                "errorMessage": "needs a list of running, success and failure",
+            }
+    return {}
+
+
+def _is_json(value: object) -> bool:
+    """True for a default that a mission can hold; Python's own, of a foreign behaviour, may be anything."""
+    return isinstance(value, str | list | bool) or (isinstance(value, int | float) and math.isfinite(value))
+
+
+def _escaped(text: str) -> str:
+    """Quote what has a meaning in patterns; re.escape quotes more than JavaScript allows."""
+    return re.sub(r"[.*+?^${}()|\[\]\\/]", r"\\\g<0>", text)

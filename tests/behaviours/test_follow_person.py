@@ -1,0 +1,135 @@
+"""Following a person: how fast the base is told to drive, when it is not, and that it stops."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from behaviours.leaf import FAILURE, RUNNING
+from behaviours.tracking.follow import RuleBases
+from behaviours.tracking.follow_person import FollowPerson
+from config.controller import load_controller
+from config.library import shipped
+from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
+from tests.recorders import STOP, Bench, face, good, stale
+
+LEFT = Sides(left=True)
+STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def rules() -> RuleBases:
+    return RuleBases.from_mapping(load_controller(shipped("controllers")["face"]).values)
+
+
+def following(bench: Bench, rules: RuleBases, **arguments: object) -> FollowPerson:
+    return bench.put(FollowPerson("follow_person"), controller=rules, **arguments)
+
+
+def show(bench: Bench, distance: float, *, yaw: float = 0.0, number: int = 1) -> None:
+    """Show one face at a distance in metres, seen now."""
+    bench.sight.seen = [replace(face(bench.clock.now(), number=number, yaw=yaw), distance=distance)]
+
+
+def told(bench: Bench) -> Velocity:
+    velocity = bench.base.commands[-1]
+    assert isinstance(velocity, Velocity)
+    return velocity
+
+
+@pytest.mark.parametrize(
+    ("distance", "speed"), [(5.0, 0.3), (1.5, 0.3), (1.3, 0.16), (1.1, 0.0), (1.0, 0.0), (0.4, 0.0)]
+)
+def test_it_drives_the_faster_the_farther_somebody_is_and_never_back(
+    distance: float, speed: float, rules: RuleBases
+) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    show(bench, distance)
+    assert bench.tick(leaf) is RUNNING
+    assert told(bench).linear == pytest.approx(speed)
+
+
+def test_it_drives_the_slower_the_more_the_head_looks_aside(rules: RuleBases) -> None:
+    speeds = []
+    for pan in (0.0, 0.3, 0.6, 0.9):
+        bench = Bench()
+        bench.head.reading = good(HeadPose(pan, 0.0))
+        leaf = following(bench, rules)
+        show(bench, 4.0, yaw=pan)
+        bench.tick(leaf)
+        speeds.append(told(bench).linear)
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] == 0.3
+    assert speeds[-1] == 0.0
+
+
+def test_the_base_turns_after_the_head_as_it_does_for_track_face(rules: RuleBases) -> None:
+    bench = Bench()
+    bench.head.reading = good(HeadPose(1.2, 0.0))
+    leaf = following(bench, rules)
+    show(bench, 4.0, yaw=1.2)
+    bench.tick(leaf)
+    assert told(bench).angular > 0.5
+
+
+@pytest.mark.parametrize(
+    ("felt", "reason"),
+    [
+        (replace(STILL, bumper=LEFT), "bumped into something"),
+        (replace(STILL, cliff=LEFT), "a cliff ahead"),
+        (replace(STILL, wheel_drop=LEFT), "a wheel has dropped"),
+    ],
+)
+def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, reason: str, rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    show(bench, 3.0)
+    bench.tick(leaf)
+    bench.base.reading = good(felt)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == reason
+    assert bench.base.commands[-1] == STOP
+    assert bench.head.commands[-1] == STOP
+
+
+def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    bench.base.reading = stale(STILL)
+    show(bench, 3.0)
+    assert bench.tick(leaf) is RUNNING
+    assert told(bench).linear == 0.0
+
+
+def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules, patience=1.0)
+    show(bench, 3.0)
+    bench.tick(leaf)
+    bench.sight.seen = ()
+    assert bench.tick(leaf, after=0.5) is RUNNING
+    assert told(bench) == Velocity(0.0, 0.0)
+    assert bench.tick(leaf, after=0.6) is FAILURE
+    assert leaf.reason == "no face for 1 s"
+    assert bench.base.commands[-1] == STOP
+
+
+def test_it_begins_with_the_one_that_the_mission_names(rules: RuleBases) -> None:
+    bench = Bench()
+    now = bench.clock.now()
+    larger, named = face(now, number=1, yaw=0.5), replace(face(now, number=2, yaw=-0.5), distance=1.0)
+    leaf = following(bench, rules, face=named)
+    bench.sight.seen = [larger, named]
+    bench.tick(leaf)
+    assert leaf.result == named
+
+
+def test_a_halt_stops_the_base(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    show(bench, math.inf)
+    bench.tick(leaf)
+    assert told(bench).linear == 0.3
+    assert bench.halt(leaf)
+    assert bench.base.commands[-1] == STOP

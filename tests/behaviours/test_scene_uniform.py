@@ -1,0 +1,59 @@
+"""Asking whether the camera shows anything: which picture is asked about, and what is answered."""
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.scene import SceneUniform
+from perception.api import Scene
+from tests.recorders import Bench
+
+
+def asking(bench: Bench, **arguments: object) -> SceneUniform:
+    return bench.put(SceneUniform("scene_uniform"), **arguments)
+
+
+def show(bench: Bench, contrast: float, *, age: float = 0.0) -> None:
+    bench.sight.shown = Scene(bench.clock.now() - age, 120.0, contrast)
+
+
+@pytest.mark.parametrize(
+    ("contrast", "status", "reason"),
+    [
+        (1.0, SUCCESS, "the picture is uniform, with a brightness of 120 of 255"),
+        (6.0, SUCCESS, "the picture is uniform, with a brightness of 120 of 255"),
+        (23.0, FAILURE, "the picture shows something: its contrast is 23"),
+    ],
+)
+def test_a_picture_without_edges_is_uniform(contrast: float, status: Status, reason: str) -> None:
+    bench = Bench()
+    leaf = asking(bench)
+    show(bench, contrast)
+    assert bench.tick(leaf) is status
+    assert leaf.reason == reason
+
+
+def test_how_much_contrast_is_none_the_mission_may_say() -> None:
+    bench = Bench()
+    show(bench, 23.0)
+    assert bench.tick(asking(bench, contrast=30.0)) is SUCCESS
+
+
+def test_it_waits_for_a_picture_that_is_new_enough() -> None:
+    bench = Bench()
+    leaf = asking(bench)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting for a picture from the camera"
+    show(bench, 1.0, age=3.0)
+    assert bench.tick(leaf) is RUNNING
+    show(bench, 1.0)
+    assert bench.tick(leaf) is SUCCESS
+
+
+def test_a_picture_from_before_it_asked_can_be_ruled_out() -> None:
+    bench = Bench()
+    leaf = asking(bench, within=0.0)
+    show(bench, 1.0)
+    assert bench.tick(leaf) is RUNNING, "taken before it began"
+    show(bench, 40.0)
+    assert bench.tick(leaf) is FAILURE

@@ -1,0 +1,223 @@
+"""The link's thread: it outlives whatever is raised in it, and lets go of its port whatever ends it."""
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+
+import pytest
+import serial
+
+from drivers.api import Notice, unheard
+from drivers.clock import SystemClock
+from drivers.errors import NotConnected
+from drivers.guard import guarded
+from drivers.link import Link
+from drivers.virtual.terminal import Terminal
+from tests.waiting import wait_until
+
+ANYTHING = [ValueError("broken"), SystemExit(1), BaseException("worse")]
+
+
+class Echo:
+    """A device that answers with what it hears, and remembers it."""
+
+    baud = 57600
+
+    def __init__(self) -> None:
+        self.heard = b""
+
+    def feed(self, data: bytes, now: float) -> bytes:  # noqa: ARG002 - the time is part of the protocol
+        self.heard += data
+        return data
+
+    def poll(self, now: float) -> bytes:  # noqa: ARG002
+        return b""
+
+
+@dataclass
+class Chatter:
+    """A talker that counts what it is called for, and does at each call what a test wants."""
+
+    connections: int = 0
+    pulses: int = 0
+    heard: bytes = b""
+    at_connected: Callable[[], object] = unheard
+    at_received: Callable[[], object] = unheard
+    at_pulse: Callable[[], object] = unheard
+    at_ending: Callable[[], object] = unheard
+
+    def connected(self) -> None:
+        self.connections += 1
+        self.at_connected()
+
+    def received(self, data: bytes) -> None:
+        self.heard += data
+        self.at_received()
+
+    def pulse(self) -> None:
+        self.pulses += 1
+        self.at_pulse()
+
+    def ending(self) -> None:
+        self.at_ending()
+
+
+@dataclass
+class Rig:
+    """A link over a terminal with an echo at its end."""
+
+    link: Link
+    terminal: Terminal
+    echo: Echo
+    notices: list[Notice]
+    chatter: Chatter = field(default_factory=Chatter)
+
+    def open(self) -> None:
+        self.terminal.open()
+        self.link.open(self.chatter)
+        wait_until(lambda: self.chatter.connections)
+
+    def lives_on(self) -> None:
+        """Wait until the thread has pulsed a few times more."""
+        enough = self.chatter.pulses + 3
+        wait_until(lambda: self.chatter.pulses >= enough)
+
+    def has_heard(self, count: int) -> bool:
+        return len(self.chatter.heard) >= count
+
+    def is_free(self) -> bool:
+        """Whether the port can be taken exclusively, as it can once nobody holds it."""
+        with serial.Serial(self.terminal.path, 57600, exclusive=True):
+            return True
+
+    def told(self, kind: str) -> list[str]:
+        return [notice.what for notice in list(self.notices) if notice.kind == kind]
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    echo = Echo()
+    terminal = Terminal("echo", echo, SystemClock())
+    notices: list[Notice] = []
+    rig = Rig(Link("echo", terminal.path, 57600, retry=0.05, report=notices.append), terminal, echo, notices)
+    yield rig
+    rig.link.close()
+    terminal.close()
+
+
+def raising(error: BaseException) -> Callable[..., None]:
+    def throw(*_: object) -> None:
+        raise error
+
+    return throw
+
+
+# --- listeners --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", ANYTHING)
+def test_a_guarded_listener_never_raises_and_is_logged_once(
+    error: BaseException, caplog: pytest.LogCaptureFixture
+) -> None:
+    listener = guarded(raising(error))
+    with caplog.at_level(logging.ERROR):
+        listener(1)
+        listener(2)
+    (record,) = caplog.records
+    assert str(error) in record.getMessage()
+
+
+def test_a_guarded_listener_hears_everything_and_lets_a_keyboard_interrupt_through() -> None:
+    heard: list[int] = []
+    guarded(heard.append)(3)
+    assert heard == [3]
+    with pytest.raises(KeyboardInterrupt):
+        guarded(raising(KeyboardInterrupt()))()
+
+
+def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logging.getLogger("drivers.guard"), "error", raising(SystemExit(1)))
+    guarded(raising(SystemExit(1)))()
+
+
+# --- the thread -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", ANYTHING)
+def test_a_report_that_raises_does_not_end_the_thread(rig: Rig, error: BaseException) -> None:
+    rig.link = Link("echo", rig.terminal.path, 57600, retry=0.05, report=raising(error))
+    rig.open()
+    rig.lives_on()
+    rig.terminal.unplug()
+    wait_until(lambda: not rig.link.online)
+    rig.terminal.replug()
+    wait_until(lambda: rig.chatter.connections == 2)
+    rig.lives_on()
+    rig.link.close()
+    assert rig.is_free()
+
+
+@pytest.mark.parametrize("error", ANYTHING)
+@pytest.mark.parametrize("where", ["at_received", "at_pulse"])
+def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
+    rig: Rig, error: BaseException, where: str
+) -> None:
+    setattr(rig.chatter, where, raising(error))
+    rig.open()
+    for count in range(1, 6):
+        rig.link.write(b"x")
+        wait_until(partial(rig.has_heard, count))
+    assert rig.link.online
+    setattr(rig.chatter, where, unheard)
+    rig.lives_on()
+    assert rig.told("fault") == [f"{type(error).__name__}: {error}"]
+
+
+@pytest.mark.parametrize("error", ANYTHING)
+def test_a_beginning_that_fails_is_made_again_on_a_port_opened_anew(rig: Rig, error: BaseException) -> None:
+    rig.chatter.at_connected = raising(error)
+    rig.open()
+    wait_until(lambda: rig.chatter.connections >= 3)
+    assert rig.told("fault") == [f"{type(error).__name__}: {error}"]
+    assert rig.told("online") == []
+    assert (rig.chatter.pulses, rig.chatter.heard) == (0, b"")
+    rig.chatter.at_connected = unheard
+    rig.lives_on()
+    assert rig.link.online
+    assert len(rig.told("online")) == 1
+
+
+@pytest.mark.parametrize("error", ANYTHING)
+def test_closing_releases_the_port_whatever_the_last_word_raises(rig: Rig, error: BaseException) -> None:
+    rig.chatter.at_ending = raising(error)
+    rig.open()
+    rig.lives_on()
+    rig.link.close()
+    assert not rig.link.online
+    assert not rig.link.health().online
+    assert rig.is_free()
+
+
+def test_the_last_word_is_said_before_the_port_is_released(rig: Rig) -> None:
+    rig.chatter.at_ending = lambda: rig.link.write(b"farewell")
+    rig.open()
+    rig.lives_on()
+    rig.link.close()
+    wait_until(lambda: rig.echo.heard == b"farewell")
+
+
+def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: Rig) -> None:
+    rig.open()
+    port = rig.link._serial
+    assert port is not None
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(port, "write", raising(serial.SerialException("gone")))
+        with rig.link._lock:  # the link's thread cannot let it go while we look
+            with pytest.raises(NotConnected, match="gone"):
+                rig.link.write(b"x")
+            assert not rig.link.online
+            assert "gone" in rig.link.health().detail
+            assert port.is_open
+    wait_until(lambda: rig.chatter.connections == 2)
+    assert len(rig.told("offline")) == 1

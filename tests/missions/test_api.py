@@ -1,0 +1,149 @@
+"""MissionTree from Python, as ``missions`` documents it."""
+
+import doctest
+import signal
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from py_trees import display
+from py_trees.common import Status
+
+import missions
+from behaviours.robot import Robot
+from drivers.errors import BadRequest
+from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
+from missions.executive.executive import Result
+from tests.recorders import STOP, Bench
+
+DRIVE = "mission: go\ntree:\n  drive: 2 m\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "mission.yaml"
+
+
+def test_the_documented_examples_run() -> None:
+    assert doctest.testmod(missions) == doctest.TestResults(failed=0, attempted=5)
+
+
+def test_all_that_is_public_is_there_and_nothing_else_is() -> None:
+    for name in missions.__all__:
+        assert getattr(missions, name).__name__ == name
+    with pytest.raises(AttributeError, match="module 'missions' has no attribute 'nothing'"):
+        _ = missions.nothing
+
+
+def test_a_mission_that_claims_nothing_is_ticked_without_a_robot(file: Path) -> None:
+    file.write_text(
+        "mission: m\nparams: {text: a}\ntree:\n  sequence:\n    - log: ${text}\n    - pretend: [running, success]\n"
+    )
+    mission = missions.load(file, params={"text": "b"})
+    heard: list[Event] = []
+    mission.events.listeners.append(heard.append)
+    assert mission.status is Status.INVALID
+    assert [mission.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
+    assert (mission.name, mission.variables["text"]) == ("m", "b")
+    assert [event.tick for event in heard if isinstance(event, Ticked)] == [1, 2]
+    assert [event.node for event in heard if isinstance(event, NodeChanged) and event.status == "success"] == [
+        "1.1",
+        "1.2",
+        "1",
+    ]
+    assert "log" in display.ascii_tree(mission.root)
+
+
+def test_what_runs_is_halted_once(file: Path) -> None:
+    file.write_text("mission: m\ntree:\n  wait: 1 min\n")
+    mission = missions.load(file)
+    with mission:
+        assert mission.tick() is Status.RUNNING
+        assert mission.halt()
+        assert mission.halt()
+        assert mission.status is Status.INVALID
+        assert mission.tick() is Status.RUNNING
+    assert mission.status is Status.INVALID
+
+
+def test_params_may_be_plain_values(file: Path) -> None:
+    file.write_text(
+        "mission: m\nparams: {n: 1, on: false}\ntree:\n  succeed:\n  if: ${on and n == 3}\n  invert: true\n"
+    )
+    mission = missions.load(file, params={"n": 3, "on": True})
+    assert mission.tick() is Status.FAILURE
+    assert mission.reason == "succeed succeeded"
+
+
+def test_one_error_holds_all_faults(file: Path) -> None:
+    file.write_text("mission: m\ntree:\n  sequence:\n    - drvie: 1 m\n    - drive: 1\n")
+    with pytest.raises(missions.InvalidFileError) as caught:
+        missions.load(file)
+    assert [fault.mark.line for fault in caught.value.faults] == [4, 5]
+    with pytest.raises(missions.UnknownNameError):
+        missions.load("no_such_mission")
+
+
+def test_a_mission_without_the_robot_that_it_needs_says_so(file: Path) -> None:
+    file.write_text(DRIVE)
+    mission = missions.load(file)
+    with pytest.raises(BadRequest, match="mission 'go' needs a robot with base, and has none") as caught:
+        mission.tick()
+    assert "simulate=True" in caught.value.hint
+    with pytest.raises(missions.InvalidFileError, match="base"):
+        missions.load(file, robot=Robot())
+
+
+def test_parts_of_ones_own_are_a_robot_too(file: Path) -> None:
+    file.write_text(DRIVE)
+    bench = Bench()
+    with missions.load(file, robot=Robot(base_part=bench.base)) as mission:
+        assert mission.tick() is Status.RUNNING
+    assert bench.base.commands[-1] == STOP
+
+
+def test_a_simulated_robot_is_open_within_the_context_and_at_rest_after_it(file: Path) -> None:
+    file.write_text(DRIVE)
+    mission = missions.load(file, robot="turtlebot2_arm", simulate=True)
+    heard: list[Event] = []
+    mission.events.listeners.append(heard.append)
+    with pytest.raises(BadRequest, match="the robot of mission 'go' is not open"):
+        mission.tick()
+    with mission:
+        assert [mission.tick() for _ in range(3)] == [Status.RUNNING] * 3
+    commands = [event.values for event in heard if isinstance(event, CommandSent)]
+    assert commands[-1] == {"linear": 0.0, "angular": 0.0}
+    with pytest.raises(BadRequest, match="not open"):
+        mission.tick()
+
+
+def test_a_ctrl_c_while_ticking_by_hand_is_the_users_and_goes_through(file: Path) -> None:
+    (file.parent / "leaf.py").write_text(
+        "from behaviours.leaf import Leaf\nclass Stop(Leaf):\n    word = 'stop_it'\n"
+        "    def update(self): raise KeyboardInterrupt\n"
+    )
+    file.write_text("mission: m\ntree: stop_it\n")
+    mission = missions.load(file, behaviours=[file.parent / "leaf.py"])
+    with pytest.raises(KeyboardInterrupt):
+        mission.tick()
+
+
+def test_a_run_returns_its_result_and_tells_its_events(file: Path) -> None:
+    file.write_text("mission: m\nparams: {why: a}\ntree:\n  fail: ${why}\n")
+    heard: list[Event] = []
+    result = missions.run(file, {"why": "not today"}, listeners=[heard.append])
+    assert isinstance(result, Result)
+    assert (result.mission, result.result, result.reason, result.ticks) == ("m", "failure", "not today", 1)
+    assert isinstance(heard[0], Started)
+    assert isinstance(heard[-1], Ended)
+
+
+def test_a_run_off_the_main_thread_leaves_the_signals_alone(file: Path) -> None:
+    file.write_text("mission: m\ntree: succeed\n")
+    found: list[Result] = []
+    before = signal.getsignal(signal.SIGINT)
+    thread = Thread(target=lambda: found.append(missions.run(file)))
+    thread.start()
+    thread.join(30.0)
+    assert [result.result for result in found] == ["success"]
+    assert signal.getsignal(signal.SIGINT) is before

@@ -1,0 +1,245 @@
+"""The docs are true: their tables are those of the declarations, their missions check, their code runs."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from py_trees.common import Status
+
+from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf
+from config.faults import Source
+from config.marked import compose
+from config.robot import load_robot
+from docs.generate import TABLES, renewed
+from missions.assembly.things import THINGS
+from missions.language.document import check_plan
+from missions.library import find_mission, load_mission
+from missions.schema.mission import known_things, mission_schema
+from tests.missions.command import Outcome, command
+from tests.missions.test_schema import plain
+from tests.recorders import Bench
+
+ROOT = Path(__file__).parents[2]
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    page: Path
+    language: str
+    text: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.page.name}:{self.line}"
+
+
+def blocks(*languages: str) -> list[Block]:
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for match in re.finditer(r"^```(\S[^\n]*)?\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+            line = text[: match.start()].count("\n") + 2
+            found.append(Block(page, match[1] or "", match[2], line))
+    return [block for block in found if block.language in languages]
+
+
+def own_leaves(page: Path) -> dict[str, type[Leaf]]:
+    """The leaves that the code of a page declares."""
+    names = namespace(page)
+    own = [each for each in names.values() if isinstance(each, type) and issubclass(each, Leaf) and each.word]
+    return {leaf.word: leaf for leaf in own}
+
+
+def namespace(page: Path) -> dict[str, Any]:
+    """All that the Python of a page defines, run from its first block to its last."""
+    names: dict[str, Any] = {"__name__": f"docs_{page.stem}"}
+    for block in blocks("python"):
+        if block.page == page:
+            exec(compile(block.text, str(block), "exec"), names)  # noqa: S102 - our own page, which has to run
+    return names
+
+
+def as_mission(block: Block) -> str:
+    """A block as a whole mission: steps alone stand in a sequence, with the params that they read."""
+    if not block.text.startswith("- "):
+        return block.text
+    return "mission: steps\nparams: {way: 1 m}\ntree:\n  sequence:\n" + "".join(
+        f"    {line}\n" for line in block.text.splitlines()
+    )
+
+
+def of_a_robot(block: Block) -> bool:
+    return block.text.startswith("robot:")
+
+
+MISSIONS = [block for block in blocks("yaml") if not of_a_robot(block)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the missions of the tutorial, each in the file that it says."""
+    for name, text in tutorial().items():
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def tutorial() -> Mapping[str, str]:
+    """The missions of the tutorial by name."""
+    return {block.text.split()[1]: block.text for block in blocks("yaml") if block.page.name == "tutorial.md"}
+
+
+# Tables
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_tables_are_those_of_the_declarations(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert renewed(text) == text, "`make docs` writes the tables anew"
+
+
+def test_every_table_stands_somewhere_and_every_leaf_is_in_the_catalogue() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert set(re.findall(r"<!-- (\w+): begin -->", text)) == TABLES.keys()
+    catalogue = (ROOT / "docs" / "behaviours.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (\w+)$", catalogue, re.MULTILINE) == list(LEAVES)
+
+
+def test_a_stale_table_is_written_anew_and_the_words_around_it_stay() -> None:
+    page = "before\n<!-- units: begin -->\nold\n<!-- units: end -->\nafter\n"
+    new = renewed(page)
+    assert new.startswith("before\n<!-- units: begin -->\n| dimension |")
+    assert new.endswith("|\n<!-- units: end -->\nafter\n")
+    assert "old" not in new
+
+
+def test_the_generator_leaves_pages_that_are_right_alone() -> None:
+    before = {page: page.read_bytes() for page in PAGES}
+    done = subprocess.run([sys.executable, "docs/generate.py"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == ""
+    assert {page: page.read_bytes() for page in PAGES} == before
+
+
+def test_every_link_of_the_docs_leads_to_a_page() -> None:
+    for page in PAGES:
+        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / link).is_file(), f"{page.name}: {link}"
+
+
+# Missions
+
+
+def test_the_docs_show_missions_and_nothing_else_as_yaml() -> None:
+    assert len(MISSIONS) > 15
+    for block in blocks("yaml"):
+        assert block.text.startswith(("mission:", "- ", "robot:", "# ")), block
+
+
+@pytest.mark.parametrize("block", MISSIONS, ids=str)
+def test_each_mission_of_the_docs_is_right(block: Block, folder: Path) -> None:
+    del folder  # where its sub-missions are
+    leaves = {**LEAVES, **own_leaves(block.page)}
+    text = as_mission(block)
+    check_plan(Source("docs.yaml", text), leaves, THINGS, find_mission=find_mission)
+    schema = mission_schema(leaves, known_things())
+    jsonschema.Draft7Validator(schema).validate(plain(compose(Source("docs.yaml", text))))
+
+
+@pytest.mark.parametrize("block", [block for block in blocks("yaml") if of_a_robot(block)], ids=str)
+def test_each_robot_of_the_docs_is_right(block: Block, tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(block.text, encoding="utf-8")
+    assert load_robot(file).parts
+
+
+# The tutorial
+
+
+def test_the_tutorial_ends_with_the_mission_that_ships() -> None:
+    shown = check_plan(Source("greet.yaml", tutorial()["greet"]), LEAVES, THINGS)
+    shipped = load_mission("greet")
+    assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
+    assert shown.params == shipped.params
+
+
+@pytest.mark.parametrize("name", ["hello", "anybody"])
+def test_a_pupil_can_run_the_first_missions(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    del folder
+    outcome = command(capsys, "run", f"{name}.yaml", "--json")
+    assert outcome.code == 0, outcome.err
+    assert json.loads(outcome.out)["result"] == "success"
+
+
+def test_each_command_of_the_tutorial_that_only_looks_works(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    del folder
+    lines = [line[2:] for block in blocks("console") for line in block.text.splitlines() if "tutorial" in str(block)]
+    for line in lines:
+        program, subcommand, *rest = shlex.split(line)
+        assert program == "mission"
+        outcome = command(capsys, subcommand if subcommand != "run" else "check", *known_to_check(rest))
+        assert outcome.code == 0, outcome.err
+
+
+def known_to_check(arguments: list[str]) -> list[str]:
+    """The arguments of a run that `check` knows as well."""
+    return arguments[: arguments.index("--world")] if "--world" in arguments else arguments
+
+
+def test_the_mistake_that_the_tutorial_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    step = folder / "step.yaml"
+    step.write_text(step.read_text(encoding="utf-8").replace("90 deg", "90"), encoding="utf-8")
+    outcome: Outcome = command(capsys, "check", "step.yaml")
+    assert outcome.code == 2
+    (shown,) = (block.text for block in blocks("") if block.page.name == "tutorial.md")
+    assert outcome.err == shown
+
+
+# Leaves
+
+
+def test_the_leaf_of_the_docs_nods_as_often_as_it_is_told() -> None:
+    bench = Bench()
+    nod = own_leaves(ROOT / "docs" / "leaves.md")["nod"]
+    leaf = bench.put(nod(nod.word), times=3)
+    ticks = 0
+    while bench.tick(leaf, after=0.1) is Status.RUNNING:
+        ticks += 1
+        assert ticks < 100
+    down = [getattr(command, "tilt", 0.0) > 0 for command in bench.head.commands]
+    assert sum(now and not before for before, now in zip([False, *down], down, strict=False)) == 3
+    assert down[-1] is False
+
+
+def test_a_mission_takes_the_leaf_of_the_docs_from_its_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, mission = (next(b for b in blocks(kind) if b.page.name == "leaves.md") for kind in ("python", "yaml"))
+    (folder / "nod.py").write_text(code.text, encoding="utf-8")
+    (folder / "agree.yaml").write_text(mission.text, encoding="utf-8")
+    outcome = command(capsys, "check", "agree.yaml", "--behaviours", "nod.py")
+    assert outcome.code == 0, outcome.err
+
+
+def test_the_test_that_the_docs_show_passes() -> None:
+    names = namespace(ROOT / "docs" / "leaves.md")
+    tests = [each for name, each in names.items() if name.startswith("test_")]
+    assert tests
+    for test in tests:
+        test()
+
+
+def test_every_attribute_that_the_docs_tell_of_is_one_of_a_leaf() -> None:
+    page = (ROOT / "docs" / "leaves.md").read_text(encoding="utf-8")
+    told = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
+    assert len(told) > 8
+    assert [name for name in told if not hasattr(Leaf, name)] == []

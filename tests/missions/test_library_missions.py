@@ -1,0 +1,274 @@
+"""The missions that ship, each run: the motions on a base of arithmetic, the rest on the whole simulated robot."""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.robot import Robot
+from drivers.api import Pose2D, Sides
+from missions.cli.motion import MOTIONS
+from missions.executive.build import build
+from missions.executive.events import CommandSent, Event, Logged, NodeChanged
+from missions.executive.executive import Result
+from missions.library import load_mission, shipped_missions
+from missions.runner import Order, Runner
+from tests.behaviours.test_base import REPORT, LaggingBase
+from tests.missions.command import command
+from tests.recorders import STOP, Bench, good
+
+BUMPED = Sides(centre=True)
+
+# --- the motions -----------------------------------------------------------------------------------------------------
+
+
+class Drive:
+    """A motion on a base with a Kobuki's lags, in simulated time."""
+
+    def __init__(self, name: str, **params: str) -> None:
+        self.bench = Bench()
+        self.base = LaggingBase(self.bench.clock, dead_time=0.2)
+        self.places: list[Pose2D] = []
+        robot = Robot(base_part=self.base)
+        self.root = build(load_mission(name, params=params), self.bench.run, lambda _: robot)
+
+    def run(self, seconds: float = 120.0) -> Status:
+        """Let time pass until the motion has ended, or for ``seconds``."""
+        for report in range(round(seconds / REPORT)):
+            self.bench.clock.advance(REPORT)
+            self.base.report()
+            self.places.append(self.base.wheels.pose)
+            if report % 5 in {0, 3} and self.bench.tick(self.root, after=0.0) is not RUNNING:
+                break
+        return self.root.status
+
+    def end(self) -> tuple[float, float, float]:
+        """Return where it ended: x and y in metres, and the heading in degrees."""
+        pose = self.places[-1]
+        return pose.x, pose.y, math.degrees(pose.heading)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "expected"),
+    [
+        ("forward", {"distance": "0.4 m"}, (0.4, 0.0, 0.0)),
+        ("forward", {"distance": "-0.4 m", "speed": "0.1 m/s"}, (-0.4, 0.0, 0.0)),
+        ("spin_left", {}, (0.0, 0.0, 360.0)),
+        ("spin_left", {"angle": "90 deg", "speed": "30 deg/s"}, (0.0, 0.0, 90.0)),
+        ("spin_right", {"angle": "180 deg"}, (0.0, 0.0, -180.0)),
+        ("square", {"side": "0.3 m"}, (0.0, 0.0, 360.0)),
+        ("triangle", {"side": "0.3 m"}, (0.0, 0.0, 360.0)),
+        ("polygon", {"sides": "7", "side": "0.2 m"}, (0.0, 0.0, 360.0)),
+        ("back_and_forth", {"distance": "0.3 m"}, (0.0, 0.0, 360.0)),
+        ("back_and_forth", {"distance": "0.3 m", "rounds": "2"}, (0.0, 0.0, 720.0)),
+        ("circle_anticlockwise", {}, (0.0, 0.0, 360.0)),
+        ("circle_clockwise", {"radius": "0.5 m", "speed": "0.3 m/s"}, (0.0, 0.0, -360.0)),
+    ],
+)
+def test_a_motion_ends_where_it_should(
+    name: str, params: Mapping[str, str], expected: tuple[float, float, float]
+) -> None:
+    drive = Drive(f"motions/{name}", **params)
+    assert drive.run() is SUCCESS
+    x, y, heading = drive.end()
+    assert (x, y) == pytest.approx(expected[:2], abs=0.04)
+    assert heading == pytest.approx(expected[2], abs=8.0 if len(drive.places) > 1500 else 4.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height"),
+    [("square", 0.4, 0.4), ("triangle", 0.4, 0.4 * math.sin(math.pi / 3)), ("circle_anticlockwise", 0.8, 0.8)],
+)
+def test_a_figure_is_as_large_as_it_is_asked_for_and_lies_to_the_left(name: str, width: float, height: float) -> None:
+    drive = Drive(f"motions/{name}", **({"radius": "0.4 m"} if name.startswith("circle") else {"side": "0.4 m"}))
+    assert drive.run() is SUCCESS
+    xs, ys = [place.x for place in drive.places], [place.y for place in drive.places]
+    assert max(xs) - min(xs) == pytest.approx(width, abs=0.04)
+    assert max(ys) == pytest.approx(height, abs=0.04)
+    assert min(ys) > -0.04
+
+
+@pytest.mark.parametrize("name", [*MOTIONS.values(), "polygon"])
+def test_a_motion_fails_and_stands_when_a_wheel_drops(name: str) -> None:
+    drive = Drive(f"motions/{name}")
+    assert drive.run(1.0) is RUNNING
+    state = drive.base.reading.value
+    assert state is not None
+    drive.base.reading = good(type(state)(state.pose, state.velocity, wheel_drop=Sides(left=True)))
+    assert drive.bench.tick(drive.root) is FAILURE
+    assert drive.root.reason.endswith("a wheel has dropped")
+    assert drive.base.commands[-1] == STOP
+
+
+def test_the_motions_go_by_the_numbers_of_the_course() -> None:
+    assert list(MOTIONS) == [str(number) for number in range(1, 9)]
+    assert {f"motions/{name}" for name in MOTIONS.values()} | {"motions/polygon"} == {
+        name for name in shipped_missions() if name.startswith("motions/")
+    }
+
+
+def test_mission_motion_lists_them_runs_one_by_its_number_and_knows_no_others(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    listed = command(capsys, "motion").out
+    assert [line.split()[:2] for line in listed.splitlines()] == [list(item) for item in MOTIONS.items()]
+    ran = command(capsys, "motion", "1", "--param", "distance=5 cm", "--json")
+    assert ran.code == 0
+    assert '"mission": "forward"' in ran.out
+    named = command(capsys, "motion", "circle_clockwise", "--param", "radius=1 mm")
+    assert named.code == 2
+    assert "'radius' must be at least 0.05 m" in named.err
+    wrong = command(capsys, "motion", "9")
+    assert wrong.code == 2
+    assert "there is no motion '9'; there are 1 forward, 2 spin_left" in wrong.err
+
+
+# --- the rest, on the whole simulated robot --------------------------------------------------------------------------
+
+
+class Ran:
+    """A mission that was run: how it ended, its events, and what was said."""
+
+    def __init__(
+        self,
+        mission: str,
+        params: Mapping[str, str] | None = None,
+        *,
+        world: str | None = None,
+        when: Callable[[Event], bool] = lambda _: False,
+        then: Callable[[Runner], None] = lambda _: None,
+    ) -> None:
+        self.events: list[Event] = []
+        self._when, self._then = when, then
+        self.runner = Runner(Order(mission, params or {}, world=world), listeners=[self._hear])
+        self.result: Result = self.runner.run()
+        self.said = [event.text for event in self.events if isinstance(event, Logged) and event.level == "voice"]
+
+    def _hear(self, event: Event) -> None:
+        self.events.append(event)
+        if self._when(event):
+            self._then(self.runner)
+
+    def commands(self, part: str) -> list[Mapping[str, object]]:
+        """Return what a part was told, in order."""
+        return [event.values for event in self.events if isinstance(event, CommandSent) and event.to == part]
+
+    def ends(self, kind: str) -> list[str]:
+        """Return how the leaves of a kind ended, in order."""
+        found = [event for event in self.events if isinstance(event, NodeChanged) and event.kind == kind]
+        return [event.status for event in found if event.status in {"success", "failure"}]
+
+
+def bump(runner: Runner) -> None:
+    """Run the simulated base into something."""
+    simulation = runner._robot.simulation
+    assert simulation is not None
+    assert simulation.kobuki is not None
+    simulation.kobuki.bumper = BUMPED
+
+
+def begins(kind: str) -> Callable[[Event], bool]:
+    """Return whether an event is that a leaf of this kind has begun."""
+    return lambda event: isinstance(event, NodeChanged) and event.kind == kind and event.status == "running"
+
+
+def test_find_person_finds_somebody_and_hands_the_face_back(tmp_path: Path) -> None:
+    mission = tmp_path / "seek.yaml"
+    mission.write_text(
+        "mission: seek\ntree:\n  sequence:\n    - mission: find_person\n    - say: ${round(person.distance)} m\n"
+    )
+    ran = Ran(str(mission), world="two_people")
+    assert ran.result.result == "success"
+    assert ran.said == ["2 m"]
+
+
+def test_find_person_turns_round_for_somebody_and_says_at_last_that_nobody_was_found() -> None:
+    ran = Ran("find_person", {"patience": "4 s", "side": "5 deg"}, world="empty")
+    assert (ran.result.result, ran.result.reason) == ("failure", "nobody found in 4 s")
+    assert any(command["angular"] != 0.0 for command in ran.commands("base"))
+
+
+def test_greet_everybody_greets_each_of_two_people_once() -> None:
+    ran = Ran("greet_everybody", {"greeting": "Ahoy", "side": "15 deg"}, world="two_people")
+    assert (ran.result.result, ran.result.reason) == ("success", "")
+    assert ran.said == ["Ahoy", "Ahoy"]
+    assert ran.ends("find_face") == ["success", "success", "failure"]
+
+
+def test_greet_everybody_fails_where_nobody_is() -> None:
+    ran = Ran("greet_everybody", {"side": "5 deg"}, world="empty")
+    assert (ran.result.result, ran.result.reason) == ("failure", "nobody is here")
+    assert ran.said == []
+
+
+def test_look_around_looks_to_both_sides_and_ahead_again() -> None:
+    ran = Ran("look_around", {"side": "40 deg", "pause": "10 ms"})
+    assert ran.result.result == "success"
+    pans = [command["pan"] for command in ran.commands("head") if "pan" in command]
+    assert pans == pytest.approx([math.radians(40), math.radians(-40), 0.0], abs=1e-3)
+
+
+def test_look_around_gives_up_on_a_head_that_takes_too_long() -> None:
+    ran = Ran("look_around", {"patience": "100 ms"})
+    assert ran.result.result == "failure"
+    assert "timed out after" in ran.result.reason
+
+
+def test_look_away_turns_the_camera_from_the_blank_ceiling(tmp_path: Path) -> None:
+    mission = tmp_path / "up.yaml"
+    mission.write_text("mission: up\ntree:\n  sequence:\n    - look: {tilt: -60 deg}\n    - mission: look_away\n")
+    ran = Ran(str(mission))
+    assert ran.result.result == "success"
+    assert ran.ends("scene_uniform") == ["success", "failure"]
+    assert [command["tilt"] for command in ran.commands("head") if "tilt" in command] == pytest.approx(
+        [math.radians(-60), 0.0], abs=1e-3
+    )
+
+
+def test_look_away_stays_where_there_is_something_to_see() -> None:
+    ran = Ran("look_away")
+    assert ran.result.result == "success"
+    assert not [command for command in ran.commands("head") if "pan" in command]
+
+
+def test_look_away_fails_in_the_dark(tmp_path: Path) -> None:
+    world = tmp_path / "dark.yaml"
+    world.write_text("world: dark\nlight: 0 %\n")
+    ran = Ran("look_away", {"side": "15 deg"}, world=str(world))
+    assert ran.result.result == "failure"
+    assert ran.result.reason.startswith("the picture is uniform wherever I look")
+
+
+def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
+    ran = Ran("follow_me", {"duration": "2 s", "distance": "0.5 m"}, world="two_people")
+    assert ran.result.result == "success"
+    assert ran.said == ["I will follow you."]
+    speeds = [command["linear"] for command in ran.commands("base")]
+    assert max(speed for speed in speeds if isinstance(speed, float)) > 0.05
+    assert speeds[-1] == 0.0
+
+
+def test_follow_me_stops_when_it_bumps_into_something() -> None:
+    far = {"duration": "10 s", "distance": "0.5 m"}
+    ran = Ran("follow_me", far, world="two_people", when=begins("follow_person"), then=bump)
+    assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
+    assert ran.commands("base")[-1]["linear"] == 0.0
+
+
+def test_patrol_goes_round_and_greets_once_whom_it_meets(tmp_path: Path) -> None:
+    world = tmp_path / "ahead.yaml"
+    world.write_text("world: ahead\npeople:\n  - {name: Ben, look: ben, at: [1.5 m, 0.2 m]}\n")
+    figure = {"rounds": "1", "corners": "2", "side": "2 cm", "turn_speed": "110 deg/s"}
+    ran = Ran("patrol", figure | {"look": "5 deg", "greeting": "All is well"}, world=str(world))
+    assert (ran.result.result, ran.result.reason) == ("success", "")
+    assert ran.said == ["All is well"]
+    assert ran.ends("drive") == ["success", "success"]
+    assert ran.ends("turn") == ["success", "success"]
+
+
+def test_patrol_ends_when_it_bumps_into_something() -> None:
+    ran = Ran("patrol", when=begins("drive"), then=bump)
+    assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")

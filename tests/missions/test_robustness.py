@@ -1,0 +1,163 @@
+"""What must not hurt a run: listeners that break or hang, terminals that go away, stale readings, a pause."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from behaviours.robot import Robot
+from drivers.clock import ManualClock
+from missions.assembly.assembled import Assembled
+from missions.executive.events import Event, Logged, Stream
+from missions.executive.state import state_of
+from missions.language.expressions import ExpressionError, parse
+from missions.library import load_mission
+from missions.runner import Order, Runner
+from tests.missions.command import Process, command, wait_until
+from tests.recorders import HOLD, RELAX, STOP, Bench, good, stale
+
+
+def event(text: str = "x") -> Event:
+    return Logged(0.0, "info", text)
+
+
+def test_a_listener_that_raises_even_to_leave_the_process_is_told_no_more_and_named() -> None:
+    heard: list[Event] = []
+
+    def leaver(event: Event) -> None:
+        raise SystemExit(f"no terminal for {event.t}")
+
+    stream = Stream([leaver, heard.append])
+    stream.emit(event())
+    stream.emit(event())
+    assert len(heard) == 2
+    assert stream.lost == ["function: no terminal for 0.0"]
+
+
+def test_a_listener_that_hangs_holds_nobody_up() -> None:
+    stuck, ready = threading.Event(), threading.Event()
+
+    def hang(_: Event) -> None:
+        ready.set()
+        stuck.wait(10.0)
+
+    stream = Stream([hang])
+    stream.open()
+    stream.emit(event())
+    assert ready.wait(5.0)
+    for _ in range(1000):
+        stream.emit(event())  # returns at once, or this test would take for ever
+    stuck.set()
+    stream.close()
+    assert stream.lost == []
+
+
+def test_events_come_in_order_and_whole_before_the_stream_has_closed() -> None:
+    heard: list[Event] = []
+    stream = Stream([heard.append])
+    stream.open()
+    for number in range(500):
+        stream.emit(event(str(number)))
+    stream.close()
+    assert [each.as_dict()["text"] for each in heard] == [str(number) for number in range(500)]
+
+
+def test_a_mission_goes_on_when_nobody_reads_what_it_prints(tmp_path: Path) -> None:
+    (tmp_path / "chat.yaml").write_text(
+        "mission: chat\ntree:\n  sequence:\n    - wait: 100 ms\n    - wait: 100 ms\n    - wait: 100 ms\n  repeat: 3\n"
+    )
+    reader, writer = os.pipe()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "missions", "run", "chat.yaml", "--events", "e.jsonl"], stdout=writer, cwd=tmp_path
+    )
+    os.close(writer)
+    os.close(reader)
+    assert process.wait(20.0) == 0
+    assert json.loads((tmp_path / "e.jsonl").read_text().splitlines()[-1])["result"] == "success"
+
+
+def test_a_full_disk_costs_events_and_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    monkeypatch.chdir(tmp_path)
+    Path("ok.yaml").write_text("mission: ok\ntree: succeed\n")
+    outcome = command(capsys, "run", "ok.yaml", "--events", "/dev/full")
+    assert outcome.code == 0
+    assert "No space left" in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_log_is_shown_and_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("note.yaml").write_text("mission: note\ntree:\n  log: the kettle is on\n")
+    outcome = command(capsys, "run", "note.yaml", "--events", "e.jsonl")
+    assert "the kettle is on" in outcome.out
+    assert '"the kettle is on"' in Path("e.jsonl").read_text()
+
+
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGTSTP, "Ctrl-Z"), (signal.SIGQUIT, "Ctrl-\\")])
+def test_the_other_keys_that_people_press_in_a_panic_stop_it_too(number: int, word: str, tmp_path: Path) -> None:
+    (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
+    process = Process("run", "far.yaml", "--json", "--events", "e.jsonl", folder=tmp_path)
+    events = tmp_path / "e.jsonl"
+    wait_until(lambda: events.exists() and '"linear": 0.2' in events.read_text())
+    assert process.end(number) == 130
+    assert json.loads(process.lines[-1])["reason"] == word
+
+
+def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
+    bench = Bench()
+    robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
+    assembled = Assembled("r", robot, {"base": bench.base, "head": bench.head, "arm": bench.arm})
+    assembled.settle(frozenset({"base", "arm"}))
+    assert bench.base.commands == [STOP]
+    assert bench.arm.commands == [HOLD]
+    assert RELAX not in bench.arm.commands
+    assert bench.head.commands == []
+
+
+def test_one_part_that_cannot_be_settled_does_not_keep_the_others_from_it() -> None:
+    bench = Bench()
+
+    def broken() -> None:
+        raise RuntimeError("no")
+
+    bench.base.stop = broken  # type: ignore[method-assign]
+    robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
+    Assembled("r", robot, {}).settle(frozenset({"base", "arm"}))
+    assert bench.arm.commands == [HOLD]
+
+
+def test_an_expression_trusts_no_stale_reading() -> None:
+    bench = Bench()
+    state = state_of(bench.robot, ManualClock())
+    reading = bench.base.reading.value
+    assert reading is not None
+    bench.base.reading = good(reading)
+    assert parse("battery.percent >= 0").evaluate(state) is True
+    bench.base.reading = stale(reading)
+    with pytest.raises(ExpressionError):
+        parse("battery.percent >= 0").evaluate(state)
+    assert parse("base.bumper").evaluate(state) is None
+
+
+def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path: Path) -> None:
+    path = tmp_path / "watch.yaml"
+    path.write_text("mission: watch\ntree:\n  wait: 1 s\n  until: face.seen\n  if: battery.percent > 1\n")
+    assert load_mission(str(path)).tree.needs == {"camera", "base"}
+    assert Runner(Order(str(path))).run().result == "success"
+
+
+def test_the_battery_of_the_robot_is_known_when_the_mission_starts(tmp_path: Path) -> None:
+    path = tmp_path / "watch.yaml"
+    path.write_text("mission: watch\ntree:\n  fail: empty\n  if: battery.percent < 1\n")
+    assert Runner(Order(str(path))).run().result == "success"

@@ -1,0 +1,433 @@
+"""The JSON Schema: it accepts what the checker accepts, sees what a schema can see, and explains everything."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf, argument
+from config.faults import InvalidFileError, Source
+from config.library import shipped
+from config.marked import Listing, Node, Scalar, compose
+from config.units import UNITS, quantity
+from missions.assembly.things import THINGS
+from missions.catalogue import bounds, shown_default
+from missions.catalogue import example as example_of
+from missions.language import body, params, steps, switches
+from missions.language.document import check_plan
+from missions.language.modifiers import MODIFIERS
+from missions.language.plan import COMPOSITES, MISSION, SWITCH
+from missions.library import find_mission, shipped_missions
+from missions.schema.mission import known_things, mission_schema
+from missions.schema.values import quantity as written_quantity
+from tests.missions.command import Outcome, command
+
+KNOWN = {kind: cache(find) for kind, find in THINGS.items()}
+SCHEMA = mission_schema(LEAVES, known_things())
+VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
+BEHAVIOURS = SCHEMA["definitions"]["behaviours"]
+NODE = SCHEMA["definitions"]["node"]
+
+
+def plain(node: Node) -> Any:
+    """What an editor makes of a file: plain data."""
+    if isinstance(node, Scalar):
+        return node.value
+    if isinstance(node, Listing):
+        return [plain(item) for item in node.items]
+    return {key.text: plain(value) for key, value in node.entries}
+
+
+def complaints(text: str) -> list[str]:
+    return [error.message for error in VALIDATOR.iter_errors(plain(compose(Source("m.yaml", text))))]
+
+
+def accepted(text: str) -> bool:
+    """Whether the checker has nothing against it."""
+    try:
+        check_plan(Source("m.yaml", text), LEAVES, KNOWN, find_mission=find_mission)
+    except InvalidFileError:
+        return False
+    return True
+
+
+def mission(*lines: str) -> str:
+    head = "mission: m\nparams: {n: 2, x: 1.5, patience: 60 s}\ntree:\n  sequence:\n"
+    return head + "".join(f"    {line}\n" for line in lines)
+
+
+def test_it_is_a_schema_of_draft_07_and_plain_json() -> None:
+    jsonschema.Draft7Validator.check_schema(SCHEMA)
+    assert json.loads(json.dumps(SCHEMA, allow_nan=False)) == SCHEMA
+
+
+@pytest.mark.parametrize("name", list(shipped_missions()))
+def test_every_shipped_mission_is_valid(name: str) -> None:
+    assert complaints(shipped_missions()[name].read_text(encoding="utf-8")) == []
+
+
+GOOD = [
+    ["- say: Hi"],
+    ["- say: {text: 007}"],
+    ["- say: ${n} and ${x}"],
+    ["- stop"],
+    ["- face_seen:"],
+    ["- face_seen: {}"],
+    ["- look: {pan: -30 deg, tilt: '0.1 rad'}"],
+    ["- drive: -20 cm"],
+    ["- drive: {distance: '${base.x / 2}', speed: 0.1 m/s}"],
+    ["- find_face: {pan: [-60 deg, 60 deg], scans: 3}", "  as: visitor", "  timeout: ${patience}"],
+    ["- set: {count: 1, who: [a, b], far: 3 m}"],
+    ["- gesture: hello", "  name: 3"],
+    ["- gesture: {gesture: hello, speed: '${n / 2}'}"],
+    ["- pretend: [running, success]"],
+    ["- pretend: failure", "  on_failure: succeed"],
+    ["- wait: 1 s", "  if: n > 1", "  while: ${battery.percent > 20}", "  until: false"],
+    ["- face_seen: .5 s", "  retry: 3", "  repeat: 2.0", "  invert: true"],
+    ["- drive: 0 m", "  retry: ${n}", "  delay: 1e3 ms"],
+    ["- random_selector: [stop, {say: Hi}]", "  cooldown: 1 min"],
+    ["- switch: {on: n, cases: {1: stop, 2: {say: Hi}}, default: {fail: no}}"],
+    ["- mission: greet", "  with: {patience: 5 s, greeting: Good day}"],
+]
+
+
+@pytest.mark.parametrize("lines", GOOD)
+def test_what_is_right_is_valid(lines: list[str]) -> None:
+    text = mission(*lines)
+    assert accepted(text)
+    assert complaints(text) == []
+
+
+BROKEN = [
+    ["- trak_face"],
+    ["- trak_face: 3"],
+    ["- say Hello"],
+    ["- say:Hello"],
+    ["- say: Hi", "  tiemout: 3 s"],
+    ["- timeout: 3 s"],
+    ["- {}"],
+    ["-"],
+    ["- [say: Hi]"],
+    ["- say: Hi", "  drive: 1 m"],
+    ["- drive: 1 m", "  sequence: [stop]"],
+    ["- sequence: []"],
+    ["- race:"],
+    ["- parallel"],
+    ["- selector: {say: Hi}"],
+    ["- sequence: [succeed]", "  as: it"],
+    ["- say: Hi", "  as: it"],
+    ["- find_face:", "  as: my face"],
+    ["- find_face:", "  as: face"],
+    ["- find_face:", "  as: [a]"],
+    ["- wait: 1 s", "  name:"],
+    ["- drive"],
+    ["- drive: {distance: 1 m, sped: 1 m/s}"],
+    ["- drive: {speed: 0.1 m/s}"],
+    ["- drive: [1 m]"],
+    ["- succeed: 3"],
+    ["- succeed: {a: 1}"],
+    ["- find_face: [-9 deg, 9 deg]"],
+    ["- set: 3"],
+    ["- set: {}"],
+    ["- set: {a b: 1}"],
+    ["- set: {true: 1}"],
+    ["- turn: 90"],
+    ["- turn: 30°"],
+    ["- turn: 3 m"],
+    ["- turn: left"],
+    ["- turn: {angle: }"],
+    ["- drive: {distance: 1 m, speed: -1 m/s}"],
+    ["- drive: {distance: 1 m, speed: 0 m/s}"],
+    ["- wait: -1 s"],
+    ["- find_face: {pan: 60 deg}"],
+    ["- find_face: {pan: [1, 9 deg]}"],
+    ["- find_face: {pan: [1 deg, 2 deg, 3 deg]}"],
+    ["- find_face: {scans: 2.5}"],
+    ["- gesture: {gesture: hello, speed: fast}"],
+    ["- gesture: {gesture: hello, speed: 9}"],
+    ["- gesture: helo"],
+    ["- track_face: fce"],
+    ["- say: {text: }"],
+    ["- say: ['Hi']"],
+    ["- pretend: [runing]"],
+    ["- pretend: []"],
+    ["- wait: 1 s", "  timeout: 0 s"],
+    ["- wait: 1 s", "  hold: 2"],
+    ["- wait: 1 s", "  retry: 0"],
+    ["- wait: 1 s", "  repeat: often"],
+    ["- wait: 1 s", "  invert: 1"],
+    ["- wait: 1 s", "  once: yes"],
+    ["- wait: 1 s", "  on_failure: fail"],
+    ["- wait: 1 s", "  if:"],
+    ["- wait: 1 s", "  with: {a: 1}"],
+    ["- mission: gret"],
+    ["- mission: greet", "  with: 3"],
+    ["- switch: {cases: {1: stop}}"],
+    ["- switch: {on: n, cases: {}}"],
+    ["- switch: {on: n, cases: {1: stpo}}"],
+    ["- switch: {on: n, cases: {1: stop}, otherwise: stop}"],
+]
+
+
+@pytest.mark.parametrize("lines", BROKEN)
+def test_what_is_wrong_is_not_valid(lines: list[str]) -> None:
+    text = mission(*lines)
+    assert not accepted(text)
+    assert complaints(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "- a",
+        "just text",
+        "tree: stop",
+        "mission: m",
+        "mission: m\ntree:",
+        "mission:\ntree: stop",
+        "mission: m\nsummary: [a]\ntree: stop",
+        "mission: m\ntre: stop\ntree: stop",
+        "mission: m\ntree:\n  - stop",
+        "mission: m\nparams: 3\ntree: stop",
+        "mission: m\nparams: {a: [1]}\ntree: stop",
+        "mission: m\nparams: {a: '${b}'}\ntree: stop",
+        "mission: m\nparams: {if: 3}\ntree: stop",
+        "mission: m\nparams: {a: {}}\ntree: stop",
+        "mission: m\nparams: {a: {type: lenght}}\ntree: stop",
+        "mission: m\nparams: {a: {default: 1, hlep: x}}\ntree: stop",
+        "mission: m\ntree: stop\nreturns: {a: [1]}",
+    ],
+)
+def test_a_wrong_frame_of_a_mission_is_not_valid(text: str) -> None:
+    assert not accepted(text)
+    assert complaints(text)
+
+
+def test_params_are_plain_or_say_more_of_themselves() -> None:
+    text = (
+        "mission: m\nparams:\n  a: 60 s\n  b: {default: 1 m, low: 0 m, high: 2 m, help: how far}\n  c: {type: text}\n"
+        "tree: stop\nreturns: {far: b}\n"
+    )
+    assert accepted(text)
+    assert complaints(text) == []
+
+
+VALUES = st.sampled_from(
+    [
+        *["", "~", "true", "3", "0", "-1", "1.5", "9" * 400, "forever", "succeed", "fail", "stop", "greet"],
+        *["1 s", "30 deg", "1 m", "0 s", "-2 cm", "hello", "face", "./a.yaml", "'x'", "${n}", "'${x} m'", "${face.id}"],
+        *["[]", "[1 s]", "[1 deg, 2 deg]", "[success, failure]", "[stop, {say: Hi}]", "{}", "{a: 1}", "{a: n}"],
+        *["{text: a, speed: 1}", "{pan: 3 deg}", "{on: n, cases: {1: stop, x: {wait: 1 s}}}"],
+    ]
+)
+KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, *steps.BESIDE, SWITCH, MISSION, "nonsense", "3"])
+
+
+@settings(deadline=None, max_examples=400)
+@given(st.lists(st.dictionaries(KEYS, VALUES, min_size=1, max_size=3), min_size=1, max_size=3))
+@example([{"retry": "3", "say": "Hi"}])
+def test_whatever_the_checker_accepts_is_valid(nodes: list[dict[str, str]]) -> None:
+    lines = []
+    for node in nodes:
+        lines += [("- " if place == 0 else "  ") + f"{key}: {value}" for place, (key, value) in enumerate(node.items())]
+    text = mission(*lines)
+    if accepted(text):
+        assert complaints(text) == []
+
+
+def numbers() -> st.SearchStrategy[str]:
+    pieces = st.lists(st.sampled_from([*"0123456789.eE+- ", "00", "12"]), max_size=6).map("".join)
+    units = [unit for named in UNITS.values() for unit in named]
+    return st.tuples(pieces, st.sampled_from(["", " "]), st.sampled_from([*units, "", "furlong", "S"])).map("".join)
+
+
+@settings(deadline=None, max_examples=500)
+@given(numbers(), st.sampled_from(list(UNITS)))
+def test_a_pattern_takes_exactly_what_the_reader_of_quantities_takes(text: str, dimension: str) -> None:
+    assume(not re.search(r"[eE]\+?\d{3}", text))  # what is too large to be a number, a pattern cannot tell
+    found = quantity(text)
+    good = found is not None and found.dimension == dimension
+    assert bool(re.search(written_quantity(dimension, negative=True)["pattern"], text)) is good
+    assert bool(re.search(written_quantity(dimension)["pattern"], text)) is (good and "-" not in text.strip()[:1])
+    above = good and found is not None and "-" not in text.strip()[:1] and any(c in "123456789" for c in mantissa(text))
+    assert bool(re.search(written_quantity(dimension, zero=False)["pattern"], text)) is above
+
+
+def mantissa(text: str) -> str:
+    return re.split("[A-Za-z]", text)[0]
+
+
+# Help and completion
+
+
+def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
+    assert BEHAVIOURS.keys() == {*LEAVES, *COMPOSITES, SWITCH, MISSION}
+    for word, leaf in LEAVES.items():
+        assert BEHAVIOURS[word]["description"]
+        assert all(name in BEHAVIOURS[word]["markdownDescription"] for name in leaf.arguments)
+        for name, declared in leaf.arguments.items():
+            assert declared.help[1:] in BEHAVIOURS[word]["then"]["properties"][name]["description"]
+    for word in (*COMPOSITES, SWITCH, MISSION):
+        assert BEHAVIOURS[word]["description"]
+    for branch in ("then", "else"):
+        for word in (*MODIFIERS, *steps.BESIDE, "as"):
+            assert NODE[branch]["properties"][word]["description"]
+
+
+def test_the_schema_and_the_checker_know_the_same_keys() -> None:
+    assert SCHEMA["properties"].keys() == set(body.KEYS)
+    assert SCHEMA["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
+    assert BEHAVIOURS[SWITCH]["properties"].keys() == set(switches.KEYS)
+    expected = {*LEAVES, *COMPOSITES, SWITCH, MISSION, *MODIFIERS, *steps.BESIDE}
+    assert NODE["then"]["properties"].keys() == expected
+    assert NODE["else"]["properties"].keys() == expected
+
+
+def test_gestures_controllers_and_missions_are_proposed_with_their_summaries() -> None:
+    gestures = {each["label"]: each["description"] for each in BEHAVIOURS["gesture"]["defaultSnippets"]}
+    assert gestures.keys() == shipped("gestures").keys()
+    assert all(gestures.values())
+    missions = {each["label"]: each["description"] for each in BEHAVIOURS[MISSION]["defaultSnippets"]}
+    assert sorted(find_mission(name) for name in missions) == sorted(shipped_missions().values())
+    assert all(missions.values())
+
+
+def snippets() -> Iterator[tuple[str, str]]:
+    """Every form that is proposed: what it is for, and a mission with it."""
+    for snippet in NODE["else"]["defaultSnippets"]:
+        yield (
+            snippet["label"],
+            mission("- " + re.sub(r"\$\{\d:([^}]*)\}", r"\1", snippet["bodyText"]).replace("\n", "\n    ")),
+        )
+    for word, schema in BEHAVIOURS.items():
+        for snippet in schema.get("defaultSnippets", []):
+            yield f"{word} {snippet['label']}", mission(f"- {json.dumps({word: snippet['body']})}")
+    (whole,) = SCHEMA["defaultSnippets"]
+    yield "whole", re.sub(r"\$\{\d:([^}]*)\}", r"\1", json.dumps(whole["body"]))
+
+
+@pytest.mark.parametrize(("label", "text"), [pytest.param(*each, id=each[0]) for each in snippets()])
+def test_every_proposed_form_is_a_mission(label: str, text: str) -> None:
+    assert accepted(text), label
+    assert complaints(text) == []
+
+
+def test_defaults_and_examples_of_arguments_are_valid_themselves() -> None:
+    for leaf in LEAVES.values():
+        arguments = leaf.arguments.values()
+        given_values = {each.name: "hello" if each.kind == "gesture" else example_of(each) for each in arguments}
+        if not leaf.open_ended:
+            text = mission(f"- {json.dumps({leaf.word: given_values})}")
+            assert accepted(text), text
+            assert complaints(text) == []
+
+
+class Blink(Leaf):
+    """Blink.
+
+    Succeeds at once.
+    """
+
+    word = "blink"
+    span: tuple[float, float] = argument("share", "how bright", span=True)
+    times: int = argument("count", "how often", default=2, low=1, high=9)
+    loud: bool = argument("flag", "with a click", default=False)
+    scale: float = argument("number", "how fast", default=1.0, high=2.0)
+    longest: float = argument("number", "how long at most", default=float("inf"))
+    what: object = argument("value", "anything", default=Status.SUCCESS)
+
+
+def test_a_leaf_of_ones_own_is_in_the_schema_by_its_declaration_alone() -> None:
+    schema = mission_schema({**LEAVES, "blink": Blink}, known_things())
+    validator = jsonschema.Draft7Validator(json.loads(json.dumps(schema, allow_nan=False)))
+
+    def good(value: object) -> bool:
+        return bool(validator.is_valid({"mission": "m", "tree": {"blink": value}}))
+
+    assert good({"span": ["0 %", "50 %"], "times": 3, "loud": True, "scale": -1})
+    assert good({"span": ["0 %", "50 %"], "times": "${n}", "loud": "${quiet}"})
+    assert not good({"times": 3})
+    assert not good({"span": ["0 %", "50 %"], "times": 10})
+    assert not good({"span": ["0 %", "50 %"], "loud": "no"})
+    assert not good({"span": ["0 %", "50 %"], "scale": 3})
+    assert not good("50 %")
+    assert not validator.is_valid({"mission": "m", "tree": "blink"})
+
+
+def test_limits_and_defaults_are_said_as_a_mission_writes_them() -> None:
+    assert [bounds(each) for each in list(Blink.arguments.values())[:4]] == ["", "1 to 9", "", "at most 2"]
+    assert [shown_default(each) for each in list(Blink.arguments.values())[1:3]] == ["2", "false"]
+    assert shown_default(LEAVES["find_face"].arguments["pan"]) == "[-60 deg, 60 deg]"
+    assert bounds(LEAVES["wait"].arguments["duration"]) == "at least 0 s"
+
+
+# The commands
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: command(capsys, *arguments)
+
+
+def test_the_command_writes_the_schema_to_a_file_or_prints_it(run: Callable[..., Outcome]) -> None:
+    printed = run("schema")
+    assert printed.code == 0
+    assert json.loads(printed.out) == SCHEMA
+    assert run("schema", "-o", "mission.schema.json").code == 0
+    assert Path("mission.schema.json").read_text(encoding="utf-8") == printed.out
+
+
+def test_the_command_takes_behaviours_of_ones_own(run: Callable[..., Outcome]) -> None:
+    Path("blink.py").write_text(
+        "from behaviours.leaf import Leaf\n\n\nclass Blink(Leaf):\n    'Blink.'\n\n    word = 'blink'\n",
+        encoding="utf-8",
+    )
+    outcome = run("schema", "--behaviours", "blink.py")
+    assert outcome.code == 0, outcome.err
+    assert json.loads(outcome.out)["definitions"]["behaviours"]["blink"]["description"] == "Blink."
+
+
+def test_a_schema_that_cannot_be_written_is_a_usage_error(run: Callable[..., Outcome]) -> None:
+    outcome = run("schema", "-o", "no/such/folder/s.json")
+    assert outcome.code == 2
+    assert "No such file" in outcome.err
+
+
+def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outcome]) -> None:
+    Path("bad.yaml").write_text("mission: m\ntree:\n  sequence:\n    - trak_face\n    - wait: 3\n", encoding="utf-8")
+    outcome = run("check", "--json", "bad.yaml", "greet")
+    assert outcome.code == 2
+    assert outcome.err == ""
+    assert json.loads(outcome.out) == [
+        {
+            "file": "bad.yaml",
+            "line": 4,
+            "column": 7,
+            "length": 9,
+            "message": "unknown behaviour 'trak_face'",
+            "suggestion": "did you mean 'track_face'?",
+        },
+        {
+            "file": "bad.yaml",
+            "line": 5,
+            "column": 13,
+            "length": 1,
+            "message": "'wait' needs a duration such as '2 s': '3' has no unit (units: s, ms, min, h)",
+            "suggestion": "",
+        },
+    ]
+
+
+def test_check_of_good_missions_tells_editors_an_empty_list(run: Callable[..., Outcome]) -> None:
+    outcome = run("check", "--json")
+    assert (outcome.code, json.loads(outcome.out)) == (0, [])

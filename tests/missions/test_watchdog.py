@@ -1,0 +1,368 @@
+"""Whatever a leaf does to the tick loop, it is named, the robot is kept still, and the run comes to an end."""
+
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, SUCCESS, Leaf
+from behaviours.run import Run
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import DeviceFault
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.terminal import Terminal
+from missions.executive.events import Event as Told
+from missions.executive.events import FaultRaised, Stream
+from missions.executive.watchdog import GLANCE, Limits, Watchdog
+from tests.missions.command import Process, command, wait_until
+
+# --- one look at a time, on a clock that the test advances ------------------------------------------------------------
+
+
+class Slow(Leaf):
+    """Do within a tick what the test says."""
+
+    word = "slow"
+    work_of_tick: Callable[[], Status] = staticmethod(lambda: RUNNING)
+
+    def update(self) -> Status:
+        return self.work_of_tick()
+
+
+class Kennel:
+    """A watchdog, what it watches, and what it did: parts kept still, what was told, and how it gave up."""
+
+    def __init__(self, clock: ManualClock, *, still: Callable[[], None] | None = None) -> None:
+        self.clock = clock
+        self.run = Run(clock)
+        self.stilled = Event()
+        self.kept: list[str] = []
+        self.told: list[Told] = []
+        self.word: str | None = None
+        self.given_up: list[tuple[str, str]] = []
+        self.dog = Watchdog(
+            self.run,
+            Stream([self.told.append]),
+            still={"base": still or (lambda: self.keep("base")), "arm": lambda: self.keep("arm")},
+            heard=lambda: self.word,
+            abandon=lambda result, reason: self.given_up.append((result, reason)),
+        )
+        self.dog.armed = True
+        self.leaf = Slow("dawdle")
+        self.leaf.run, self.leaf.scope, self.leaf.line = self.run, {}, 4
+
+    def keep(self, part: str) -> None:
+        self.kept.append(part)
+        self.stilled.set()
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time pass with the watchdog looking."""
+        for _ in range(round(seconds / GLANCE)):
+            self.clock.advance(GLANCE)
+            self.dog.look()
+
+    def hold(self, seconds: float, then: Status = RUNNING) -> Status:
+        """Let the leaf hold a tick for so long."""
+
+        def dawdle() -> Status:
+            self.pass_time(seconds)
+            return then
+
+        self.leaf.work_of_tick = dawdle
+        self.run.tick += 1
+        status = self.leaf.advance()
+        self.run.beat()
+        return status
+
+    def permitted(self) -> Status:
+        """Ask for a permit, as a command does."""
+        self.dog.permit()
+        return SUCCESS
+
+    @property
+    def faults(self) -> list[str]:
+        return [event.detail for event in self.told if isinstance(event, FaultRaised)]
+
+
+@pytest.fixture
+def kennel(clock: ManualClock) -> Kennel:
+    return Kennel(clock)
+
+
+def test_a_leaf_that_is_quick_is_not_spoken_of(kennel: Kennel) -> None:
+    for _ in range(20):
+        assert kennel.hold(0.1) is RUNNING
+    assert (kennel.faults, kennel.kept) == ([], [])
+
+
+def test_a_leaf_that_holds_a_tick_is_reported_by_name_and_line_once(kennel: Kennel) -> None:
+    assert kennel.hold(0.45) is RUNNING
+    (fault,) = kennel.faults
+    assert fault.startswith("dawdle (line 4) has held a tick for 0.")
+    assert kennel.kept == []
+
+
+def test_a_loop_that_stalls_has_the_robot_kept_still_twice_and_no_more(kennel: Kennel) -> None:
+    assert kennel.hold(1.8) is RUNNING
+    wait_until(lambda: len(kennel.kept) >= 4)
+    kennel.hold(0.1)
+    assert sorted(kennel.kept) == ["arm", "arm", "base", "base"]
+    assert kennel.faults[-1].startswith("dawdle (line 4) has held up the robot for 0.5")
+
+
+def test_each_stall_is_a_new_one(kennel: Kennel) -> None:
+    kennel.hold(0.6)
+    kennel.hold(0.1)
+    kennel.hold(0.6)
+    assert len([fault for fault in kennel.faults if "held up the robot" in fault]) == 2
+
+
+def test_a_stall_outside_of_any_leaf_counts_too(kennel: Kennel) -> None:
+    kennel.pass_time(0.6)
+    assert kennel.stilled.wait(5.0)
+    assert kennel.faults == ["the executive has held up the robot for 0.55 s: it is kept still"]
+
+
+def test_a_device_that_hangs_keeps_neither_the_watchdog_nor_the_other_parts(clock: ManualClock) -> None:
+    release = Event()
+
+    def stuck() -> None:
+        release.wait(10.0)
+
+    kennel = Kennel(clock, still=stuck)
+    kennel.hold(1.8)
+    wait_until(lambda: kennel.kept.count("arm") == 2)
+    release.set()
+
+
+def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) -> None:
+    refused: list[str] = []
+
+    def drive() -> Status:
+        kennel.pass_time(0.6)
+        try:
+            kennel.dog.permit()
+        except DeviceFault as error:
+            refused.append(str(error))
+        return RUNNING
+
+    kennel.leaf.work_of_tick = drive
+    kennel.run.tick += 1
+    kennel.leaf.advance()
+    assert refused == ["kept still: dawdle (line 4) holds the tick"]
+    kennel.dog.permit()  # what comes after it in the same tick may
+    kennel.run.tick += 1
+    kennel.leaf.work_of_tick = kennel.permitted
+    assert kennel.leaf.advance() is SUCCESS
+
+
+def test_a_leaf_that_holds_a_tick_for_seconds_has_failed_whatever_it_returns(kennel: Kennel) -> None:
+    assert kennel.hold(3.0, then=SUCCESS) is Status.FAILURE
+    assert kennel.leaf.reason.startswith("dawdle (line 4): held the tick for 2.9")
+    assert kennel.hold(0.1, then=SUCCESS) is SUCCESS
+
+
+def test_a_loop_that_never_comes_back_is_given_up(kennel: Kennel) -> None:
+    kennel.hold(16.0)
+    assert kennel.given_up[0] == ("failure", "dawdle (line 4): held the tick for over 15 s")
+
+
+def test_a_signal_that_the_loop_reacts_to_ends_nothing(kennel: Kennel) -> None:
+    kennel.word = "Ctrl-C"
+    for _ in range(40):
+        kennel.hold(0.1)
+    assert kennel.given_up == []
+
+
+def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None:
+    kennel.dog.armed = False  # whatever the main thread is at: opening, ticking, closing
+    kennel.word = "SIGTERM"
+    kennel.pass_time(1.9)
+    assert kennel.given_up == []
+    kennel.pass_time(0.3)
+    assert kennel.given_up[0] == ("interrupted", "SIGTERM")
+
+
+def test_a_process_that_was_stopped_for_an_hour_has_not_stalled(kennel: Kennel) -> None:
+    kennel.hold(0.1)
+    kennel.clock.advance(3600.0)
+    kennel.dog.look()
+    assert (kennel.kept, kennel.given_up) == ([], [])
+
+
+def test_the_watchdog_looks_by_itself_and_stops_more_than_once() -> None:
+    run, told = Run(SystemClock()), list[Told]()
+    limits = Limits(stall=0.1)
+    dog = Watchdog(run, Stream([told.append]), still={}, heard=lambda: None, abandon=lambda *_: None, limits=limits)
+    dog.stop()
+    with dog:
+        dog.start()
+        dog.armed = True
+        wait_until(lambda: bool(told))
+    dog.stop()
+
+
+# --- real processes that drive a virtual base -------------------------------------------------------------------------
+
+LEAVES = '''
+import ctypes, sys, _thread, threading
+from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
+from drivers.api import Velocity
+from drivers.errors import DriverError
+
+class _Driver(Leaf):
+    needs = drives = frozenset({"base"})
+    _ticks = 0
+    def update(self):
+        self.robot.base.drive(Velocity(0.2, 0.0))
+        self._ticks += 1
+        state = self.robot.base.state().value
+        return self.hang() if self._ticks > 20 and state and state.velocity.linear > 0.1 else RUNNING
+    def hang(self):
+        return RUNNING
+
+class Sleepy(_Driver):
+    """Fall asleep at the wheel."""
+    word = "sleepy"
+    def hang(self):
+        threading.Event().wait(3.0)
+        return SUCCESS
+
+class Stubborn(_Driver):
+    """Drive on and on, within one tick."""
+    word = "stubborn"
+    def hang(self):
+        while True:
+            try:
+                self.robot.base.drive(Velocity(0.2, 0.0))
+            except DriverError:
+                pass
+            threading.Event().wait(0.02)
+
+class Petrified(_Driver):
+    """Lock, in C, what it has locked already: no Python runs on this thread any more, no signal handler either."""
+    word = "petrified"
+    def hang(self):
+        mutex, lock = ctypes.create_string_buffer(64), ctypes.CDLL(None).pthread_mutex_lock
+        lock(mutex)
+        lock(mutex)
+
+class Rude(Leaf):
+    """Raise whatever there is, or worse."""
+    word = "rude"
+    how: str = argument("text", "how", principal=True)
+    def update(self):
+        getattr(self, self.how)()
+    def leave(self): sys.exit(0)
+    def end_thread(self): _thread.exit()
+    def interrupt(self): raise KeyboardInterrupt
+    def close(self): raise GeneratorExit
+    def recurse(self): self.recurse()
+    def exhaust(self): raise MemoryError
+    def speechless(self):
+        class Odd(Exception):
+            def __str__(self): raise ValueError
+        raise Odd
+    def nothing(self): self.feedback_message = object()
+'''
+
+ROBOT = "robot: tester\nbase: {driver: kobuki, port: PORT}\n"
+
+
+class Held:
+    """A `mission run` process, with the leaves above, on a virtual Kobuki of ours."""
+
+    def __init__(self, folder: Path, tree: str) -> None:
+        self.kobuki = VirtualKobuki()
+        self.terminal = Terminal("kobuki", self.kobuki, SystemClock())
+        self.terminal.open()
+        self.events = folder / "events.jsonl"
+        (folder / "leaves.py").write_text(LEAVES)
+        (folder / "held.yaml").write_text(f"mission: held\ntree:\n  {tree}\n")
+        (folder / "robot.yaml").write_text(ROBOT.replace("PORT", self.terminal.path))
+        options = ["--behaviours", "leaves.py", "--robot", "robot.yaml", "--json", "--events", "events.jsonl"]
+        self.process = Process("run", "held.yaml", *options, folder=folder)
+
+    def wait_for_event(self, words: str) -> None:
+        wait_until(lambda: self.events.exists() and words in self.events.read_text(), seconds=20.0)
+
+    @property
+    def speed(self) -> float:
+        return self.terminal.ask(lambda: abs(self.kobuki.wheels.velocity.linear))
+
+    @property
+    def summary(self) -> tuple[str, str]:
+        told = json.loads(self.process.lines[-1])
+        return told["result"], told["reason"]
+
+    def close(self) -> None:
+        self.process.end(signal.SIGKILL)  # where it has ended already, this only closes its pipes
+        self.terminal.close()
+
+
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("leave", "SystemExit: 0"),
+        ("end_thread", "SystemExit"),
+        ("interrupt", "KeyboardInterrupt"),
+        ("close", "GeneratorExit"),
+        ("recurse", "RecursionError: maximum recursion depth exceeded"),
+        ("exhaust", "MemoryError"),
+        ("speechless", "Odd"),
+        ("nothing", "returned None instead of a status"),
+    ],
+)
+def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
+    how: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("leaves.py").write_text(LEAVES)
+    Path("rude.yaml").write_text(f"mission: rude\ntree:\n  rude: {how}\n")
+    outcome = command(capsys, "run", "rude.yaml", "--behaviours", "leaves.py", "--json")
+    assert outcome.code == 1
+    told = json.loads(outcome.out.splitlines()[-1])
+    assert (told["result"], told["reason"].startswith(f"rude (line 3): {reason}")) == ("failure", True), told
+
+
+def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_path: Path) -> None:
+    held = Held(tmp_path, "sleepy")
+    try:
+        held.wait_for_event("it is kept still")
+        wait_until(lambda: held.speed == 0.0)
+        assert held.process.end() == 1
+        result, reason = held.summary
+        assert (result, reason.startswith("sleepy (line 3): held the tick for ")) == ("failure", True), reason
+        assert held.speed == 0.0
+    finally:
+        held.close()
+
+
+@pytest.mark.parametrize("tree", ["stubborn", "petrified"])
+def test_a_loop_that_hangs_for_good_is_ended_by_a_signal_with_the_base_at_rest(tree: str, tmp_path: Path) -> None:
+    held = Held(tmp_path, tree)
+    try:
+        held.wait_for_event("it is kept still")
+        wait_until(lambda: held.speed == 0.0)  # though one of them goes on commanding it
+        assert held.process.end(signal.SIGTERM) == 130
+        assert held.summary == ("interrupted", "SIGTERM")
+        assert held.speed == 0.0
+        assert json.loads(held.events.read_text().splitlines()[-1])["event"] == "ended"
+    finally:
+        held.close()
+
+
+def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: Path) -> None:
+    held = Held(tmp_path, "sequence: [{sleepy: , on_failure: succeed}, {wait: 1 s}]")
+    try:
+        held.wait_for_event("it is kept still")
+        wait_until(lambda: held.speed == 0.0)
+        held.wait_for_event('"kind": "wait"')
+        assert held.speed == 0.0
+        assert held.process.end() == 0
+    finally:
+        held.close()
