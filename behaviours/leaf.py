@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.node import Node
@@ -12,7 +13,7 @@ from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.errors import DriverError, NotConnected
 
-RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE
+RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
 REQUIRED: Any = object()
 """The default of an argument that must be given."""
@@ -85,6 +86,8 @@ class Leaf(Node):
     computed: Mapping[str, Callable[[], object]] = {}
     given: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
+    _begins: ClassVar[bool] = False  # the class has an initialise of its own
+    _finishes: ClassVar[bool] = False  # and a terminate
     _since = 0.0
     _entered = False  # initialise was called: terminate is due
     _initialised = False  # initialise is through: update is next
@@ -102,6 +105,8 @@ class Leaf(Node):
                 )
                 delattr(cls, name) if value.required else setattr(cls, name, value.default)
         cls.arguments = declared
+        cls._begins = cls.initialise is not Behaviour.initialise
+        cls._finishes = cls.terminate is not Behaviour.terminate
 
     @property
     def claims(self) -> frozenset[str]:
@@ -140,50 +145,65 @@ class Leaf(Node):
         return f"{self.name} (line {self.line})" if self.line else self.name
 
     def work(self) -> Status:
-        """Start if need be, update once, and turn whatever goes wrong into a failure with a reason."""
+        """Start if need be, update once, and turn whatever goes wrong into a failure with a reason.
+
+        This is the hot path of every tick: what is rarely needed is asked for with one comparison.
+        """
         run = self.run
         run.working = self
         try:
-            status: object = self._work()
-        except NotConnected as error:
-            # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
-            status = self.wait(f"waiting: {error}")
-        except DriverError as error:
-            status = self.fail(str(error))
+            if self._initialised and self._halt_by is None:
+                self.feedback_message = ""
+                status = self.update()
+            else:
+                status = self._enter_and_update()
         except BaseException as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
-            if self._interrupted(error):
-                raise
-            log.exception("%s raised", self.place)
-            status = self.fail(f"{self.place}: {_said(error)}")
-        if not isinstance(status, Status) or status is Status.INVALID:
+            status = self._gone_wrong(error)
+        if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
             status = self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
         if type(self.feedback_message) is not str:
             self.feedback_message = _shown(self.feedback_message)
         if run.overheld is not None and run.overheld[:2] == (self, run.tick):
             status = self.fail(f"{self.place}: held the tick for {run.now() - run.overheld[2]:.1f} s")
-        if status is not RUNNING:
-            self._end(status)
+        if status is not RUNNING and self._entered:
+            self._entered = self._initialised = False
+            if self._finishes:
+                self._terminate(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
             self.scope[self.keep_as] = self.result
         run.working = None
         return status
 
-    def _work(self) -> Status:
+    def _enter_and_update(self) -> Status:
+        """Start, then update for the first time."""
         if self._halt_by is not None and not self._come_to_rest():
             return self.wait("still stopping")
-        if not self._initialised:
+        if self.computed or self.given:
             problem = self._fill_in()
             if problem:
                 return self.fail(problem)
-            if self.drives and not self.run.make_way():
-                return self.wait("waiting for another behaviour to stop")
-            self.result = None
-            self._since = self.run.now()
-            self._entered = True
+        if self.drives and not self.run.make_way():
+            return self.wait("waiting for another behaviour to stop")
+        self.result = None
+        self._since = self.run.clock.now()
+        self._entered = True
+        if self._begins:
             self.initialise()
-            self._initialised = True
+        self._initialised = True
         self.feedback_message = ""
         return self.update()
+
+    def _gone_wrong(self, error: BaseException) -> Status:
+        """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
+        if isinstance(error, NotConnected):
+            # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
+            return self.wait(f"waiting: {error}")
+        if isinstance(error, DriverError):
+            return self.fail(str(error))
+        if self._interrupted(error):
+            raise error
+        log.error("%s raised", self.place, exc_info=error)
+        return self.fail(f"{self.place}: {_said(error)}")
 
     def _fill_in(self) -> str:
         """Compute the arguments that are known only now; return what is wrong with them."""
@@ -199,12 +219,6 @@ class Leaf(Node):
             for name, value in found.items():
                 setattr(self, name, value)
         return ""
-
-    def _end(self, status: Status) -> None:
-        """Let it clean up after itself."""
-        if self._entered:
-            self._entered = self._initialised = False
-            self._terminate(status)
 
     def _terminate(self, status: Status) -> None:
         try:
@@ -233,13 +247,16 @@ class Leaf(Node):
             return True
         if self._entered and not self._come_to_rest():
             return False
-        self.publish(Status.INVALID)
+        self.publish(IDLE)
         return True
 
     def reset(self) -> None:
-        self._halt_by = None
-        self._entered = self._initialised = False
-        super().reset()
+        if self._entered:
+            self._halt_by = None
+            self._entered = self._initialised = False
+        if self.status is not IDLE:
+            self.feedback_message = ""
+            self.publish(IDLE)
 
     def _come_to_rest(self) -> bool:
         """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
@@ -252,7 +269,7 @@ class Leaf(Node):
         now = self.run.now()
         if self._halt_by is None:
             self._halt_by = now + self.halt_limit
-            self._terminate(Status.INVALID)
+            self._terminate(IDLE)
         elif self._halt_tick == self.run.tick:
             return False
         self._halt_tick = self.run.tick

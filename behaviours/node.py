@@ -43,7 +43,8 @@ class Node(Behaviour):
     def advance(self) -> Status:
         """Tick once and return the new status."""
         status = self.work()
-        self.publish(status)
+        if status is not self.status:
+            self.publish(status)
         return status
 
     @abstractmethod

@@ -42,14 +42,13 @@ class InOrder(Composite):
         self.order = self.members
 
     def go_on(self) -> Status:
-        order, passes, last = self.order, self.passes, len(self.order) - 1
-        while True:
-            child = order[self._index]
-            self.current_child = child
-            status = child.advance()
-            if status is not passes or self._index == last:
-                return self.blame(child) if status is FAILURE else status
-            self._index += 1
+        order, passes, index = self.order, self.passes, self._index
+        last = len(order) - 1
+        while (status := order[index].advance()) is passes and index < last:
+            index += 1
+        self._index = index
+        self.current_child = child = order[index]
+        return self.blame(child) if status is FAILURE else status
 
 
 class _Reactive(Composite):

@@ -18,9 +18,12 @@ STATUS_WORDS = {
 """How a status is written in events, tests and pictures."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Event:
-    """Something that happened ``t`` seconds after the start of the run. ``event`` names its kind in files."""
+    """Something that happened ``t`` seconds after the start of the run. ``event`` names its kind in files.
+
+    Not frozen, which would make each cost twice as much; not to be altered, since every listener gets the same one.
+    """
 
     event: ClassVar[str] = ""
     t: float
@@ -32,7 +35,7 @@ class Event:
         return {"event": self.event} | {name: value for name, value in values.items() if value is not None}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Started(Event):
     """A mission begins."""
 
@@ -43,7 +46,7 @@ class Started(Event):
     params: Mapping[str, object]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Ticked(Event):
     """The root was ticked for the ``tick``-th time, with this result; ``late`` says by how many seconds too late."""
 
@@ -53,7 +56,7 @@ class Ticked(Event):
     late: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class NodeChanged(Event):
     """A node has a new status. ``node`` is its stable id within the tree."""
 
@@ -67,7 +70,7 @@ class NodeChanged(Event):
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PerceptSeen(Event):
     """Perception has searched a frame, taken at ``stamp`` (seconds since the start)."""
 
@@ -76,7 +79,7 @@ class PerceptSeen(Event):
     faces: tuple[Mapping[str, object], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CommandSent(Event):
     """A behaviour, or the executive itself, has commanded a part of the robot."""
 
@@ -87,7 +90,7 @@ class CommandSent(Event):
     values: Mapping[str, object]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class FaultRaised(Event):
     """A part of the robot tells of itself: ``what`` is ``offline``, ``online`` or ``fault``."""
 
@@ -98,7 +101,7 @@ class FaultRaised(Event):
     hint: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Logged(Event):
     """A line for people: ``level`` is a level of Python's logging in small letters, or ``voice`` for printed words."""
 
@@ -107,7 +110,7 @@ class Logged(Event):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Ended(Event):
     """The mission is over and the robot at rest."""
 

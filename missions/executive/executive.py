@@ -163,15 +163,14 @@ class Executive:
         self.stream.emit(Ended(self.time(), result.mission, result.result, result.reason, result.seconds, result.ticks))
 
     def _node_changed(self, node: Node) -> None:
+        # Called for every change of every node: so no call that can be saved, and no hash of an enum, which is slow.
+        status = node.status
+        if status is Status.RUNNING:
+            word = "running"
+        else:
+            word = "success" if status is Status.SUCCESS else STATUS_WORDS[status]
+        run = self.run
+        now = run.clock.now()
         self.stream.emit(
-            NodeChanged(
-                self.time(),
-                self.run.tick,
-                node.key,
-                node.name,
-                node.kind,
-                node.line,
-                STATUS_WORDS[node.status],
-                node.reason,
-            )
+            NodeChanged(now, run.tick, node.key, node.name, node.kind, node.line, word, node.feedback_message)
         )
