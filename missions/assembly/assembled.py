@@ -36,7 +36,10 @@ class Assembled:
     def missing(self) -> dict[str, tuple[str, str]]:
         """Return the parts that are not there yet: what is the matter with each, and what to try."""
         health = {name: device.health() for name, device in self.devices.items()}
-        return {name: (each.detail, each.hint) for name, each in health.items() if not each.online}
+        missing = {name: (each.detail, each.hint) for name, each in health.items() if not each.online}
+        if self.eyes is not None and self.eyes.looked() is None:
+            missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
+        return missing
 
     def settle(self, claims: frozenset[str]) -> None:
         """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.

@@ -78,11 +78,6 @@ def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None
     assert said == []
 
 
-def test_the_greeting_is_what_the_caller_asks_for() -> None:
-    _, _, said = run(Order("greet", {"greeting": "Good day, ${name}"}))
-    assert said == ["Good day, ${name}"], "a caller's text is text, not an expression"
-
-
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the clips of real people are not here")
 @pytest.mark.parametrize("clip", ["again", "learn", "sister", "want"])
 def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
