@@ -17,6 +17,21 @@ GRACE = 3.0
 """Seconds that a thread has to end after its test."""
 
 
+REAL_TIME = ("tests/drivers", "tests/missions", "tests/perception", "tests/conformance/test_executive")
+"""Where tests run real drivers, processes or cameras in real time."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give tests in real time two more tries.
+
+    A shared machine now and then stops for longer than a servo waits for its reply. A test that fails for a reason of
+    its own fails three times.
+    """
+    for item in items:
+        if item.nodeid.startswith(REAL_TIME):
+            item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
+
+
 @pytest.fixture
 def clock() -> ManualClock:
     """A clock that stands still until the test advances it."""
