@@ -13,7 +13,7 @@ from tests.benchmarks.table import Row, compare
 def text(nodes: int) -> str:
     """Return a mission of about ``nodes`` nodes."""
     branch = "    - selector:\n        - pretend: [failure]\n          name: try\n"
-    branch += "        - wait: 100 ms\n        - log: hello\n"
+    branch += "        - log: hello\n        - wait: 100 ms\n"
     return "mission: bench\ntree:\n  sequence:\n" + branch * (nodes // 4)
 
 
