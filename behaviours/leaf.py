@@ -296,7 +296,7 @@ def _said(error: BaseException) -> str:
     """Return an exception's type and words; the type alone where it has none, or cannot say them."""
     try:
         words = str(error)
-    except Exception:
+    except Exception:  # a foreign exception may be unable to say itself
         words = ""
     return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
@@ -305,5 +305,5 @@ def _shown(value: object) -> str:
     """Return what a leaf gave, whatever that is, for a message."""
     try:
         return repr(value)[:80]
-    except Exception:
+    except Exception:  # so may any value that a leaf returns
         return f"a {type(value).__name__}"
