@@ -49,8 +49,9 @@ class Gesture(Leaf):
             if problem:
                 return self.fail(problem)
             start = self._positions()
-            joints = {joint for frame in self.gesture.keyframes for joint in frame.positions}
-            if silent := joints - start.keys():
+            # In the order of the gesture: a set would have its own in every process.
+            joints = dict.fromkeys(joint for frame in self.gesture.keyframes for joint in frame.positions)
+            if silent := joints.keys() - start.keys():
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             playing = self._begin({joint: start[joint] for joint in joints})
         now = self.run.now()

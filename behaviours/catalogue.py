@@ -5,8 +5,10 @@ from collections.abc import Mapping
 from behaviours.arm import Gesture
 from behaviours.base import Arc, Drive, Stop, Turn
 from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
-from behaviours.head import Look
+from behaviours.head import Look, LookAt
+from behaviours.head_motion import Nod, ShakeHead, SweepHead
 from behaviours.leaf import Leaf
+from behaviours.scan import Scan
 from behaviours.scene import SceneUniform
 from behaviours.sight import FaceCentred, FaceSeen, FindFace
 from behaviours.tracking.follow_person import FollowPerson
@@ -23,6 +25,11 @@ LEAVES: Mapping[str, type[Leaf]] = {
         FollowPerson,
         SceneUniform,
         Look,
+        LookAt,
+        Scan,
+        Nod,
+        ShakeHead,
+        SweepHead,
         Drive,
         Turn,
         Arc,

@@ -1,4 +1,4 @@
-"""Leaves that move the head."""
+"""Leaves that turn the head to a place: by angles, or to a point."""
 
 import math
 
@@ -10,32 +10,137 @@ from drivers.api import HeadPose, Reading
 ARRIVED = math.radians(1.0)
 """Within this angle the head has arrived; a hobby servo takes whole degrees."""
 
+SAG = math.radians(3.0)
+"""As far from its goal a measured head may come to rest: a servo under load stops short of it."""
 
-class Look(Leaf):
-    """Turn the head.
+SETTLED = 1.0
+"""Seconds without a change after which a head that has not arrived never will: no servo starts that late."""
 
-    Running until the head looks there (or as near as its limits allow), then succeeds.
-    """
+NEAR = 0.02
+"""Metres from the camera within which nothing can be looked at."""
 
-    word = "look"
+
+class Arrival:
+    """Watches a head on its way to its goals."""
+
+    def __init__(self) -> None:
+        self._seen: HeadPose | None = None
+        self._goal: HeadPose | None = None
+        self._since = 0.0
+        self.stuck = False
+
+    def __call__(self, reading: Reading[HeadPose], goal: HeadPose, now: float) -> bool:
+        """Say whether the head is at ``goal``, as nearly as its servos can; ``stuck`` when it rests elsewhere."""
+        pose = reading.value
+        if pose is None or not reading.good:
+            self._seen, self.stuck = None, False
+            return False
+        if self._seen is None or self._goal is None or apart(pose, self._seen) + apart(goal, self._goal) > ARRIVED / 4:
+            self._seen, self._goal, self._since = pose, goal, now
+        at_rest = now - self._since >= SETTLED
+        self.stuck = at_rest and apart(pose, goal) > SAG
+        return arrived(reading, goal) or (at_rest and not self.stuck)
+
+
+class _Looking(Leaf):
+    """What turns to one pose and is done."""
+
     needs = frozenset({"head"})
     drives = frozenset({"head"})
-    pan: float = argument("angle", "positive is to the left", default=0.0, principal=True)
-    tilt: float = argument("angle", "positive is down", default=0.0)
+    stores = "where the head looks: pan, tilt"
+    _arrival: Arrival
 
-    def update(self) -> Status:
+    def initialise(self) -> None:
+        self._arrival = Arrival()
+
+    def turn(self, target: HeadPose) -> Status:
+        """Go on to ``target``; say where the head is, and where it cannot go further."""
         # Said at every tick: a head that was gone for a moment has forgotten where to look.
-        goal = self.robot.head.look(HeadPose(self.pan, self.tilt))
-        return SUCCESS if arrived(self.robot.head.pose(), goal) else self.wait("the head is on its way")
+        goal = self.robot.head.look(target)
+        reading = self.robot.head.pose()
+        there = self._arrival(reading, goal, self.run.now())
+        clamped = apart(goal, target) > ARRIVED
+        wanted = f"{shown(goal)}, the limit for {shown(target)}" if clamped else shown(goal)
+        if self._arrival.stuck and reading.value is not None:
+            return self.fail(f"the head rests at {shown(reading.value)} and does not come to {wanted}")
+        if not there:
+            here = "the head is on its way" if reading.value is None else f"the head is at {shown(reading.value)}"
+            return self.wait(f"{here}, on its way to {wanted}")
+        self.result = reading.value
+        self.feedback_message = f"looks at {wanted}"
+        return SUCCESS
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()
 
 
+class Look(_Looking):
+    """Turn the head.
+
+    Running until the head looks there (or as near as its limits allow), then succeeds. Fails when the head comes to
+    rest elsewhere.
+    """
+
+    word = "look"
+    pan: float = argument("angle", "positive is to the left", default=0.0, principal=True, low=-math.pi, high=math.pi)
+    tilt: float = argument("angle", "positive is down", default=0.0, low=-math.pi / 2, high=math.pi / 2)
+
+    def update(self) -> Status:
+        return self.turn(HeadPose(self.pan, self.tilt))
+
+
+class LookAt(_Looking):
+    """Turn the head to a point: metres from the middle of the base on the floor, as the robot stands now.
+
+    Running until the camera looks at it, then succeeds. Fails when the point is out of the head's reach, or when the
+    head comes to rest elsewhere.
+    """
+
+    word = "look_at"
+    x: float = argument("length", "how far ahead", low=-100.0, high=100.0)
+    y: float = argument("length", "how far to the left", low=-100.0, high=100.0)
+    z: float = argument("length", "how high above the floor", low=-100.0, high=100.0)
+
+    def update(self) -> Status:
+        target = aim(self.robot.eye, (self.x, self.y, self.z))
+        if target is None:
+            return self.fail(f"({self.x:g}, {self.y:g}, {self.z:g}) m is where the camera is")
+        limits = self.robot.head.limits
+        if apart(limits.clamp(target), target) > ARRIVED:
+            return self.fail(
+                f"({self.x:g}, {self.y:g}, {self.z:g}) m is at {shown(target)}, beyond the head's limits: "
+                f"pan {_span(limits.pan)}, tilt {_span(limits.tilt)}"
+            )
+        return self.turn(target)
+
+
+def aim(eye: tuple[float, float, float], point: tuple[float, float, float]) -> HeadPose | None:
+    """Return the pose in which a camera at ``eye`` has ``point`` (both metres, robot's frame) on its axis.
+
+    None for a point so near that it lies in no direction.
+    """
+    x, y, z = (there - here for there, here in zip(point, eye, strict=True))
+    if math.hypot(x, y, z) < NEAR:
+        return None
+    return HeadPose(math.atan2(y, x), math.atan2(-z, math.hypot(x, y)))
+
+
 def arrived(reading: Reading[HeadPose], goal: HeadPose) -> bool:
     """True when the head is known to be at ``goal``, as nearly as its servos can."""
     pose = reading.value
-    if pose is None or not reading.good:
-        return False
-    return abs(pose.pan - goal.pan) <= ARRIVED and abs(pose.tilt - goal.tilt) <= ARRIVED
+    return pose is not None and reading.good and apart(pose, goal) <= ARRIVED
+
+
+def apart(one: HeadPose, other: HeadPose) -> float:
+    """Return how far two poses are apart in the axis in which they differ more, in radians."""
+    return max(abs(one.pan - other.pan), abs(one.tilt - other.tilt))
+
+
+def shown(pose: HeadPose) -> str:
+    """Write a pose for a reason: "+20, -5 deg"."""
+    return f"{round(math.degrees(pose.pan)):+d}, {round(math.degrees(pose.tilt)):+d} deg"
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"{math.degrees(ends[0]):.0f} to {math.degrees(ends[1]):.0f} deg"

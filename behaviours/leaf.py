@@ -1,56 +1,24 @@
 """The common base of all leaves, and the one declaration that the checker, the catalogue and the docs read."""
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from behaviours.argument import REQUIRED, Argument, argument
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.errors import DriverError, NotConnected
 
+# What a leaf is written with comes from one module.
+__all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Leaf", "argument", "log"]
+
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
-REQUIRED: Any = object()
-"""The default of an argument that must be given."""
-
-
-@dataclass(frozen=True, slots=True)
-class Argument:
-    """One argument of a leaf.
-
-    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "name", "value"
-    (anything), "outcomes" (a list of statuses), or "gesture" or "controller" (looked up by name). ``span`` asks for
-    two values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without
-    its name.
-    """
-
-    name: str
-    kind: str
-    help: str
-    default: Any = REQUIRED
-    principal: bool = False
-    span: bool = False
-    low: float = -math.inf
-    high: float = math.inf
-
-    @property
-    def required(self) -> bool:
-        """True when a mission must give it."""
-        return self.default is REQUIRED
-
-
-def argument(kind: str, help: str, **options: Any) -> Any:  # noqa: A002 - the word that argparse and click use
-    """Declare an argument of a leaf, as a class attribute.
-
-    ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
-    SI floats for quantities, a pair of them for a span.
-    """
-    return Argument(name="", kind=kind, help=help, **options)
+AT_REST, STARTING, WORKING, HALTING = range(4)
+"""How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
 
 
 class Leaf(Node):
@@ -58,8 +26,9 @@ class Leaf(Node):
 
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
     and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
-    ``voice``), ``needs`` the parts without which it is of no use. ``stores`` says what ``as: NAME`` keeps; the
-    subclass puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
+    ``voice``), ``needs`` the parts without which it is of no use; of one that needs the ``camera``, ``senses`` say what
+    it looks for (``faces``, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
+    puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
     ``ends`` is how it can end, for the checker to see what is never reached; one that is ``instant`` never runs for
@@ -72,6 +41,7 @@ class Leaf(Node):
 
     word: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
+    senses: ClassVar[frozenset[str]] = frozenset({"faces"})
     drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
@@ -84,13 +54,11 @@ class Leaf(Node):
     result: object = None
     keep_as: str | None = None
     computed: Mapping[str, Callable[[], object]] = {}
-    given: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
-    _begins: ClassVar[bool] = False  # the class has an initialise of its own
-    _finishes: ClassVar[bool] = False  # and a terminate
-    _since = 0.0
-    _entered = False  # initialise was called: terminate is due
-    _initialised = False  # initialise is through: update is next
+    _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
+    _finishes: ClassVar[bool] = False  # it has a terminate of its own
+    _since: float | None = None
+    _leaf_stage = AT_REST
     _halt_by: float | None = None
     _halt_tick = -1
 
@@ -105,7 +73,7 @@ class Leaf(Node):
                 )
                 delattr(cls, name) if value.required else setattr(cls, name, value.default)
         cls.arguments = declared
-        cls._begins = cls.initialise is not Behaviour.initialise
+        cls._prepares = bool(cls.drives) or cls.initialise is not Behaviour.initialise
         cls._finishes = cls.terminate is not Behaviour.terminate
 
     @property
@@ -114,9 +82,25 @@ class Leaf(Node):
         return self.drives
 
     @property
+    def acting(self) -> bool:
+        """True from its start until it has ended or come to rest: while it may drive what it claims."""
+        return self._leaf_stage != AT_REST
+
+    @property
+    def since(self) -> float:
+        """When it started, on the run's clock: read when first asked for, at the end of its first tick at the latest.
+
+        So a leaf that ends in the tick in which it starts, as most do, need not read the clock.
+        """
+        if self._since is None:
+            self._since = self.run.now()
+        return self._since
+
+    @property
     def elapsed(self) -> float:
         """Seconds since it started."""
-        return self.run.now() - self._since
+        since = self.since  # which may not have been read before
+        return self.run.now() - since
 
     def update(self) -> Status:
         """Do one tick's work; running unless a subclass says otherwise."""
@@ -152,21 +136,23 @@ class Leaf(Node):
         run = self.run
         run.working = self
         try:
-            if self._initialised and self._halt_by is None:
+            if self._leaf_stage == WORKING:
                 self.feedback_message = ""
                 status = self.update()
             else:
                 status = self._enter_and_update()
         except BaseException as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
             status = self._gone_wrong(error)
-        if status is not RUNNING and status is not SUCCESS and status is not FAILURE:
-            status = self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
-        if type(self.feedback_message) is not str:
-            self.feedback_message = _shown(self.feedback_message)
+        known = status is RUNNING or status is SUCCESS or status is FAILURE
+        if not known or type(self.feedback_message) is not str:
+            status = self._mended(status)
         if run.overheld is not None and run.overheld[:2] == (self, run.tick):
-            status = self.fail(f"{self.place}: held the tick for {run.now() - run.overheld[2]:.1f} s")
-        if status is not RUNNING and self._entered:
-            self._entered = self._initialised = False
+            status = self.fail(f"{self.place}: held the tick for {run.wall.now() - run.overheld[2]:.1f} s")
+        if status is RUNNING:
+            if self._since is None:
+                self._since = run.clock.now()
+        elif self._leaf_stage != AT_REST:
+            self._leaf_stage = AT_REST
             if self._finishes:
                 self._terminate(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
@@ -176,22 +162,28 @@ class Leaf(Node):
 
     def _enter_and_update(self) -> Status:
         """Start, then update for the first time."""
-        if self._halt_by is not None and not self._come_to_rest():
+        if self._leaf_stage == HALTING and not self._come_to_rest():
             return self.wait("still stopping")
-        if self.computed or self.given:
+        if self.computed:
             problem = self._fill_in()
             if problem:
                 return self.fail(problem)
-        if self.drives and not self.run.make_way():
-            return self.wait("waiting for another behaviour to stop")
-        self.result = None
-        self._since = self.run.clock.now()
-        self._entered = True
-        if self._begins:
+        self.result = self._since = None
+        if self._prepares:
+            if self.drives and not self.run.make_way():
+                return self.wait("waiting for another behaviour to stop")
+            self._leaf_stage = STARTING
             self.initialise()
-        self._initialised = True
+        self._leaf_stage = WORKING
         self.feedback_message = ""
         return self.update()
+
+    def _mended(self, status: Status) -> Status:
+        """Return a failure for what is no status; put a text in the place of a reason that is none."""
+        if status is RUNNING or status is SUCCESS or status is FAILURE:
+            self.feedback_message = _shown(self.feedback_message)
+            return status
+        return self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
 
     def _gone_wrong(self, error: BaseException) -> Status:
         """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
@@ -208,7 +200,7 @@ class Leaf(Node):
     def _fill_in(self) -> str:
         """Compute the arguments that are known only now; return what is wrong with them."""
         found = {}
-        for name, compute in (self.given if self.open_ended else self.computed).items():
+        for name, compute in self.computed.items():
             try:
                 found[name] = compute()
             except (ValueError, LookupError) as error:
@@ -245,18 +237,14 @@ class Leaf(Node):
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
         if self.status is not RUNNING:
             return True
-        if self._entered and not self._come_to_rest():
+        if self._leaf_stage != AT_REST and not self._come_to_rest():
             return False
         self.publish(IDLE)
         return True
 
-    def reset(self) -> None:
-        if self._entered:
-            self._halt_by = None
-            self._entered = self._initialised = False
-        if self.status is not IDLE:
-            self.feedback_message = ""
-            self.publish(IDLE)
+    def give_up(self) -> None:
+        """Forget a start, or a halt, that was under way."""
+        self._leaf_stage, self._halt_by = AT_REST, None
 
     def _come_to_rest(self) -> bool:
         """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
@@ -268,7 +256,7 @@ class Leaf(Node):
     def _stopped(self) -> bool:
         now = self.run.now()
         if self._halt_by is None:
-            self._halt_by = now + self.halt_limit
+            self._leaf_stage, self._halt_by = HALTING, now + self.halt_limit
             self._terminate(IDLE)
         elif self._halt_tick == self.run.tick:
             return False
@@ -277,8 +265,7 @@ class Leaf(Node):
             if now < self._halt_by:
                 return False
             self._settle()
-        self._halt_by = None
-        self._entered = self._initialised = False
+        self._leaf_stage, self._halt_by = AT_REST, None
         return True
 
     def _still_halting(self) -> bool:

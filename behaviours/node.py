@@ -7,12 +7,14 @@ nodes that have ended already. Ours are driven through three plain methods inste
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.run import Run
+
+RUNNING, IDLE = Status.RUNNING, Status.INVALID  # looked up once: that takes ten times as long as to compare them
 
 
 class Node(Behaviour):
@@ -56,12 +58,11 @@ class Node(Behaviour):
         return self.work()
 
     def publish(self, status: Status) -> None:
-        """Take on ``status``, and tell whoever watches if that is news."""
-        if status is not self.status:
-            self.status = status
-            observer = self.run.observer
-            if observer is not None:
-                observer(self)
+        """Take on a new status, and tell whoever watches."""
+        self.status = status
+        run = self.run
+        if run.observer is not None:
+            run.observer.changed(run.clock.now(), run.tick, self, status, self.feedback_message)
 
     @abstractmethod
     def halt(self) -> bool:
@@ -69,22 +70,42 @@ class Node(Behaviour):
 
     def reset(self) -> None:
         """Forget the result of a run that has ended, and the results below. Nothing is told to stop: it has stopped."""
-        if self.status is not Status.INVALID:
-            for child in self.children:
-                if isinstance(child, Node):
-                    child.reset()
+        reset_all((self,))
+
+    def forget(self, forgotten: list["Node"]) -> None:
+        """Forget what ``reset`` is to forget, and add each node that had a result to ``forgotten``; tell nobody yet."""
+        status = self.status
+        if status is not IDLE:
+            if status is RUNNING:
+                self.give_up()
             self.feedback_message = ""
-            self.publish(Status.INVALID)
+            self.status = IDLE
+            forgotten.append(self)
+
+    @abstractmethod
+    def give_up(self) -> None:
+        """Forget a halt that is under way: it takes too long, and the actuators were brought to rest for it."""
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick as py_trees does: advance once, then yield every node that has a status, this one last."""
         self.advance()
-        yield from (node for node in self.iterate() if node is self or node.status is not Status.INVALID)
+        yield from (node for node in self.iterate() if node is self or node.status is not IDLE)
 
-    def stop(self, new_status: Status = Status.INVALID) -> None:
+    def stop(self, new_status: Status = IDLE) -> None:
         """Stop as py_trees does, which does not ask again: what takes more time is brought to rest for it."""
         if not self.halt():
             self.run.settle(self.claims)
             self.reset()
         if self.status is not new_status:
             self.publish(new_status)
+
+
+def reset_all(nodes: Iterable[Node]) -> None:
+    """Reset several nodes at once; whoever watches is told of all together."""
+    forgotten: list[Node] = []
+    for node in nodes:
+        node.forget(forgotten)
+    if forgotten:
+        run = forgotten[0].run
+        if run.observer is not None:
+            run.observer.forgot(run.clock.now(), run.tick, forgotten)

@@ -14,6 +14,9 @@ Part = TypeVar("Part")
 class Robot:
     """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
 
+    ``eye`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
+    103. The head turns about it.
+
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
     forgot to declare one.
     """
@@ -23,6 +26,7 @@ class Robot:
     arm_part: Joints | None = None
     voice_part: Voice | None = None
     sight_part: Sight | None = None
+    eye: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     @property
     def base(self) -> Base:

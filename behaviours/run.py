@@ -2,9 +2,11 @@
 
 import logging
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
+
+from py_trees.common import Status
 
 from drivers.clock import Clock
 
@@ -15,31 +17,66 @@ if TYPE_CHECKING:
 log = logging.getLogger("missiontree")
 
 
+class Observer(Protocol):
+    """Who is told of every new status, at once and within the tick: it must neither wait nor raise.
+
+    ``time`` is that of the change, on the run's clock; ``tick`` the tick that it came in.
+    """
+
+    def changed(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
+        """Hear that a node has a new status, and why."""
+
+    def forgot(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
+        """Hear that several nodes, or one, have forgotten their results, in this order: all are idle now."""
+
+
+class NodeByNode:
+    """An observer that only wants to know which node has a new status; the node itself says which, and why."""
+
+    def __init__(self, tell: Callable[["Node"], object]) -> None:
+        self._tell = tell
+
+    def changed(self, time: float, tick: int, node: "Node", status: Status, reason: str) -> None:
+        """See Observer."""
+        del time, tick, status, reason
+        self._tell(node)
+
+    def forgot(self, time: float, tick: int, nodes: "Sequence[Node]") -> None:
+        """See Observer."""
+        del time, tick
+        for node in nodes:
+            self._tell(node)
+
+
 class Run:
     """The shared state of one run of a mission.
 
     ``variables`` holds the params and what behaviours have stored; ``tick`` counts from 1, 0 before the first.
-    ``observer`` is told of every node whose status has changed. ``preemptible`` are the running nodes that give way as
-    soon as a leaf of higher priority is about to drive an actuator. ``settle`` brings the named actuators to rest when
-    a leaf did not manage to in time.
+    ``observer`` is told of every new status. ``preemptible`` are the running nodes that give way as soon as a leaf of
+    higher priority is about to drive an actuator. ``settle`` brings the named actuators to rest when a leaf did not
+    manage to in time. ``let_pass(seconds)`` waits for so long or until woken, which it says: simulated time replaces
+    it.
     ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
-    For who watches from another thread: ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf
-    that has the word now. ``overheld`` says back which leaf held which tick for too long, and since when.
+    For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
+    ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf that has the word now. ``overheld``
+    says back which leaf held which tick for too long, and since when.
     """
 
-    def __init__(self, clock: Clock, *, seed: int = 0) -> None:
+    def __init__(self, clock: Clock, *, seed: int = 0, wall: Clock | None = None) -> None:
         self.clock = clock
+        self.wall = clock if wall is None else wall
         self.tick = 0
         self.variables: dict[str, object] = {}
         self.random = random.Random(seed)  # noqa: S311 - the order of a random selector is no secret
-        self.observer: Callable[[Node], None] | None = None
+        self.observer: Observer | None = None
         self.preemptible: list[Node] = []
         self.settle: Callable[[frozenset[str]], None] = _nothing_to_settle
         self.woken = Event()
+        self.let_pass: Callable[[float], bool] = self._let_pass
         self.interruptible = True
-        self.alive_at = clock.now()
+        self.alive_at = self.wall.now()
         self.working: Leaf | None = None
         self.overheld: tuple[Leaf, int, float] | None = None
 
@@ -49,11 +86,14 @@ class Run:
 
     def beat(self) -> None:
         """Show that the loop goes on."""
-        self.alive_at = self.clock.now()
+        self.alive_at = self.wall.now()
 
     def wake(self) -> None:
         """Tick at once: something has happened that a behaviour may wait for. From any thread."""
         self.woken.set()
+
+    def _let_pass(self, seconds: float) -> bool:
+        return self.woken.wait(seconds)
 
     def make_way(self) -> bool:
         """Halt what gives way to a leaf that is about to drive an actuator; False while that takes more ticks."""

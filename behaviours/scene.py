@@ -14,6 +14,7 @@ class SceneUniform(Leaf):
 
     word = "scene_uniform"
     needs = frozenset({"camera"})
+    senses = frozenset()
     within: float = argument(
         "duration", "how old the picture may be; 0 s waits for one from now on", default=0.5, principal=True, low=0.0
     )

@@ -146,7 +146,7 @@ class FindFace(_Seeing):
     def _from(self) -> float:
         """Since when a face counts: where it is must be known to tell people apart, so then the head must stand."""
         if not self.new:
-            return self._since
+            return self.since
         return math.inf if self._there_since is None else self._there_since
 
     def _stand(self) -> Pose2D:

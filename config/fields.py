@@ -186,7 +186,11 @@ def _value(node: Node) -> object:
 
 def read_fields(path: Path, *, what: str, name: str | None = None) -> Fields:
     """Read a YAML file whose top is one mapping. Raises InvalidFileError when it is not."""
-    source = read_source(path, name)
+    return fields_of(read_source(path, name), what=what)
+
+
+def fields_of(source: Source, *, what: str) -> Fields:
+    """Read a text in YAML whose top is one mapping. Raises InvalidFileError when it is not."""
     faults: list[Fault] = []
     fields = Fields(source, compose(source, faults), faults, what=what)
     if not isinstance(fields.node, Mapping):

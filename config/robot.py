@@ -7,9 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from config.faults import InvalidFileError
-from config.fields import Fields, read_fields
-from config.marked import Node
+from config.faults import InvalidFileError, Source
+from config.fields import Fields, fields_of
+from config.head import HeadConfig, NeckConfig, read_head
+from config.marked import Node, read_source
+
+DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+"""The coefficients by which a lens bends a picture, in the order that OpenCV has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,32 +26,6 @@ class BaseConfig:
     max_turn: float
     acceleration: float
     turn_acceleration: float
-
-
-@dataclass(frozen=True, slots=True)
-class ServoConfig:
-    """One servo of the head: which output of the board, its limits, whether it is mounted the other way round."""
-
-    index: int
-    lower: float
-    upper: float
-    flip: bool
-    trim: float
-
-
-@dataclass(frozen=True, slots=True)
-class HeadConfig:
-    """A pan/tilt head on an Arduino with the Rodney sketch.
-
-    ``boot`` is how long the board needs after its port was opened, ``speed`` the rate at which both axes turn.
-    """
-
-    port: str
-    baud: int
-    boot: float
-    speed: float
-    pan: ServoConfig
-    tilt: ServoConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +57,9 @@ class CameraConfig:
     """A camera: an index, a device, a file, a URL or a folder; its view and where it sits.
 
     ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead.
+    ``centre`` is where the optical axis meets the picture, as shares of its sides; ``distortion`` is empty, or k1, k2,
+    p1, p2, k3 as calibration finds them. ``detector`` of faces is ``haar`` or ``yunet``, ``model`` the file of the
+    latter, empty for where `mission models fetch` puts it.
     """
 
     source: str
@@ -86,6 +67,10 @@ class CameraConfig:
     width: int
     height: int
     position: tuple[float, float, float]
+    centre: tuple[float, float] = (0.5, 0.5)
+    distortion: tuple[float, ...] = ()
+    detector: str = "haar"
+    model: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +88,7 @@ class RobotConfig:
     summary: str
     rate: float
     base: BaseConfig | None = None
-    head: HeadConfig | None = None
+    head: HeadConfig | NeckConfig | None = None
     arm: ArmConfig | None = None
     camera: CameraConfig | None = None
     voice: VoiceConfig | None = None
@@ -117,14 +102,20 @@ class RobotConfig:
 
 def load_robot(path: Path) -> RobotConfig:
     """Read a robot file. Raises InvalidFileError with every mistake in it."""
-    fields = read_fields(path, what="a robot file")
+    return robot_of(read_source(path), path)
+
+
+def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
+    """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
+    fields = fields_of(source, what="a robot file")
+    arm = _arm(fields.section("arm"))
     robot = RobotConfig(
         name=fields.text("robot"),
         summary=fields.text("summary", ""),
         rate=fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0),
         base=_base(fields.section("base")),
-        head=_head(fields.section("head")),
-        arm=_arm(fields.section("arm")),
+        head=read_head(fields.section("head"), _reaches(arm)),
+        arm=arm,
         camera=_camera(fields.section("camera")),
         voice=_voice(fields.section("voice")),
         path=path,
@@ -151,41 +142,6 @@ def _base(fields: Fields | None) -> BaseConfig | None:
     return base
 
 
-def _head(fields: Fields | None) -> HeadConfig | None:
-    if fields is None:
-        return None
-    fields.choice("driver", ["arduino"])
-    head = HeadConfig(
-        port=fields.text("port"),
-        baud=fields.integer("baud", 57_600, low=1),
-        boot=fields.quantity("boot", "duration", 2.0, low=0.0),
-        speed=fields.quantity("speed", "turn rate", 2.0, low=0.01),
-        pan=_servo(fields.section("pan", required=True), 0),
-        tilt=_servo(fields.section("tilt", required=True), 1),
-    )
-    if head.pan.index == head.tilt.index and not fields.faults:
-        fields.fault(fields.node.mark, f"'pan' and 'tilt' are both on servo {head.pan.index}")
-    fields.done()
-    return head
-
-
-def _servo(fields: Fields | None, index: int) -> ServoConfig:
-    if fields is None:
-        return ServoConfig(index, 0.0, 0.0, flip=False, trim=0.0)
-    # A hobby servo turns from 0 to 180 degrees; 90 is straight ahead. Limits as in the Rodney head_control node.
-    quarter, eighth = 1.5707963268, 0.7853981634
-    lower, upper = fields.span("limits", "angle", (-quarter, quarter))
-    servo = ServoConfig(
-        index=fields.integer("servo", index, low=0, high=3),
-        lower=lower,
-        upper=upper,
-        flip=fields.flag("flip", False),
-        trim=fields.quantity("trim", "angle", 0.0, low=-eighth, high=eighth),
-    )
-    fields.done()
-    return servo
-
-
 def _arm(fields: Fields | None) -> ArmConfig | None:
     if fields is None:
         return None
@@ -210,6 +166,11 @@ def _arm(fields: Fields | None) -> ArmConfig | None:
     )
     fields.done()
     return arm
+
+
+def _reaches(arm: ArmConfig | None) -> dict[str, tuple[float, float]]:
+    """Return the limits of the arm's joints."""
+    return {} if arm is None else {name: (joint.lower, joint.upper) for name, joint in arm.joints.items()}
 
 
 def _joint(section: Fields, name: str, node: Node) -> JointConfig:
@@ -247,9 +208,24 @@ def _camera(fields: Fields | None) -> CameraConfig | None:
         width=fields.integer("width", 640, low=64, high=4096),
         height=fields.integer("height", 480, low=48, high=4096),
         position=position,
+        centre=(
+            fields.quantity("centre_x", "share", 0.5, low=0.1, high=0.9),
+            fields.quantity("centre_y", "share", 0.5, low=0.1, high=0.9),
+        ),
+        distortion=_distortion(fields.section("distortion")),
+        detector=fields.choice("detector", ["haar", "yunet"], "haar"),
+        model=fields.text("model", ""),
     )
     fields.done()
     return camera
+
+
+def _distortion(fields: Fields | None) -> tuple[float, ...]:
+    if fields is None:
+        return ()
+    found = tuple(fields.number(name, 0.0, low=-20.0, high=20.0) for name in DISTORTION)
+    fields.done()
+    return found
 
 
 def _voice(fields: Fields | None) -> VoiceConfig | None:

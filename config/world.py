@@ -1,103 +1,227 @@
-"""World files: the room that a simulated robot stands in, and who is in it. SI units and radians."""
+"""World files: the room that a simulated robot stands in, what is in it, and who. SI units and radians."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
-from config.faults import InvalidFileError
-from config.fields import Fields, read_fields
-from config.marked import Listing, Node, Scalar
+from config.faults import InvalidFileError, Source
+from config.fields import Fields, fields_of
+from config.layout import Layout, Place, place
+from config.marked import Listing, Mapping, Scalar, read_source
+from config.people import PersonConfig, read_person
+from config.things import (
+    BallConfig,
+    BoxConfig,
+    EdgeConfig,
+    RoverConfig,
+    WallConfig,
+    read_edge,
+    read_furniture,
+    read_object,
+    read_rover,
+    read_wall,
+)
+
+NOISE = 3.0
+"""The camera's noise in grey levels where a file does not say."""
 
 
 @dataclass(frozen=True, slots=True)
-class PersonConfig:
-    """Somebody who stands at (x, y) and, after ``start`` seconds, walks along ``path`` at ``speed`` m/s.
+class LightConfig:
+    """From ``at`` seconds on the light goes to ``light`` (1 is daylight), evenly within ``over`` seconds."""
 
-    ``facing`` is an angle about z, or None for always towards the camera; ``height`` is that of the eyes.
+    at: float
+    light: float
+    over: float
+
+
+@dataclass(frozen=True, slots=True)
+class StartConfig:
+    """Where the robot stands at first, and which way it looks."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PhysicsConfig:
+    """How the base errs: the share of its wheels' travel that slips, the seconds from a command to its effect.
+
+    ``gyro_noise`` in rad/s is a standard deviation; ``dropouts`` is the share 0..1 of its reports that are lost.
     """
 
-    name: str
-    look: str
-    x: float
-    y: float
-    height: float
-    facing: float | None
-    path: tuple[tuple[float, float], ...]
-    speed: float
-    start: float
-    loop: bool
+    slip: float = 0.0
+    lag: float = 0.0
+    gyro_noise: float = 0.0
+    dropouts: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """A room of ``length`` (x) by ``width`` (y) metres around ``centre``; the robot starts at (0, 0), looking along x.
+    """A room of ``length`` (x) by ``width`` (y) by ``height`` metres around ``centre``, and all that is in it.
 
-    ``light`` is 1 in daylight, ``noise`` the standard deviation of the camera's noise in grey levels of 255.
+    ``light`` is 1 in daylight, until the first of the ``light_changes``. ``noise`` is the standard deviation of the
+    camera's noise in grey levels of 255, ``dropouts`` the share 0..1 of its pictures that are lost.
     """
 
     name: str
     summary: str
     length: float
     width: float
-    centre: tuple[float, float]
+    centre: Place
     light: float
     noise: float
     people: tuple[PersonConfig, ...]
     file: str = ""
+    height: float = 2.6
+    start: StartConfig = StartConfig()
+    light_changes: tuple[LightConfig, ...] = ()
+    walls: tuple[WallConfig, ...] = ()
+    furniture: tuple[BoxConfig, ...] = ()
+    edges: tuple[EdgeConfig, ...] = ()
+    objects: tuple[BoxConfig | BallConfig, ...] = ()
+    robots: tuple[RoverConfig, ...] = ()
+    physics: PhysicsConfig = PhysicsConfig()
+    dropouts: float = 0.0
 
 
 def load_world(path: Path) -> WorldConfig:
     """Read a world file. Raises InvalidFileError with every mistake in it."""
-    fields = read_fields(path, what="a world file")
-    room = fields.section("room")
-    length, width, centre = 8.0, 6.0, (1.0, 0.0)
-    if room is not None:
-        length = room.quantity("length", "length", length, low=2.0, high=50.0)
-        width = room.quantity("width", "length", width, low=2.0, high=50.0)
-        middle = room.node_of("centre")
-        centre = _place(room, middle, "centre") if middle is not None else centre
-        room.done()
+    return read_world(read_source(path))
+
+
+def read_world(source: Source) -> WorldConfig:
+    """Read the text of a world file. Raises InvalidFileError with every mistake in it."""
+    fields = fields_of(source, what="a world file")
+    room, layout = _room(fields)
+    start = _start(fields, layout)
+    physics = _physics(fields.section("physics"))
+    noise, dropouts = _camera(fields, physics)
+    light, changes = _light(fields)
     world = WorldConfig(
         name=fields.text("world"),
         summary=fields.text("summary", ""),
-        length=length,
-        width=width,
-        centre=centre,
-        light=fields.quantity("light", "share", 1.0, low=0.0, high=2.0),
-        noise=fields.number("noise", 3.0, low=0.0, high=80.0),
-        people=tuple(_person(fields, node) for node in fields.items("people")),
+        length=room.length,
+        width=room.width,
+        height=room.height,
+        centre=room.centre,
+        start=start,
+        light=light,
+        light_changes=changes,
+        noise=noise,
+        dropouts=dropouts,
+        physics=physics,
+        walls=tuple(read_wall(fields, node, layout, room.height) for node in fields.items("walls")),
+        furniture=tuple(read_furniture(fields, node, layout) for node in fields.items("furniture")),
+        edges=tuple(read_edge(fields, node, layout) for node in fields.items("edges")),
+        objects=tuple(read_object(fields, node, layout) for node in fields.items("objects")),
+        robots=tuple(read_rover(fields, node, layout) for node in fields.items("robots")),
+        people=tuple(read_person(fields, node, layout) for node in fields.items("people")),
         file=fields.source.name,
     )
+    for key, named in (("objects", world.objects), ("robots", world.robots), ("people", world.people)):
+        _check_names(fields, key, named)
     fields.done()
     if fields.faults:
         raise InvalidFileError(fields.faults)
     return world
 
 
-def _person(world: Fields, node: Node) -> PersonConfig:
-    fields = Fields(world.source, node, world.faults, what="a person")
-    at = fields.node_of("at", required=True)
-    x, y = _place(fields, at, "at") if at is not None else (0.0, 0.0)
-    facing = fields.node_of("facing")
-    towards_camera = facing is None or (isinstance(facing, Scalar) and facing.value == "camera")
-    person = PersonConfig(
-        name=fields.text("name"),
-        look=fields.text("look", "anna"),
-        x=x,
-        y=y,
-        height=fields.quantity("height", "length", 1.6, low=0.8, high=2.1),
-        facing=None if towards_camera or facing is None else fields.measure(facing, "facing", "angle"),
-        path=tuple(_place(fields, point, "walk") for point in fields.items("walk")),
-        speed=fields.quantity("speed", "speed", 0.5, low=0.01, high=5.0),
-        start=fields.quantity("after", "duration", 0.0, low=0.0),
-        loop=fields.flag("loop", True),
+def _room(world: Fields) -> tuple[Layout, Layout | None]:
+    """Read the room, and return its floor a second time to put things on, or None where the room is not known."""
+    before = len(world.faults)
+    length, width, height, centre = 8.0, 6.0, 2.6, (1.0, 0.0)
+    fields = world.section("room")
+    if fields is not None:
+        length = fields.quantity("length", "length", length, low=2.0, high=50.0)
+        width = fields.quantity("width", "length", width, low=2.0, high=50.0)
+        height = fields.quantity("height", "length", height, low=2.2, high=20.0)
+        middle = fields.node_of("centre")
+        centre = place(fields, middle, "centre") if middle is not None else centre
+        fields.done()
+    room = Layout(length, width, height, centre)
+    return room, None if len(world.faults) > before else room
+
+
+def _start(world: Fields, layout: Layout | None) -> StartConfig:
+    before = len(world.faults)
+    fields = world.section("start")
+    x = y = heading = 0.0
+    room = world.node_of("room")
+    mark = world.node.mark if room is None else room.mark
+    if fields is not None:
+        at = fields.node_of("at")
+        x, y = place(fields, at, "at")
+        mark = mark if at is None else at.mark
+        heading = fields.quantity("heading", "angle", 0.0)
+        fields.done()
+    if layout is not None and len(world.faults) == before:
+        layout.place_robot(world, mark, (x, y))
+    return StartConfig(x, y, heading)
+
+
+def _physics(fields: Fields | None) -> PhysicsConfig:
+    if fields is None:
+        return PhysicsConfig()
+    physics = PhysicsConfig(
+        slip=fields.quantity("slip", "share", 0.0, low=0.0, high=0.9),
+        lag=fields.quantity("lag", "duration", 0.0, low=0.0, high=2.0),
+        gyro_noise=fields.quantity("gyro_noise", "turn rate", 0.0, low=0.0, high=1.0),
+        dropouts=fields.quantity("dropouts", "share", 0.0, low=0.0, high=1.0),
     )
     fields.done()
-    return person
+    return physics
 
 
-def _place(fields: Fields, node: Node, key: str) -> tuple[float, float]:
-    if not isinstance(node, Listing) or len(node.items) != 2:
-        fields.fault(node.mark, f"'{key}' needs a place, such as [1.5 m, 0.2 m]")
-        return 0.0, 0.0
-    x, y = (fields.measure(item, key, "length") for item in node.items)
-    return x, y
+def _camera(world: Fields, physics: PhysicsConfig) -> tuple[float, float]:
+    """Read noise and dropouts of the camera; what physics loses of reports, it loses of pictures, unless told else."""
+    noise = world.number("noise", NOISE, low=0.0, high=80.0)
+    fields = world.section("camera")
+    if fields is None:
+        return noise, physics.dropouts
+    inner = fields.node_of("noise")
+    if inner is not None and world.node_of("noise") is not None:
+        fields.fault(inner.mark, "'noise' stands twice: here and at the top of the file")
+    noise = fields.number("noise", noise, low=0.0, high=80.0)
+    dropouts = fields.quantity("dropouts", "share", physics.dropouts, low=0.0, high=1.0)
+    fields.done()
+    return noise, dropouts
+
+
+def _light(world: Fields) -> tuple[float, tuple[LightConfig, ...]]:
+    """Read one light, or a list of changes in the order of time; before the first of them there is daylight."""
+    node = world.node_of("light")
+    if not isinstance(node, Listing):
+        return world.quantity("light", "share", 1.0, low=0.0, high=2.0), ()
+    changes: list[LightConfig] = []
+    for item in node.items:
+        fields = Fields(world.source, item, world.faults, what="a change of light")
+        change = LightConfig(
+            at=fields.quantity("at", "duration", low=0.0),
+            light=fields.quantity("light", "share", low=0.0, high=2.0),
+            over=fields.quantity("over", "duration", 0.0, low=0.0),
+        )
+        fields.done()
+        at = fields.node_of("at")
+        if at is not None and changes and change.at < changes[-1].at:
+            fields.fault(at.mark, "'at': changes of light stand in the order of time")
+        changes.append(change)
+    return 1.0, tuple(changes)
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+def _check_names(world: Fields, key: str, named: Sequence[_Named]) -> None:
+    """Note a fault for every name that stands in a list for the second time."""
+    seen: Counter[str] = Counter()
+    for node, each in zip(world.items(key), named, strict=True):
+        seen[each.name] += 1
+        name = node.get("name") if isinstance(node, Mapping) else None
+        if seen[each.name] > 1 and isinstance(name, Scalar):
+            world.fault(name.mark, f"'{each.name}' is the name of another of the {key} already")

@@ -14,6 +14,7 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import sqrt
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -274,19 +275,31 @@ class HeadPose:
     tilt: float
 
 
+HEAD_ACCELERATION = 7.0
+"""rad/s^2 (400 degrees/s^2): how hard a head speeds up and brakes unless the robot file says otherwise."""
+
+
 @dataclass(frozen=True, slots=True)
 class HeadLimits:
-    """How far the head turns (radians) and how fast (rad/s, both axes)."""
+    """How far the head turns (radians), how fast (rad/s), and how hard it speeds up and brakes (rad/s^2); both axes."""
 
     pan: tuple[float, float]
     tilt: tuple[float, float]
     speed: float
+    acceleration: float = HEAD_ACCELERATION
 
     def clamp(self, pose: HeadPose) -> HeadPose:
         """Return the nearest pose within the limits."""
         return HeadPose(
             pan=min(max(pose.pan, self.pan[0]), self.pan[1]), tilt=min(max(pose.tilt, self.tilt[0]), self.tilt[1])
         )
+
+    def time_for(self, angle: float) -> float:
+        """Return the seconds that an axis needs for a turn by ``angle`` (radians), from rest to rest."""
+        way = abs(angle)
+        if way * self.acceleration < self.speed**2:  # it brakes before it has come to its full speed
+            return 2 * sqrt(way / self.acceleration)
+        return way / self.speed + self.speed / self.acceleration
 
 
 class Head(Device, Protocol):
@@ -310,7 +323,7 @@ class Head(Device, Protocol):
         ...
 
     def stop(self) -> None:
-        """Hold still now. Safe from any state, more than once; does not raise when offline."""
+        """Brake, within its acceleration, and hold. Safe from any state, more than once; never raises when offline."""
         ...
 
 

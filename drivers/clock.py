@@ -39,3 +39,7 @@ class ManualClock:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._now += seconds
         return self._now
+
+    def reach(self, time: float) -> None:
+        """Move on to ``time``, exactly; a time that is over changes nothing."""
+        self._now = max(self._now, time)

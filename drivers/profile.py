@@ -1,17 +1,25 @@
 """How a commanded angle gets to its goal: the motion profile of drivers whose servos know none of their own."""
 
 from dataclasses import dataclass, field
+from math import copysign, sqrt
 
 LONGEST_STEP = 0.1
 """Seconds that one step covers at most: a thread that was held up must not turn into a jump."""
 
 
 @dataclass(slots=True)
-class Ramp:
-    """Goes to its goal at no more than ``speed`` (rad/s). ``position`` in radians; it starts at rest."""
+class Profile:
+    """Goes to its goal in the shortest time that ``speed`` (rad/s) and ``acceleration`` (rad/s^2) allow.
+
+    That is the trapezoidal profile: speed up, go on, brake. Its phases are worked out exactly for whatever time has
+    passed, so it does not matter how often it is asked; a new goal is taken up in full motion, without a jerk of the
+    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest.
+    """
 
     position: float
     speed: float
+    acceleration: float
+    velocity: float = 0.0
     goal: float = field(init=False)
     stamp: float = 0.0
 
@@ -23,18 +31,61 @@ class Ramp:
         self.advance(now)
         self.goal = goal
 
+    def brake(self, now: float) -> None:
+        """Come to rest as soon as the acceleration allows, from time ``now`` on."""
+        self.advance(now)
+        self.goal = self._standstill()
+
     def advance(self, now: float) -> float:
         """Move on until time ``now`` and return the position. Time that does not rise changes nothing."""
-        elapsed = min(max(0.0, now - self.stamp), LONGEST_STEP)
+        left = min(max(0.0, now - self.stamp), LONGEST_STEP)
         self.stamp = max(self.stamp, now)
-        reach = self.speed * elapsed
-        self.position += min(max(self.goal - self.position, -reach), reach)
+        if self.position == self.goal and self.velocity == 0.0:
+            return self.position
+        for seconds, acceleration in self._phases():
+            step = min(seconds, left)
+            self.position += (self.velocity + acceleration * step / 2) * step
+            self.velocity += acceleration * step
+            left -= step
+            if step < seconds:
+                return self.position
+        self.position, self.velocity = self.goal, 0.0
         return self.position
+
+    @property
+    def heading(self) -> float:
+        """Where it is going now: to its goal, or, while it still goes the other way, to where it will have braked."""
+        standstill = self._standstill()
+        return standstill if (self.goal - standstill) * self.velocity < 0 else self.goal
 
     def place(self, position: float, now: float) -> None:
         """Go on from ``position`` (radians), where it turned out to stand at time ``now``; the goal stays."""
-        self.position, self.stamp = position, now
+        self.position, self.velocity, self.stamp = position, 0.0, now
+
+    def shift(self, angle: float) -> None:
+        """Call the present position by another number, ``angle`` (radians) greater; the goal's number stays."""
+        self.position += angle
 
     def halt(self) -> None:
-        """Make the present position the goal."""
-        self.goal = self.position
+        """Stand still at the present position at once."""
+        self.goal, self.velocity = self.position, 0.0
+
+    def _standstill(self) -> float:
+        """Where it would come to rest if it braked now."""
+        return self.position + self.velocity * abs(self.velocity) / (2 * self.acceleration)
+
+    def _phases(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+        """Return the three phases from here to rest at the goal: how many seconds, with which acceleration (rad/s^2).
+
+        Worked out as if the goal lay ahead: where it would overshoot, ahead is back. ``peak`` is the speed reached.
+        """
+        ahead = copysign(1.0, self.goal - self._standstill())
+        way, begin = ahead * (self.goal - self.position), ahead * self.velocity
+        peak = min(self.speed, sqrt(max(0.0, self.acceleration * way + begin**2 / 2)))
+        gain, loss = (peak - begin) / self.acceleration, peak / self.acceleration
+        even = way - (peak + begin) / 2 * gain - peak / 2 * loss
+        return (
+            (max(0.0, gain), ahead * self.acceleration),
+            (max(0.0, even / peak) if peak > 0 else 0.0, 0.0),
+            (loss, -ahead * self.acceleration),
+        )

@@ -6,9 +6,10 @@ What is public here is at hand as ``missions.load``, ``missions.run`` and so on;
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -26,7 +27,7 @@ from missions.executive.executive import Executive, Result
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
 from missions.library import load_mission
-from missions.runner import Order, Runner
+from missions.runner import PATIENT, Order, Runner, Simulate
 from missions.vocabulary import vocabulary
 
 Params = Mapping[str, object]
@@ -86,6 +87,8 @@ class Mission:
             raise BadRequest(f"mission '{self.name}' needs a robot with {parts}, and has none", hint=hint)
         if not self._open:
             raise BadRequest(f"the robot of mission '{self.name}' is not open", hint="with mission: mission.tick()")
+        if self._runner is not None and self._runner.twins is not None:
+            self._executive.pass_period()
         return self._executive.tick()
 
     def halt(self) -> bool:
@@ -116,16 +119,17 @@ def load(
     params: Params | None = None,
     robot: str | Robot | None = None,
     *,
-    simulate: bool = False,
+    simulate: bool | Simulate = False,
     world: str | None = None,
     seed: int = 0,
     behaviours: Iterable[str | Path] = (),
+    eyes: Literal["pixels", "truth"] = "pixels",
 ) -> Mission:
     """Read, check and build a mission: a name in the library, or a file. Opens nothing.
 
     ``robot`` is the name or file of a robot, which moves unless ``simulate``; or a ``behaviours.robot.Robot`` of parts
-    that the caller has opened, and closes. Without one, what needs none can be ticked. ``behaviours`` are files of
-    Python with leaves of your own.
+    that the caller has opened, and closes. Without one, what needs none can be ticked. With ``simulate="fast"`` time is
+    simulated, and goes on with the ticks. ``behaviours`` are files of Python with leaves of your own.
 
     Raises InvalidFileError, whose ``faults`` hold every mistake; UnknownNameError for a mission or robot that is not
     there.
@@ -133,7 +137,7 @@ def load(
     files = [Path(file) for file in behaviours]
     given = _texts(params)
     if isinstance(robot, str):
-        order = Order(str(path), given, robot, simulate, world, seed=seed, behaviours=files)
+        order = Order(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
         runner = Runner(order)
         return Mission(runner.executive, runner=runner)
     parts = Robot() if robot is None else robot
@@ -163,19 +167,21 @@ def run(
     params: Params | None = None,
     robot: str | None = None,
     *,
-    simulate: bool = False,
+    simulate: bool | Simulate = False,
     world: str | None = None,
     camera: str | None = None,
     ports: Mapping[str, str] | None = None,
     seed: int = 0,
     behaviours: Iterable[str | Path] = (),
+    eyes: Literal["pixels", "truth"] = "pixels",
+    speed: float = math.inf,
     listeners: Sequence[Listener] = (),
 ) -> Result:
     """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
 
-    Simulated unless ``robot`` is named. On the main thread, Ctrl-C and its like end it safely, and a signal that a
-    hanging leaf keeps from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is
-    waited for, with the robot kept still.
+    Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. On the main thread,
+    Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps from being heard ends the process, with
+    the robot at rest. A leaf that hangs without a signal is waited for, with the robot kept still.
 
     Raises InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
@@ -183,14 +189,22 @@ def run(
         str(mission),
         _texts(params),
         robot,
-        simulate,
+        _level(simulate),
         world,
         camera,
         ports or {},
         seed,
         [Path(file) for file in behaviours],
+        eyes=eyes,
+        speed=speed,
     )
-    return Runner(order, listeners=listeners, limits=Limits(lost=math.inf)).run()
+    limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
+    return Runner(order, listeners=listeners, limits=limits).run()
+
+
+def _level(simulate: bool | Simulate) -> Simulate | None:
+    """Return how to simulate: down to the wires where nothing else is said."""
+    return ("wire" if simulate else None) if isinstance(simulate, bool) else simulate
 
 
 def _texts(params: Params | None) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """The missions that ship with MissionTree, found by name, and the one way from a name to a checked plan."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
@@ -12,10 +12,18 @@ from missions.language.plan import Plan
 
 HERE = Path(__file__).parent
 
+TESTS = ".test.yaml"
+"""What the name of a file ends in that holds the tests of a mission."""
+
 
 def shipped_missions() -> dict[str, Path]:
     """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
-    return {str(path.relative_to(HERE).with_suffix("")): path for path in sorted(HERE.rglob("*.yaml"))}
+    return {str(path.relative_to(HERE).with_suffix("")): path for path in mission_files(HERE.rglob("*.yaml"))}
+
+
+def mission_files(files: Iterable[Path]) -> list[Path]:
+    """Return those of ``files`` that are missions, in order: their tests are not."""
+    return [path for path in sorted(files) if not path.name.endswith(TESTS) and path.is_file()]
 
 
 def find_mission(name: str, beside: Path = Path()) -> Path:

@@ -7,29 +7,34 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf, isfinite
 from pathlib import Path
+from typing import Literal
 
 from behaviours.node import Node
 from behaviours.run import Run, log
 from config.library import find
 from config.robot import RobotConfig, load_robot
-from config.world import load_world
+from config.world import WorldConfig, load_world
 from drivers.api import Notice
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
+from drivers.sim.timeline import Timeline
 from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.assembly.assembled import Assembled
-from missions.executive.build import build
+from missions.assembly.twins import Twins, twin_robot
+from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.commands import robot_for
 from missions.executive.events import CommandSent, FaultRaised, Listener, Logged, PerceptSeen, Stream
 from missions.executive.executive import Executive, Result
+from missions.executive.pace import Pace
 from missions.executive.signals import Signals
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
 from missions.library import load_mission
 from missions.vocabulary import vocabulary
-from perception.api import Face
+from perception.api import Marker, Percept, Thing, View
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
@@ -43,23 +48,39 @@ REMARK_TIME = 1.0
 CLOSE_TIME = 3.0
 """Seconds that devices have to close when a run is given up while its main thread hangs."""
 
+PATIENT = Limits(slow=inf, stall=inf, fail=10.0)
+"""What holds in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
+for half a second must not make two runs differ."""
+
+Simulate = Literal["wire", "fast"]
+"""How a robot is simulated: real drivers over virtual devices in real time, or twins in simulated time."""
+
 
 @dataclass(frozen=True, slots=True)
 class Order:
     """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
 
+    In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
+    pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
     ``behaviours`` are files of Python with leaves of the user's own.
     """
 
     mission: str
     params: Mapping[str, str] = field(default_factory=dict)
     robot: str | None = None
-    simulate: bool = False
-    world: str | None = None
+    simulate: Simulate | None = None
+    world: str | WorldConfig | None = None
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
     behaviours: Sequence[Path] = ()
+    eyes: Literal["pixels", "truth"] = "pixels"
+    speed: float = inf
+
+    @property
+    def simulation(self) -> Simulate | None:
+        """How the robot is simulated, None when the real one moves."""
+        return "wire" if self.simulate is None and self.robot is None else self.simulate
 
 
 def end_process(result: Result) -> None:
@@ -71,6 +92,8 @@ class Runner:
     """One run of one mission. Make it (which reads and checks everything), then ``run`` it, once.
 
     ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
+    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time.
+    ``plan`` is the order's mission where that was loaded before: a plan can be run any number of times.
     Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
     """
 
@@ -81,19 +104,22 @@ class Runner:
         listeners: Sequence[Listener] = (),
         limits: Limits | None = None,
         give_up: Callable[[Result], None] = end_process,
+        substitute: Substitute = as_it_is,
+        plan: Plan | None = None,
     ) -> None:
         config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
-        self.plan: Plan = load_mission(
-            order.mission,
-            params=order.params,
-            complete=True,
-            robot=(config.name, config.parts),
-            leaves=vocabulary(order.behaviours),
-        )
+        self.plan: Plan = load(order, config) if plan is None else plan
         self.stream = Stream(listeners)
         self._give_up = give_up
-        self._context = Run(SystemClock(), seed=order.seed)
-        self._robot: Assembled = self._assemble(config, order)
+        self.twins: Twins | None = None
+        if order.simulation == "fast":
+            timeline = Timeline()
+            self._context = Run(timeline.clock, seed=order.seed, wall=SystemClock())
+            self._context.let_pass = Pace(self._context, timeline, speed=order.speed)
+            self.twins, self._robot = self._twins(config, order, timeline)
+        else:
+            self._context = Run(SystemClock(), seed=order.seed)
+            self._robot = self._assemble(config, order)
         self._context.settle = self._robot.settle
         self._context.variables.update(state_of(self._robot.robot, self._context.clock))
         self.watchdog = Watchdog(
@@ -102,28 +128,50 @@ class Runner:
             still={part: partial(self._robot.settle, frozenset({part})) for part in ("base", "head", "arm")},
             heard=self._heard,
             abandon=self._abandon,
-            limits=limits,
+            limits=PATIENT if limits is None and self.twins is not None else limits,
         )
         permit = self.watchdog.permit
         self.root: Node = build(
-            self.plan, self._context, lambda leaf: robot_for(leaf, self._robot.robot, self._commanded, permit)
+            self.plan,
+            self._context,
+            lambda leaf: robot_for(leaf, self._robot.robot, self._commanded, permit),
+            substitute=substitute,
         )
         self.executive = Executive(self.root, self._context, self.stream, rate=config.rate, mission=self.plan.mission)
         self._signals = Signals(self.executive.stop)
 
     def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
-        simulated = order.simulate or order.robot is None
-        world = load_world(find("worlds", order.world or DEFAULT_WORLD)) if simulated else None
-        wishes = Wishes(world, order.camera, order.ports, order.seed)
-        ears = Ears(self._noticed, self._context.wake, self._said, self._seen)
-        return assemble(config, self.plan.tree.needs | self.plan.tree.claims, self._context.clock, wishes, ears)
+        world = None if order.simulation is None else _world(order)
+        wishes = Wishes(world, order.camera, order.ports, order.seed, self.plan.tree.senses)
+        return assemble(config, self._chosen, self._context.clock, wishes, self._ears)
+
+    def _twins(self, config: RobotConfig, order: Order, timeline: Timeline) -> tuple[Twins, Assembled]:
+        return twin_robot(
+            config,
+            self._chosen,
+            timeline,
+            _world(order),
+            self._ears,
+            senses=self.plan.tree.senses,
+            seed=order.seed,
+            truth=order.eyes == "truth",
+        )
+
+    @property
+    def _chosen(self) -> frozenset[str]:
+        return self.plan.tree.needs | self.plan.tree.claims
+
+    @property
+    def _ears(self) -> Ears:
+        return Ears(self._noticed, self._context.wake, self._said, self._seen, self._answered)
 
     def run(self) -> Result:
         """Run the mission until it ends, or a signal ends it; whatever happens, the robot is left at rest.
 
         Raises NotConnected when a part of the robot does not appear; its message names all that are missing.
         """
-        self.stream.open()
+        if self.twins is None:  # in simulated time all is told at once, in the one order that there is
+            self.stream.open()
         self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
         result = Result(self.plan.mission, "error", "", 0.0, 0)
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
@@ -186,7 +234,7 @@ class Runner:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
                 raise NotConnected(f"{self._robot.name} is not complete:\n{details}", hint="\n       ".join(hints))
-            self._context.woken.wait(0.02)
+            self._context.let_pass(0.02)
             self._context.woken.clear()
             self._context.beat()
 
@@ -212,19 +260,55 @@ class Runner:
     def _said(self, text: str) -> None:
         self.stream.emit(Logged(self._context.now(), "voice", text))
 
-    def _seen(self, stamp: float, faces: tuple[Face, ...]) -> None:
-        seen = tuple(_face(face) for face in faces)
-        self.stream.emit(PerceptSeen(self._context.now(), stamp, seen))
+    def _answered(self, who: str, text: str) -> None:
+        self.stream.emit(Logged(self._context.now(), "person", f"{who}: {text}"))
+
+    def _seen(self, view: View) -> None:
+        faces, things, markers = (
+            tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
+        )
+        stamp = 0.0 if view.looked is None else view.looked
+        self.stream.emit(PerceptSeen(self._context.now(), stamp, faces, things or None, markers or None))
         self._context.wake()
 
     def _commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
         self.stream.emit(CommandSent(self._context.now(), self._context.tick, to, source, values))
 
 
-def _face(face: Face) -> Mapping[str, object]:
-    box = [round(value, 1) for value in (face.box.x, face.box.y, face.box.width, face.box.height)]
-    angles = {name: round(getattr(face, name), 4) for name in ("bearing", "drop", "yaw", "pitch")}
-    return {"id": face.id, "box": box, "stamp": face.stamp, **angles, "distance": round(face.distance, 2)}
+def load(order: Order, robot: RobotConfig) -> Plan:
+    """Read and check the mission of ``order`` for a robot. Raises InvalidFileError or UnknownNameError."""
+    return load_mission(
+        order.mission,
+        params=order.params,
+        complete=True,
+        robot=(robot.name, robot.parts),
+        leaves=vocabulary(order.behaviours),
+    )
+
+
+def _world(order: Order) -> WorldConfig:
+    if isinstance(order.world, WorldConfig):
+        return order.world
+    return load_world(find("worlds", order.world or DEFAULT_WORLD))
+
+
+def _told(percept: Percept) -> Mapping[str, object]:
+    """Return a percept as events tell it: the angles in radians, the box in pixels."""
+    box = percept.box
+    told = {
+        "id": percept.id,
+        "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
+        "stamp": percept.stamp,
+        **{name: round(getattr(percept, name), 4) for name in ("bearing", "drop", "yaw", "pitch")},
+        "distance": round(percept.distance, 2) if isfinite(percept.distance) else None,
+    }
+    match percept:
+        case Thing():
+            return told | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
+        case Marker():
+            return told | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
+        case _:
+            return told
 
 
 class _Handler(logging.Handler):

@@ -78,13 +78,12 @@ class Gaze:
 
 
 @dataclass(frozen=True, slots=True)
-class Face:
-    """A person's face, followed from frame to frame.
+class Percept:
+    """Something that is followed from frame to frame.
 
-    ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, detected or followed by
-    optical flow, ``box`` where in that frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis
-    (left and down positive). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are filtered over time.
-    ``distance`` in metres is a guess from the size of the box.
+    ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` where in that
+    frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis (left and down positive). ``yaw``,
+    ``pitch`` (odometry frame) and their rates in rad/s are filtered over time. ``distance`` is in metres.
     """
 
     id: int
@@ -105,16 +104,60 @@ class Face:
 
 
 @dataclass(frozen=True, slots=True)
+class Face(Percept):
+    """A person's face, detected or carried by optical flow; its distance is a guess from the size of the box."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thing(Percept):
+    """A coloured shape: ``colour`` and ``shape`` in words ("red", "box"), ``name`` as it was asked for.
+
+    ``size`` is its width in metres, as far as that is known; else None, and the distance is not a number (NaN).
+    """
+
+    name: str
+    colour: str
+    shape: str
+    size: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Marker(Percept):
+    """A square marker on another robot: ``number`` is its own, ``name`` that of the robot, where it is known.
+
+    ``heading`` in radians is which way the marker's face is turned as seen from here: 0 is towards the camera,
+    positive turned to its left.
+    """
+
+    number: int
+    name: str
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """What one picture shows as a whole, in grey levels of 255.
 
     ``stamp`` is its frame's time, ``brightness`` its mean. ``contrast`` is how much neighbouring spots differ where
-    they do most: about 1 where it shows nothing but a blank wall or a covered lens, some tens for a room.
+    they do most: about 1 where it shows nothing but a blank wall or a covered lens, some tens for a room. ``motion`` is
+    the share 0..1 of it that has changed since the frame before, None where nobody asked.
     """
 
     stamp: float
     brightness: float
     contrast: float
+    motion: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """All that the newest frame gave; one object, so that readers never see half of it. ``looked`` is its stamp."""
+
+    looked: float | None = None
+    faces: tuple[Face, ...] = ()
+    things: tuple[Thing, ...] = ()
+    markers: tuple[Marker, ...] = ()
+    scene: Scene | None = None
 
 
 class Sight(Protocol):
@@ -122,6 +165,14 @@ class Sight(Protocol):
 
     def faces(self) -> Sequence[Face]:
         """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
+        ...
+
+    def things(self) -> Sequence[Thing]:
+        """The coloured shapes followed now, largest first."""
+        ...
+
+    def markers(self) -> Sequence[Marker]:
+        """The markers of other robots followed now, largest first."""
         ...
 
     def looked(self) -> float | None:

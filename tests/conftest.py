@@ -1,4 +1,4 @@
-"""What every test gets: a clock of its own, and a check that it leaves no thread, port or file open."""
+"""What every test gets: a check that it leaves no thread, port or file open. Its clock comes from our own plugin."""
 
 import threading
 from collections.abc import Iterator
@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-
-from drivers.clock import ManualClock
 
 # Machines are shared: how long an example takes says nothing.
 settings.register_profile("ours", deadline=None)
@@ -30,12 +28,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.nodeid.startswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
-
-
-@pytest.fixture
-def clock() -> ManualClock:
-    """A clock that stands still until the test advances it."""
-    return ManualClock()
 
 
 @pytest.fixture(autouse=True)

@@ -1,7 +1,10 @@
 """One axis of the head as a hobby servo: from radians to the whole degrees that the sketch takes, and back."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
+
+from drivers.pantilt import LARGEST_TRIM
 
 MIDDLE = 90
 """Degrees that the sketch takes for straight ahead."""
@@ -12,16 +15,16 @@ FULL = 180
 STARTS = (90, 120, 90, 90)
 """Degrees to which the Rodney sketch sends servos 0 to 3 when it starts."""
 
-LARGEST_TRIM = math.radians(45)
-
 
 @dataclass(frozen=True, slots=True)
 class ServoAxis:
-    """Which servo it is, how far it may turn (radians), and how it is built in.
+    """Which servo it is, how far the head may turn by it (radians), and how it is built in: a ``drivers.pantilt.Axis``.
 
-    ``flip`` is for a servo that turns the other way; ``trim`` (radians, +-45 degrees) corrects a horn that sits askew,
-    and counts in the servo's own direction. ``start`` is where the sketch sends the servo when it starts, in degrees as
-    it takes them; None is where the Rodney sketch sends it. Raises ValueError for values that no servo can have.
+    As the pan/tilt node of the Rodney project has it: ``lower`` and ``upper`` bound the angle of the joint; 0 is 90
+    degrees of the servo; ``flip`` is for a servo that turns the other way; ``trim`` (radians, +-45 degrees) corrects a
+    horn that sits askew, and is added last, in the servo's own direction. ``start`` is where the sketch sends the servo
+    when it starts, in degrees as it takes them; None is where the Rodney sketch sends it.
+    Raises ValueError for values that no servo can have.
     """
 
     index: int
@@ -37,11 +40,21 @@ class ServoAxis:
         if not self.lower <= self.upper:
             raise ValueError(f"servo {self.index}: lower limit {self.lower} is not below upper limit {self.upper}")
         if not abs(self.trim) <= LARGEST_TRIM:
-            raise ValueError(f"servo {self.index}: trim {self.trim} rad is more than 45 degrees")
+            trim = f"{math.degrees(self.trim):.1f} deg"
+            raise ValueError(f"servo {self.index}: a trim of {trim} is not within -45..45 deg")
         if not 0 <= self.awake <= FULL:
             raise ValueError(f"servo {self.index}: a start of {self.awake} degrees is not within 0..{FULL}")
         if self.range[0] > self.range[1]:
             raise ValueError(f"servo {self.index}: nothing of {self.lower}..{self.upper} rad is within its reach")
+
+    @property
+    def sign(self) -> int:
+        """-1 for a servo that turns the other way than the head."""
+        return -1 if self.flip else 1
+
+    def trimmed(self, trim: float) -> Self:
+        """Return the same servo with another trim (radians). Raises ValueError for one that it cannot have."""
+        return replace(self, trim=trim)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -58,10 +71,21 @@ class ServoAxis:
 
     def to_degrees(self, angle: float) -> int:
         """Return what to send for ``angle`` radians: the nearest whole degree in 0..180."""
-        turned = math.degrees((-angle if self.flip else angle) + self.trim) + MIDDLE
+        turned = math.degrees(self.sign * angle + self.trim) + MIDDLE
         return min(max(round(turned), 0), FULL)
+
+    def next_degree(self, angle: float, heading: float) -> int:
+        """Return what to send on the way through ``angle`` to ``heading`` (radians): the next whole degree on that way.
+
+        So a movement begins at once and not when it has covered half a degree, and no degree is sent that lies beyond.
+        """
+        end = self.to_degrees(heading)
+        exact = math.degrees(self.sign * angle + self.trim) + MIDDLE
+        if abs(exact - end) < 1:
+            return end
+        degree = math.floor(exact) + 1 if end > exact else math.ceil(exact) - 1
+        return min(max(degree, 0), FULL)
 
     def to_radians(self, degrees: float) -> float:
         """Return the angle in radians at which the servo stands when ``degrees`` was sent."""
-        angle = math.radians(degrees - MIDDLE) - self.trim
-        return -angle if self.flip else angle
+        return self.sign * (math.radians(degrees - MIDDLE) - self.trim)

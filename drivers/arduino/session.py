@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 
-from drivers.api import Notice, Report
+from drivers.api import Notice, Quality, Reading, Report
 from drivers.arduino import wire
 from drivers.clock import Clock
 from drivers.link import Link
@@ -27,6 +27,7 @@ class Session:
 
     ``topic`` is the number by which the board knows the ``wanted`` topic: None until it has said so, when it means
     something else by it, and once it has fallen silent.
+    ``tacho`` is the newest that its encoders have measured, on the clock's time; the first sketch has none.
     ``restarted`` is set whenever the sketch has begun anew, as far as can be told, so that its servos stand at its own
     angles; who has taken account of it clears it.
     The board is told the clock's own time: a monotonic one, not the time of day.
@@ -45,6 +46,7 @@ class Session:
     ) -> None:
         self.topic: int | None = None
         self.restarted = restarted
+        self.tacho: Reading[wire.Tacho] = Reading(None, -math.inf, Quality.NONE)
         self._name = name
         self._wanted = wanted
         self._link = link
@@ -57,7 +59,7 @@ class Session:
         self._topics: dict[int, wire.Topic] = {}
         self._trouble = ("", "")
         self._counters: Counter[str] = Counter(
-            {"frames": 0, "malformed": 0, "unknown topics": 0, "requests": 0, "times": 0, "log lines": 0}
+            {"frames": 0, "malformed": 0, "unknown topics": 0, "requests": 0, "times": 0, "tachos": 0, "log lines": 0}
         )
 
     def counters(self) -> Counter[str]:
@@ -125,6 +127,7 @@ class Session:
             case wire.PUBLISHER:
                 info = wire.TopicInfo.unpack(frame.data)
                 self._topics[info.id] = info.topic
+                self._check_tacho(info.topic)
             case wire.SUBSCRIBER:
                 self._learn(wire.TopicInfo.unpack(frame.data))
             case wire.LOG:
@@ -132,6 +135,9 @@ class Session:
             case number if number not in wire.OWN and number not in self._topics:
                 self._counters["unknown topics"] += 1
                 self._ask(self._clock.now())
+            case number if self._topics.get(number) == wire.TACHO:
+                self.tacho = Reading(wire.Tacho.unpack(frame.data), self._clock.now(), Quality.GOOD)
+                self._counters["tachos"] += 1
 
     def _learn(self, info: wire.TopicInfo) -> None:
         """Remember what the board listens to; take the wanted topic only if both mean the same by it."""
@@ -146,16 +152,27 @@ class Session:
                 self._report(Notice(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}"))
             self.topic, self._trouble, self._synced = info.id, ("", ""), self._clock.now()
             return
-        found = (
-            f"the board's topic {info.topic.name} is {info.topic.type} (md5 {info.topic.md5}), "
-            f"expected {self._wanted.type} (md5 {self._wanted.md5})"
-        )
+        found = _other(info.topic, self._wanted)
         cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's servo_msgs; then flash the sketch again)"
         if self._trouble != (found, cure):
             self._report(Notice(self._name, "fault", found, cure))
         self.topic, self._trouble = None, (found, cure)
 
+    def _check_tacho(self, topic: wire.Topic) -> None:
+        """Say it when encoders cannot be read because the board means something else by their message."""
+        if topic.name == wire.TACHO.name and topic != wire.TACHO:
+            cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's tacho_msgs; then flash the sketch again)"
+            self._report(Notice(self._name, "fault", _other(topic, wire.TACHO), cure))
+
     def _log(self, line: wire.Log) -> None:
         self._counters["log lines"] += 1
         if line.level >= WARNING:
             self._report(Notice(self._name, "fault", f"the board says: {line.text}"))
+
+
+def _other(topic: wire.Topic, expected: wire.Topic) -> str:
+    """Say that the board means something else by a topic."""
+    return (
+        f"the board's topic {topic.name} is {topic.type} (md5 {topic.md5}), "
+        f"expected {expected.type} (md5 {expected.md5})"
+    )

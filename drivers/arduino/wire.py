@@ -8,6 +8,7 @@ both sums modulo 256. Topics below 100 belong to rosserial itself; the board num
 publishers behind them. A string is its length as u32, then its UTF-8 bytes.
 """
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -212,8 +213,11 @@ class Tacho:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the data of a frame on the topic TACHO."""
-        return cls(*_unpack("<ff", data, 0))
+        """Read the data of a frame on the topic TACHO; what is not finite is no rate."""
+        rates = _unpack("<ff", data, 0)
+        if not all(map(math.isfinite, rates)):
+            raise ValueError(f"rosserial: wheels at {rates} revolutions per minute: {data.hex(' ')}")
+        return cls(*rates)
 
 
 def _unpack(layout: str, data: bytes, at: int) -> tuple[Any, ...]:

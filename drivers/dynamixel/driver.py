@@ -139,13 +139,15 @@ class DynamixelJoints:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
         Joints whose servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
-        for an unknown joint or a value that is not finite, NotConnected when the bus is gone.
+        for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back.
         """
         speeds = speeds or {}
         self._reject(goals, speeds)
         accepted = {name: self._joints[name].clamp(goal) for name, goal in goals.items()}
         with self._lock:
             self._bus.require()
+            if not self._watch.connected:  # what is told to a servo before its settings are restored would be undone
+                raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
             named = [self._joints[name] for name in goals]
             going = ready(self._bus, named, now=self._clock.now())
             orders = {}
@@ -176,7 +178,8 @@ class DynamixelJoints:
             self._bus.require()
         except NotConnected as error:
             return Health(False, str(error), error.hint, counters)
-        wrong = [f"{j.title} {j.complaint}" for j in self._joints.values() if not j.driven]
+        wrong = [] if self._watch.connected else ["looking for the servos"]
+        wrong += [f"{j.title} {j.complaint}" for j in self._joints.values() if not j.driven]
         wrong += [f"{j.title} has shut down" for j in self._joints.values() if j.driven and j.shut]
         hint = self._watch.hint if wrong else ""
         if not wrong and self._bus.latency > SLOW_ADAPTER:

@@ -26,9 +26,10 @@ SETTINGS = (m.TORQUE_ENABLE.address, m.TORQUE_LIMIT.end - m.TORQUE_ENABLE.addres
 
 
 class Watch:
-    """Keeps the driver's picture of its joints up to date. All but ``online`` and ``hint`` is for one thread.
+    """Keeps the driver's picture of its joints up to date. All but what it tells is for one thread.
 
-    ``lock`` is the driver's own, held wherever a servo's torque or goal is changed.
+    ``connected`` is True once every servo was looked for on a port that is open. ``lock`` is the driver's own, held
+    wherever a servo's torque or goal is changed.
     """
 
     def __init__(
@@ -46,8 +47,8 @@ class Watch:
 
     @property
     def online(self) -> bool:
-        """True while the port is open and at least one servo answers."""
-        return self._bus.is_open and any(joint.answers for joint in self._joints.values())
+        """True while the servos were looked for on a port that is open, and at least one answers."""
+        return self.connected and self._bus.is_open and any(joint.answers for joint in self._joints.values())
 
     @property
     def hint(self) -> str:
@@ -60,10 +61,10 @@ class Watch:
         Raises NotConnected.
         """
         self._bus.open()
-        self.connected = True
         for joint in self._joints.values():
             joint.answers, joint.failures = False, 0
             self._join(joint)
+        self.connected = True  # only now: a joint that is looked for is stopped where it stands
         wrong = [f"{joint.title} {joint.complaint}" for joint in self._joints.values() if not joint.driven]
         self._tell_presence()
         if wrong:

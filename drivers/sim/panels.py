@@ -1,16 +1,19 @@
 """Cuts a room into flat coloured quadrilaterals, ready to be projected into a picture."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from drivers.sim.room import Colour, Fixture, Room, WallName
+from drivers.sim.things import Edge
 from drivers.sim.viewpoint import Floats
 
 _SHADES: dict[WallName, float] = {"front": 1.0, "left": 0.9, "back": 0.96, "right": 0.84}
 _SKIRTING = 0.09  # metres
+_STEPS = 6
+_STAIRS: Colour = (58, 48, 42)
 _PLANK = 0.5  # metres, width of a floor board
 
 
@@ -26,6 +29,16 @@ def panels(room: Room) -> tuple[Panel, ...]:
     """Return what the room consists of, in the order of painting."""
     fixtures = (part for item in room.fixtures for part in _fixture(room, item))
     return (*_floor_and_ceiling(room), *_walls(room), *fixtures)
+
+
+def holes(edges: Iterable[Edge]) -> Iterator[Panel]:
+    """Yield what is seen where the floor ends: steps that go down into the dark, the rim before them light."""
+    for edge in edges:
+        low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
+        places = np.linspace(edge.x - edge.length / 2, edge.x + edge.length / 2, _STEPS + 1)
+        for number, (x0, x1) in enumerate(pairwise(places)):
+            step = np.array(((x0, low, 0.0), (x1, low, 0.0), (x1, high, 0.0), (x0, high, 0.0)))
+            yield Panel(step, shaded(_STAIRS, 1.0 - number / _STEPS))
 
 
 def shaded(colour: Colour, share: float) -> Colour:

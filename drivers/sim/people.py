@@ -1,12 +1,21 @@
 """The people in a simulated world: who they are, and where they stand or walk at any time."""
 
-from dataclasses import dataclass
-from itertools import pairwise
-from math import dist, hypot, isfinite
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan2, cos, dist, hypot, isfinite, pi, radians
 
 from drivers.errors import BadRequest
+from drivers.sim.acts import Act, Cue, Facing, nod_at
+from drivers.sim.block import Disc
 from drivers.sim.looks import LOOKS
+from drivers.sim.room import Room
+from drivers.sim.walk import Place, Walk
+
+BODY = 0.25
+"""Metres from somebody's middle to where a robot touches them."""
+
+_NECK, _CROWN, _HEAD = 0.18, 0.12, 0.11  # metres: shoulders below the eyes, crown above them, half the width of a head
+_FACE_SHOWS = cos(radians(60.0))  # of the angle by which somebody is turned away from the camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,9 +23,11 @@ class Person:
     """Somebody who stands at (x, y), or walks from there along a path.
 
     ``look`` names one of the drawn people in ``drivers.sim.looks.LOOKS``; ``height`` is that of the eyes above the
-    floor, in metres. ``facing`` is an angle about z in radians, or ``camera``: always turned to whoever looks.
+    floor, in metres. ``facing`` is an angle about z in radians, ``camera``: always turned to whoever looks, or
+    ``away``: always turned from them.
     From ``start`` seconds on the person walks through the waypoints of ``path`` (x, y in metres) at ``speed`` m/s;
     with ``loop`` back to (x, y) and round again, else the last waypoint is where the walk ends.
+    ``acts`` are what they do besides.
     Raises BadRequest for an unknown look, a height outside 0.8..2.1 m, a speed that is not above zero.
     """
 
@@ -25,11 +36,13 @@ class Person:
     x: float = 1.5
     y: float = 0.0
     height: float = 1.6
-    facing: float | Literal["camera"] = "camera"
-    path: tuple[tuple[float, float], ...] = ()
+    facing: Facing = "camera"
+    path: tuple[Place, ...] = ()
     speed: float = 0.5
     start: float = 0.0
     loop: bool = True
+    acts: tuple[Act, ...] = ()
+    walk: Walk = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.look not in LOOKS:
@@ -41,34 +54,70 @@ class Person:
         numbers = (self.x, self.y, self.start, *(value for point in self.path for value in point))
         if not all(map(isfinite, numbers)):
             raise BadRequest(f"{self.name}: place, path or start is not finite: {numbers}")
+        walk = Walk(((self.x, self.y), *self.path), self.speed, self.start, self.loop)
+        object.__setattr__(self, "walk", walk)  # the way to fill in a field of a frozen class
 
-    def place(self, time: float) -> tuple[float, float]:
-        """Return (x, y) in metres at ``time`` seconds."""
-        here = (self.x, self.y)
-        stops = (here, *self.path, here) if self.loop else (here, *self.path)
-        legs = [(a, b, dist(a, b)) for a, b in pairwise(stops)]
-        total = sum(length for _, _, length in legs)
-        walked = max(0.0, time - self.start) * self.speed
-        if total == 0.0 or walked == 0.0:
-            return here
-        if self.loop:
-            walked %= total
-        for a, b, length in legs:
-            if walked < length:
-                share = walked / length
-                return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-            walked -= length
-        return stops[-1]
+    def place(self, time: float) -> Place:
+        """Return where the walk leads, (x, y) in metres, at ``time`` seconds."""
+        return self.walk.at(time)
+
+    def presence(self, time: float, done: Sequence[Cue], room: Room) -> "Presence | None":
+        """Return how they are at ``time`` seconds, when ``done`` is what they did by then; None once they have left."""
+        facing, nod = self.facing, 0.0
+        for cue in done:
+            if cue.act.turn is not None:
+                facing = cue.act.turn
+            if cue.act.nod:
+                nod = nod_at(time - cue.time)
+            if cue.act.leave:
+                return self._leaving(time - cue.time, self.walk.at(cue.time), room)
+        return Presence(self, *self.walk.at(time), facing, self.height - nod)
+
+    def _leaving(self, since: float, here: Place, room: Room) -> "Presence | None":
+        """Return how they are ``since`` seconds after they set out from ``here``, straight to the nearest wall."""
+        (x0, y0), (x1, y1) = here, room.nearest_wall(*here)
+        away, walked = dist(here, (x1, y1)), since * self.speed
+        if walked >= away:
+            return None
+        share = walked / away
+        place = (x0 + share * (x1 - x0), y0 + share * (y1 - y0))
+        return Presence(self, *place, atan2(y1 - y0, x1 - x0), self.height)
 
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Where one person is at one time: ``x``, ``y`` in metres."""
+    """How one person is at one time: at (x, y), turned to ``facing``, the eyes ``eyes`` metres above the floor."""
 
     person: Person
     x: float
     y: float
+    facing: Facing
+    eyes: float
 
     def distance(self, x: float, y: float) -> float:
         """Return the metres along the floor from (x, y)."""
         return hypot(self.x - x, self.y - y)
+
+    def direction(self, x: float, y: float) -> float:
+        """Return which way they are turned (radians about z), when (x, y) is who looks."""
+        if not isinstance(self.facing, str):
+            return self.facing
+        return atan2(y - self.y, x - self.x) + (pi if self.facing == "away" else 0.0)
+
+    def shows_face(self, x: float, y: float) -> bool:
+        """Say whether their face is seen from (x, y): turned there by less than 60 degrees off."""
+        if isinstance(self.facing, str):
+            return self.facing == "camera"
+        return cos(self.facing - atan2(y - self.y, x - self.x)) >= _FACE_SHOWS
+
+    def body(self) -> Disc:
+        """Return what a base bumps into."""
+        return Disc(self.x, self.y, BODY, 0.0, self.eyes + _CROWN)
+
+    def outline(self) -> tuple[Disc, Disc]:
+        """Return what hides things: the body up to the shoulders, and the head."""
+        shoulders = self.eyes - _NECK
+        return (
+            Disc(self.x, self.y, BODY, 0.0, shoulders),
+            Disc(self.x, self.y, _HEAD, shoulders, self.eyes + _CROWN),
+        )

@@ -1,10 +1,12 @@
 """The room that a simulated robot stands in: four walls and what hangs on them, as plain values.
 
-The frame is the odometry frame of the run: x forward, y left, z up, metres, the floor at z = 0. Seen from the middle
-of the room the front wall is at +x, the left wall at +y, the back wall at -x and the right wall at -y.
+The frame is that of the world: x forward, y left, z up, metres, the floor at z = 0; a robot that starts at (0, 0) and
+looks along x has its odometry in it. Seen from the middle of the room the front wall is at +x, the left wall at +y, the
+back wall at -x and the right wall at -y.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from typing import Literal
 
 from drivers.errors import BadRequest
@@ -72,6 +74,12 @@ class Room:
         for fixture in self.fixtures:
             self._check(fixture)
 
+    @classmethod
+    def furnished(cls, length: float, width: float, height: float, centre: tuple[float, float]) -> "Room":
+        """Return a room with what of ``FURNISHED`` fits on its walls."""
+        bare = cls(length, width, height, centre, fixtures=())
+        return replace(bare, fixtures=tuple(item for item in FURNISHED if not bare.misfit(item)))
+
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return ((lowest x, highest x), (lowest y, highest y)) in metres."""
         x, y = self.centre
@@ -82,22 +90,38 @@ class Room:
         (x_low, x_high), (y_low, y_high) = self.extent()
         return x_low + margin <= x <= x_high - margin and y_low + margin <= y <= y_high - margin
 
+    def nearest_wall(self, x: float, y: float) -> tuple[float, float]:
+        """Return the spot (x, y) of the walls that is nearest to a place in the room."""
+        (x_low, x_high), (y_low, y_high) = self.extent()
+        spots = ((x_low, y), (x_high, y), (x, y_low), (x, y_high))
+        return min(spots, key=lambda spot: abs(spot[0] - x) + abs(spot[1] - y))
+
+    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Return how many times (dx, dy) it is from (x, y) in the room to a wall."""
+        (x_low, x_high), (y_low, y_high) = self.extent()
+        across = ((x_high if dx > 0 else x_low) - x) / dx if dx else inf
+        along = ((y_high if dy > 0 else y_low) - y) / dy if dy else inf
+        return max(0.0, min(across, along))
+
     def wall_length(self, wall: WallName) -> float:
         """Return the length of a wall in metres."""
         return self.width if wall in {"front", "back"} else self.length
+
+    def misfit(self, fixture: Fixture) -> str:
+        """Return why a fixture does not fit on its wall; the empty string when it does."""
+        half = self.wall_length(fixture.wall) / 2
+        if abs(fixture.along) + fixture.width / 2 > half:
+            return f"{fixture.width} m wide at {fixture.along:+} m, but the wall ends at {half} m"
+        if fixture.bottom < 0 or fixture.bottom + fixture.height > self.height:
+            top = fixture.bottom + fixture.height
+            return f"from {fixture.bottom} to {top} m, but the wall from 0 to {self.height} m"
+        return ""
 
     def _check(self, fixture: Fixture) -> None:
         what = f"room: {fixture.kind} on the {fixture.wall} wall"
         if min(fixture.width, fixture.height) <= 0:
             raise BadRequest(f"{what}: {fixture.width} x {fixture.height} m: both sides must be above 0 m")
-        half = self.wall_length(fixture.wall) / 2
-        if abs(fixture.along) + fixture.width / 2 > half:
-            raise BadRequest(
-                f"{what}: {fixture.width} m wide at {fixture.along:+} m, but the wall ends at {half} m",
-                hint="leave out `fixtures` in a small room, or move them towards the middle",
-            )
-        if fixture.bottom < 0 or fixture.bottom + fixture.height > self.height:
-            raise BadRequest(
-                f"{what}: from {fixture.bottom} to {fixture.bottom + fixture.height} m, but the wall from 0 to "
-                f"{self.height} m",
-            )
+        misfit = self.misfit(fixture)
+        if misfit:
+            hint = "leave out `fixtures` in a small room, or move them towards the middle"
+            raise BadRequest(f"{what}: {misfit}", hint=hint)

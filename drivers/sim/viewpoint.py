@@ -10,6 +10,8 @@ from math import cos, hypot, sin, tan
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api import Pose2D
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -33,6 +35,28 @@ class Viewpoint:
         down = (-sin(self.pitch) * cos(self.yaw), -sin(self.pitch) * sin(self.yaw), -cos(self.pitch))
         forward = (cos(self.pitch) * cos(self.yaw), cos(self.pitch) * sin(self.yaw), -sin(self.pitch))
         return np.array((right, down, forward))
+
+    def sees(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Return a point of the world, in metres, in camera axes: right, down and forward."""
+        dx, dy, dz = x - self.x, y - self.y, z - self.z
+        level = dx * cos(self.yaw) + dy * sin(self.yaw)
+        return (
+            dx * sin(self.yaw) - dy * cos(self.yaw),
+            -level * sin(self.pitch) - dz * cos(self.pitch),
+            level * cos(self.pitch) - dz * sin(self.pitch),
+        )
+
+
+def mounted(base: Pose2D, pan: float, tilt: float, place: tuple[float, float, float]) -> Viewpoint:
+    """Return where a camera is that sits at ``place`` on a base, on a head that is turned by ``pan`` and ``tilt``.
+
+    ``place`` (x, y, z) in metres is from the middle of the base on the floor, and does not move with the head.
+    """
+    x, y, z = place
+    ahead, aside = cos(base.heading), sin(base.heading)
+    return Viewpoint(
+        base.x + x * ahead - y * aside, base.y + x * aside + y * ahead, z, yaw=base.heading + pan, pitch=tilt
+    )
 
 
 @dataclass(frozen=True, slots=True)

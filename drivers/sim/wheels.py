@@ -5,7 +5,7 @@ from math import cos, inf, sin
 
 from drivers.api import Pose2D, Velocity
 
-_STEP = 0.005
+_STEP = 0.01
 """Seconds of one step of integration while the speeds change; at constant speed a step is exact however long."""
 
 
@@ -53,6 +53,11 @@ class Wheels:
         """How fast the rims of the left and the right wheel turn, in m/s."""
         return self._speeds
 
+    @property
+    def turning(self) -> bool:
+        """True while a wheel turns, or a command waits that may make it turn."""
+        return self._speeds != (0.0, 0.0) or self._goals != (0.0, 0.0) or bool(self._commands)
+
     def command(self, linear: float, angular: float, now: float) -> None:
         """Ask the motors for ``linear`` m/s and ``angular`` rad/s from time ``now``, or a dead time later."""
         self.advance(now)
@@ -81,6 +86,8 @@ class Wheels:
 
     def _roll(self, seconds: float) -> None:
         """Turn both wheels for ``seconds``, and move the base along the arc that this makes."""
+        if self._speeds == self._goals == (0.0, 0.0):
+            return
         left, left_speed = _run_up(self._speeds[0], self._goals[0], self._acceleration, seconds)
         right, right_speed = _run_up(self._speeds[1], self._goals[1], self._acceleration, seconds)
         self._speeds = (left_speed, right_speed)
@@ -95,6 +102,8 @@ class Wheels:
 
 def _run_up(speed: float, goal: float, acceleration: float, seconds: float) -> tuple[float, float]:
     """Return the travel of a wheel that changes from ``speed`` towards ``goal``, and its speed at the end."""
+    if speed == goal:
+        return goal * seconds, goal
     change = goal - speed
     needed = abs(change) / acceleration
     if needed <= seconds:

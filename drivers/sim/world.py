@@ -1,28 +1,60 @@
-"""The simulated world: a room, the people in it, and the light. A pure value; time is asked for, never kept."""
+"""The simulated world: a room, what stands in it, the people, and the light. Time is asked for, never kept."""
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
+from math import atan2, cos, hypot, inf, pi, sin
 
+from drivers.api import Pose2D
 from drivers.errors import BadRequest
+from drivers.sim.acts import Cues, Heard, Reply
+from drivers.sim.block import Point3, Solid
+from drivers.sim.light import Light
 from drivers.sim.people import Person, Presence
 from drivers.sim.room import Room
+from drivers.sim.things import Ball, Box, Edge, Rover, Wall
+
+TALL = 0.5
+"""Metres: what begins higher than this above the floor, a base drives under."""
+
+ORIGIN = Pose2D(0.0, 0.0, 0.0)
+"""Where a robot starts of which nothing else is said."""
+
+SENSOR_HEIGHT = 0.2
+"""Metres above the floor at which a range finder sits, unless it says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """Everything that a simulated camera can see.
+    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.ground.Ground``.
 
-    ``light`` scales the brightness of the picture: 1 is daylight, 0.25 a quarter of it.
+    A value, but for what has been said in it: ``hear`` adds to that, and people do what it makes them do. So what the
+    world is like is a function of the time and of what was said. ``light`` is 1 in daylight, 0.25 for a quarter of it.
+    ``start`` is where the robot stands at first. Not safe between threads while ``hear`` is called.
     Raises BadRequest when a person's place or path leaves the room, two people share a name, or ``light`` is negative.
     """
 
     room: Room = field(default_factory=Room)
     people: tuple[Person, ...] = ()
-    light: float = 1.0
+    light: float | Light = 1.0
+    walls: tuple[Wall, ...] = ()
+    furniture: tuple[Box, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    objects: tuple[Box | Ball, ...] = ()
+    robots: tuple[Rover, ...] = ()
+    start: Pose2D = ORIGIN
+    _light: Light = field(init=False, repr=False, compare=False)
+    _solids: tuple[Solid, ...] = field(init=False, repr=False, compare=False)
+    _cues: tuple[Cues, ...] = field(init=False, repr=False, compare=False)
+    _heard: list[Heard] = field(init=False, repr=False, compare=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        if self.light < 0:
-            raise BadRequest(f"world: light {self.light}: must not be negative")
+        light = self.light if isinstance(self.light, Light) else Light(self.light)
+        still = (thing.solid() for thing in chain(self.walls, self.furniture, self.objects))
+        object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
+        object.__setattr__(self, "_solids", tuple(still))
+        object.__setattr__(self, "_cues", tuple(Cues(person.name, person.acts) for person in self.people))
         twice = [name for name, count in Counter(person.name for person in self.people).items() if count > 1]
         if twice:
             raise BadRequest(f"world: more than one person is called {', '.join(twice)}")
@@ -35,6 +67,110 @@ class World:
                         hint=f"the room is x {x_low:g}..{x_high:g} m, y {y_low:g}..{y_high:g} m",
                     )
 
+    # --- how it is at a time ------------------------------------------------------------------------------------------
+
+    def light_at(self, time: float) -> float:
+        """Return how bright it is: 1 is daylight."""
+        return self._light.at(time)
+
     def people_at(self, time: float) -> tuple[Presence, ...]:
-        """Return where everybody is at ``time`` seconds, in the order of ``people``."""
-        return tuple(Presence(person, *person.place(time)) for person in self.people)
+        """Return how everybody is who is still there at ``time`` seconds, in the order of ``people``."""
+        return tuple(self._present(time))
+
+    # --- what is said -------------------------------------------------------------------------------------------------
+
+    @property
+    def heard(self) -> tuple[Heard, ...]:
+        """What has been said aloud so far."""
+        return tuple(self._heard)
+
+    def hear(self, text: str, time: float) -> tuple[Reply, ...]:
+        """Let everybody hear what the robot says at ``time``, and return what is answered, in the order of time."""
+        heard = Heard(text, time)
+        self._heard.append(heard)
+        return _in_order(reply for cues in self._cues for reply in cues.hear(heard))
+
+    def said(self, after: float, until: float) -> tuple[Reply, ...]:
+        """Return all that people say, answers and else, later than ``after`` and up to ``until`` seconds."""
+        return _in_order(reply for cues in self._cues for reply in cues.said(after, until))
+
+    # --- what is in the way -------------------------------------------------------------------------------------------
+
+    def touched(self, x: float, y: float, radius: float, time: float) -> list[float]:
+        """Return the directions (radians about z) in which a disc at (x, y) touches or overlaps something solid.
+
+        Of what the middle of the disc is in, the direction of its middle.
+        """
+        (x_low, x_high), (y_low, y_high) = self.room.extent()
+        found = []
+        if x - radius <= x_low:
+            found.append(pi)
+        if x + radius >= x_high:
+            found.append(0.0)
+        if y - radius <= y_low:
+            found.append(-pi / 2)
+        if y + radius >= y_high:
+            found.append(pi / 2)
+        for solid in self._all_solids(time):
+            if solid.bottom < TALL:
+                dx, dy = solid.nearest(x, y)
+                if hypot(dx, dy) <= radius:
+                    found.append(atan2(dy, dx) if dx or dy else atan2(solid.y - y, solid.x - x))
+        return found
+
+    def has_floor(self, x: float, y: float) -> bool:
+        """Say whether there is floor at (x, y)."""
+        return not any(edge.holds(x, y) for edge in self.edges)
+
+    def distance(
+        self, x: float, y: float, angle: float, time: float, limit: float = inf, *, height: float = SENSOR_HEIGHT
+    ) -> float:
+        """Return the metres from (x, y) to the nearest solid thing at ``angle``, as far as ``limit``.
+
+        It is what a range finder measures that sits ``height`` metres above the floor.
+        """
+        dx, dy = cos(angle), sin(angle)
+        near = min(limit, self.room.ray(x, y, dx, dy))
+        for solid in self._all_solids(time):
+            if solid.bottom <= height <= solid.top:
+                near = min(near, solid.ray(x, y, dx, dy))
+        return near
+
+    def visible(self, eye: Point3, point: Point3, time: float) -> bool:
+        """Say whether nothing is between ``eye`` and ``point``, each (x, y, z): no wall, thing, nor body.
+
+        What the point is in does not count, so that the middle of a thing is seen where its outside is.
+        """
+        x, y, z = point
+        if not self.room.inside(x, y):
+            return False
+        for solid in chain(self._solids, (rover.solid(time) for rover in self.robots)):
+            if solid.hides(eye, point) and not (solid.bottom <= z <= solid.top and _reaches(solid, x, y)):
+                return False
+        for presence in self._present(time):
+            body, head = presence.outline()
+            if (body.hides(eye, point) or head.hides(eye, point)) and not _reaches(body, x, y):
+                return False
+        return True
+
+    def _present(self, time: float) -> Iterator[Presence]:
+        for person, cues in zip(self.people, self._cues, strict=True):
+            presence = person.presence(time, cues.until(time), self.room)
+            if presence is not None:
+                yield presence
+
+    def _all_solids(self, time: float) -> Iterator[Solid]:
+        yield from self._solids
+        for rover in self.robots:
+            yield rover.solid(time)
+        for presence in self._present(time):
+            yield presence.body()
+
+
+def _reaches(solid: Solid, x: float, y: float) -> bool:
+    """Say whether (x, y) is within the footprint of something, or on its edge."""
+    return hypot(*solid.nearest(x, y)) < 0.01
+
+
+def _in_order(replies: Iterator[Reply]) -> tuple[Reply, ...]:
+    return tuple(sorted(replies, key=lambda reply: reply.when))

@@ -17,14 +17,12 @@ from drivers.kobuki.commands import (
     SetOutputs,
 )
 from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, frame, subpayload
+from drivers.sim.body import Body, either
+from drivers.sim.ground import Ground
 from drivers.sim.wheels import Wheels
 
 PERIOD = 0.02
 """Seconds between two reports."""
-
-COMMAND_TIMEOUT = 0.5
-"""Seconds without base control after which this base comes to rest. The vendor documents no such limit: it is our
-assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
 
 FULL_SPEED = 0.7
 """m/s of a wheel at full pulse width."""
@@ -38,14 +36,22 @@ UNKNOWN_ID = 0x63
 class VirtualKobuki:
     """A ``drivers.virtual.terminal.WireDevice``. Safe between threads.
 
-    What it feels is set from outside, at any time: ``bumper``, ``cliff``, ``wheel_drop`` (no centre), ``buttons``
-    (0..2), ``battery_voltage``, ``charger`` (as in ``feedback.Charger``). ``gyro_offset`` in radians is what its gyro
-    shows at the heading 0. Faults of the firmware, likewise: ``frozen`` sends no reports, ``shortened`` is the ID of a
-    part that lacks its last byte, ``chatty`` adds a part that nobody knows.
+    It feels what its ``body`` feels of the ground, and what is set from outside, at any time: ``bumper``, ``cliff``,
+    ``wheel_drop`` (no centre), ``buttons`` (0..2), ``battery_voltage``, ``charger`` (as in ``feedback.Charger``).
+    ``gyro_offset`` in radians is what its gyro shows at the heading 0. Faults of the firmware, likewise: ``frozen``
+    sends no reports, ``shortened`` is the ID of a part that lacks its last byte, ``chatty`` adds a part that nobody
+    knows.
     """
 
-    def __init__(self, *, wheels: Wheels | None = None, firmware: tuple[int, int, int] = (1, 2, 0)) -> None:
-        self.wheels = wheels or Wheels()
+    def __init__(
+        self,
+        *,
+        wheels: Wheels | None = None,
+        ground: Ground | None = None,
+        firmware: tuple[int, int, int] = (1, 2, 0),
+    ) -> None:
+        self.body = Body(wheels=wheels, ground=ground)
+        self.wheels = self.body.wheels
         self.bumper = self.cliff = self.wheel_drop = Sides()
         self.buttons: frozenset[int] = frozenset()
         self.battery_voltage = 16.0
@@ -59,7 +65,6 @@ class VirtualKobuki:
         self._firmware = firmware
         self._finder = FrameFinder()
         self._answers: list[Part] = []
-        self._controlled_at: float | None = None
         self._started_at = self._next_at = 0.0
         self._reports = self._samples = 0
         self._lock = RLock()
@@ -72,7 +77,7 @@ class VirtualKobuki:
     def feed(self, data: bytes, now: float) -> bytes:
         """Take commands; what they ask for comes with the next report, so the answer here is empty."""
         with self._lock:
-            self._advance(now)
+            self.body.advance(now)
             for payload in self._finder.feed(data):
                 for command in decode(payload, COMMANDS).parts:
                     self._obey(command, now)
@@ -85,7 +90,7 @@ class VirtualKobuki:
                 self._started_at = self._next_at = now
             said = b""
             while self._next_at <= now:
-                self._advance(self._next_at)
+                self.body.advance(self._next_at)
                 said += self._report(self._next_at)
                 self._reports += 1
                 self._next_at = self._started_at + self._reports * PERIOD
@@ -94,21 +99,12 @@ class VirtualKobuki:
     def pose(self, now: float) -> Pose2D:
         """Where it really is at time ``now``."""
         with self._lock:
-            self._advance(now)
-            return self.wheels.pose
-
-    def _advance(self, now: float) -> None:
-        """Roll on until ``now``, but come to rest when no base control has come for a while."""
-        if self._controlled_at is not None and now - self._controlled_at > COMMAND_TIMEOUT:
-            self.wheels.command(0.0, 0.0, self._controlled_at + COMMAND_TIMEOUT)
-            self._controlled_at = None
-        self.wheels.advance(now)
+            return self.body.advance(now)
 
     def _obey(self, command: Part, now: float) -> None:
         match command:
             case BaseControl():
-                self._controlled_at = now
-                self.wheels.command(*command.velocity, now)
+                self.body.command(*command.velocity, now)
             case RequestExtra(flags=flags):
                 self._answers += self._extras(flags)
             case SetOutputs(word=word):
@@ -157,14 +153,16 @@ class VirtualKobuki:
 
     def _core(self, now: float) -> feedback.Core:
         left, right = self.wheels.speeds
+        left_encoder, right_encoder = self.body.encoders
+        wheel_drop = either(self.wheel_drop, self.body.wheel_drop)
         return feedback.Core(
             time_ms=round(1000 * (now - self._started_at)) & 0xFFFF,
-            bumper=_bits(self.bumper),
-            wheel_drop=(feedback.DROPPED_LEFT if self.wheel_drop.left else 0)
-            | (feedback.DROPPED_RIGHT if self.wheel_drop.right else 0),
-            cliff=_bits(self.cliff),
-            left_encoder=round(self.wheels.left / feedback.METRES_PER_TICK) & 0xFFFF,
-            right_encoder=round(self.wheels.right / feedback.METRES_PER_TICK) & 0xFFFF,
+            bumper=_bits(either(self.bumper, self.body.bumper)),
+            wheel_drop=(feedback.DROPPED_LEFT if wheel_drop.left else 0)
+            | (feedback.DROPPED_RIGHT if wheel_drop.right else 0),
+            cliff=_bits(either(self.cliff, self.body.cliff)),
+            left_encoder=left_encoder & 0xFFFF,
+            right_encoder=right_encoder & 0xFFFF,
             left_pwm=_clip(100 * left / FULL_SPEED, 0x7F),
             right_pwm=_clip(100 * right / FULL_SPEED, 0x7F),
             buttons=sum(1 << number for number in self.buttons),
@@ -173,19 +171,20 @@ class VirtualKobuki:
         )
 
     def _inertia(self) -> feedback.Inertia:
-        heading = round(100 * degrees(self.wheels.pose.heading + self.gyro_offset))
-        rate = 100 * degrees(self.wheels.velocity.angular)
+        heading = round(100 * degrees(self.body.pose.heading + self.gyro_offset))
+        rate = 100 * degrees(self.body.velocity.angular)
         return feedback.Inertia((heading + 18000) % 36000 - 18000, _clip(rate, 0x7FFF))
 
     def _floor(self) -> feedback.CliffDistance:
-        seen = [NO_FLOOR if side else FLOOR for side in (self.cliff.right, self.cliff.centre, self.cliff.left)]
+        cliff = either(self.cliff, self.body.cliff)
+        seen = [NO_FLOOR if side else FLOOR for side in (cliff.right, cliff.centre, cliff.left)]
         return feedback.CliffDistance(*seen)
 
     def _gyro(self) -> feedback.RawGyro:
         """Return two samples or, now and then, three: a reader must take both."""
         count = 3 if self._reports % 25 == 24 else 2
         self._samples += count
-        sample = (0, 0, _clip(self.wheels.velocity.angular / feedback.GYRO_STEP, 0x7FFF))
+        sample = (0, 0, _clip(self.body.velocity.angular / feedback.GYRO_STEP, 0x7FFF))
         return feedback.RawGyro(self._samples & 0xFF, (sample,) * count)
 
 

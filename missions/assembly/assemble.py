@@ -2,16 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 from behaviours.robot import Robot
+from config.head import HeadConfig, NeckConfig
 from config.robot import CameraConfig, RobotConfig
 from config.world import WorldConfig
-from drivers.api import Base, Camera, Device, Head, Report
+from drivers.api import Base, Camera, Device, Head, Joints, Report
 from drivers.clock import Clock
+from drivers.errors import BadRequest
 from missions.assembly import parts
 from missions.assembly.assembled import Assembled
 from missions.assembly.simulation import Simulation
-from perception.api import Face, Gaze
+from perception.api import Gaze, View
+from perception.eyes import Eyes
 
 PATIENCE = 0.005
 """Seconds that a servo's reply may be late."""
@@ -25,67 +29,117 @@ class Wishes:
     """What the caller asks for beyond the robot file.
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
-    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's.
+    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``senses`` are what the
+    mission looks for.
     """
 
     world: WorldConfig | None = None
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
+    senses: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
 class Ears:
-    """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept."""
+    """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
+
+    ``answered`` is told who in a simulated world has said which words.
+    """
 
     report: Report
     changed: Callable[[], None]
     out: Callable[[str], None]
-    seen: Callable[[float, tuple[Face, ...]], None]
+    seen: Callable[[View], None]
+    answered: Callable[[str, str], None]
 
 
 def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, ears: Ears) -> Assembled:
     """Put together the ``chosen`` parts of a robot. Opens nothing; a camera brings the head that carries it along."""
-    if "camera" in chosen:
-        chosen |= {"head"}
-    chosen &= config.parts
-    simulation = None if wishes.world is None else Simulation(config, chosen, clock)
+    chosen = with_carriers(config, chosen)
+    simulation = None
+    out = ears.out
+    if wishes.world is not None:
+        simulation = Simulation(config, chosen, clock, world=wishes.world, answered=ears.answered)
+        out = partial(_aloud, ears.out, simulation.hear)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
     devices: dict[str, Device] = {}
     base = head = arm = voice = sight = eyes = None
     if config.base is not None and "base" in chosen:
         port = ports.get("base", config.base.port)
         devices["base"] = base = parts.base(config.base, clock, port=port, report=ears.report, changed=ears.changed)
-    if config.head is not None and "head" in chosen:
-        port, boot = ports.get("head", config.head.port), 0.0 if simulation else config.head.boot
-        devices["head"] = head = parts.head(config.head, clock, port=port, boot=boot, report=ears.report)
     if config.arm is not None and "arm" in chosen:
         port = ports.get("arm", config.arm.port)
-        devices["arm"] = arm = parts.arm(
+        arm = parts.arm(
             config.arm,
             clock,
             port=port,
             patience=PATIENCE if simulation is None else SIMULATED_PATIENCE,
             report=ears.report,
         )
+    if config.head is not None and "head" in chosen:
+        booted = simulation is not None
+        devices["head"] = head = _head(config.head, arm, clock, ports, booted=booted, report=ears.report)
+    if arm is not None:  # behind the head, which may lead its joints: so the head is also closed first
+        devices["arm"] = arm
     if config.voice is not None and "voice" in chosen:
         driver = "print" if simulation else config.voice.driver
-        devices["voice"] = voice = parts.voice(driver, clock, ears.out, report=ears.report, changed=ears.changed)
+        devices["voice"] = voice = parts.voice(driver, clock, out, report=ears.report, changed=ears.changed)
     if config.camera is not None and "camera" in chosen:
         devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, ears.report)
-        sight = eyes = parts.eyes(
-            camera, lambda stamp: gaze(stamp, base, head), clock, report=ears.report, seen=ears.seen
+        sight = parts.vision(
+            lambda stamp: gaze(stamp, base, head),
+            clock,
+            senses=wishes.senses,
+            field_of_view=camera.field_of_view,
+            report=ears.report,
+            seen=ears.seen,
         )
-    robot = Robot(base_part=base, head_part=head, arm_part=arm, voice_part=voice, sight_part=sight)
+        eyes = Eyes(camera, sight)
+    robot = Robot(
+        base_part=base, head_part=head, arm_part=arm, voice_part=voice, sight_part=sight, eye=parts.eye(config)
+    )
     return Assembled(config.name, robot, devices, eyes, simulation)
+
+
+def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
+    """Return the parts that a robot has of the ``chosen``, and those that carry them."""
+    if "camera" in chosen:
+        chosen |= {"head"}
+    if "head" in chosen and isinstance(config.head, NeckConfig):
+        chosen |= {"arm"}
+    return chosen & config.parts
+
+
+def _head(
+    config: HeadConfig | NeckConfig,
+    arm: Joints | None,
+    clock: Clock,
+    ports: Mapping[str, str],
+    *,
+    booted: bool,
+    report: Report,
+) -> Head:
+    if isinstance(config, HeadConfig):
+        port, boot = ports.get("head", config.port), 0.0 if booted else config.boot
+        return parts.head(config, clock, port=port, boot=boot, report=report)
+    if arm is None:
+        raise BadRequest("head: it is two joints of an arm that is not there", hint="add the arm to the parts")
+    return parts.neck(config, arm, clock, report=report)
+
+
+def _aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
+    """Say ``text``, where people hear it."""
+    out(text)
+    hear(text)
 
 
 def _camera(
     config: CameraConfig, clock: Clock, simulation: Simulation | None, wishes: Wishes, report: Report
 ) -> Camera:
     source = wishes.camera
-    if simulation is not None and wishes.world is not None and source is None:
-        return simulation.rendered(wishes.world, seed=wishes.seed)
+    if simulation is not None and source is None:
+        return simulation.rendered(seed=wishes.seed)
     camera = parts.camera(config, clock, source=config.source if source is None else source, report=report)
     # A simulated head cannot turn a real camera, so its picture is turned instead.
     return camera if simulation is None else simulation.panned(camera)

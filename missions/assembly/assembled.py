@@ -2,12 +2,29 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.api import Device
 from missions.assembly.simulation import Simulation
-from perception.eyes import Eyes
+
+
+class Looking(Protocol):
+    """Eyes, as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
+
+    @property
+    def looked(self) -> Callable[[], float | None]:
+        """Tells the stamp of the newest frame that was searched, None before the first."""
+        ...
+
+    def open(self) -> None:
+        """Begin to look."""
+        ...
+
+    def close(self) -> None:
+        """Look no more. Safe more than once."""
+        ...
 
 
 @dataclass(slots=True)
@@ -21,7 +38,7 @@ class Assembled:
     name: str
     robot: Robot
     devices: Mapping[str, Device]
-    eyes: Eyes | None = None
+    eyes: Looking | None = None
     simulation: Simulation | None = None
 
     def open(self) -> None:

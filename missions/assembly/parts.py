@@ -3,24 +3,29 @@
 from collections.abc import Callable
 from typing import Literal
 
-from config.robot import ArmConfig, BaseConfig, CameraConfig, HeadConfig, JointConfig, ServoConfig
-from drivers.api import Camera, Notice, Report, Voice
+from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
+from config.robot import ArmConfig, BaseConfig, CameraConfig, JointConfig, RobotConfig
+from drivers.api import Camera, Joints, Notice, Report, Voice
 from drivers.arduino.axis import ServoAxis
+from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.camera.choose import open_source
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.head import DynamixelHead
 from drivers.dynamixel.joint import JointSpec
+from drivers.joints_head import JointAxis
 from drivers.kobuki.driver import KobukiBase
 from drivers.link import Link
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.synthesiser import find_synthesiser
-from perception.api import Face, Gaze
-from perception.eyes import Eyes
+from perception.api import Gaze, View
+from perception.eyes import Vision
 from perception.faces import HaarFaces
 from perception.finder import FaceFinder
+from perception.senses import FaceSense, Senses
 from perception.tracks import Tracker
 
 
@@ -40,14 +45,14 @@ def base(config: BaseConfig, clock: Clock, *, port: str, report: Report, changed
 
 def head(config: HeadConfig, clock: Clock, *, port: str, boot: float, report: Report) -> ArduinoHead:
     """Return the driver of a Rodney head; ``boot`` as the robot file says, 0 for a virtual one."""
+    board = Board(Link("head", port, config.baud, report=report), clock, boot_delay=boot, report=report)
     return ArduinoHead(
-        Link("head", port, config.baud, report=report),
+        board,
         clock,
         pan=axis(config.pan),
         tilt=axis(config.tilt),
         speed=config.speed,
-        boot_delay=boot,
-        report=report,
+        acceleration=config.acceleration,
     )
 
 
@@ -56,13 +61,38 @@ def axis(config: ServoConfig) -> ServoAxis:
     return ServoAxis(config.index, config.lower, config.upper, flip=config.flip, trim=config.trim)
 
 
+def neck(config: NeckConfig, joints: Joints, clock: Clock, *, report: Report) -> DynamixelHead:
+    """Return the driver of a head that is two of the arm's ``joints``; the arm is opened and closed besides."""
+    return DynamixelHead(
+        joints,
+        clock,
+        pan=joint_axis(config.pan),
+        tilt=joint_axis(config.tilt),
+        speed=config.speed,
+        acceleration=config.acceleration,
+        report=report,
+    )
+
+
+def joint_axis(config: NeckJointConfig) -> JointAxis:
+    """Return one joint of a neck."""
+    return JointAxis(config.joint, config.lower, config.upper, trim=config.trim)
+
+
 def arm(config: ArmConfig, clock: Clock, *, port: str, patience: float, report: Report) -> DynamixelJoints:
     """Return the driver of the arm's servos; ``patience`` is how long (s) a reply may be late, beside its wire time."""
-    at_rest: Literal["hold", "relax"] = "relax" if config.at_end == "relax" else "hold"
-    joints = {name: _joint(joint) for name, joint in config.joints.items()}
-    return DynamixelJoints(
-        Bus(port, clock, baud=config.baud, name="arm", patience=patience), joints, clock, at_rest=at_rest, report=report
-    )
+    bus = Bus(port, clock, baud=config.baud, name="arm", patience=patience)
+    return DynamixelJoints(bus, joints(config), clock, at_rest=at_rest(config), report=report)
+
+
+def joints(config: ArmConfig) -> dict[str, JointSpec]:
+    """Return the joints of the arm, by name."""
+    return {name: _joint(joint) for name, joint in config.joints.items()}
+
+
+def at_rest(config: ArmConfig) -> Literal["hold", "relax"]:
+    """Return what rest means for the arm."""
+    return "relax" if config.at_end == "relax" else "hold"
 
 
 def _joint(config: JointConfig) -> JointSpec:
@@ -78,29 +108,33 @@ def _joint(config: JointConfig) -> JointSpec:
     )
 
 
+def eye(config: RobotConfig) -> tuple[float, float, float]:
+    """Return where the camera sits (m, robot's frame), or would, on a robot that has none."""
+    return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
+
+
 def camera(config: CameraConfig, clock: Clock, *, source: str, report: Report) -> Camera:
     """Return the camera on ``source``: an index, a device, a file, a URL or a folder."""
     size = config.width, config.height
     return open_source(source, clock, field_of_view=config.field_of_view, size=size, report=report)
 
 
-def eyes(
-    source: Camera,
+def vision(
     gaze: Callable[[float], Gaze | None],
     clock: Clock,
     *,
+    senses: frozenset[str],
+    field_of_view: float,
     report: Report,
-    seen: Callable[[float, tuple[Face, ...]], None],
-) -> Eyes:
-    """Return the eyes that look through a camera for faces."""
-    return Eyes(
-        source,
+    seen: Callable[[View], None],
+) -> Vision:
+    """Return what searches the pictures of a camera, with those of its ``senses`` that somebody listens to."""
+    return Vision(
         gaze,
-        field_of_view=source.field_of_view,
-        finder=FaceFinder(HaarFaces()),
-        tracker=Tracker(),
+        field_of_view=field_of_view,
+        senses=Senses(faces=FaceSense(FaceFinder(HaarFaces()), Tracker()) if "faces" in senses else None),
         now=clock.now,
-        on_percept=seen,
+        on_view=seen,
         on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),
     )
 

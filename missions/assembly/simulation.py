@@ -1,19 +1,20 @@
 """The simulated rest of a robot: virtual devices behind its ports, and what its camera would see from there."""
 
 import math
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from threading import Timer
 
-from config.faults import Fault, InvalidFileError, Mark, Source
+from config.head import HeadConfig, NeckConfig, NeckJointConfig
 from config.robot import RobotConfig
-from config.world import PersonConfig, WorldConfig
+from config.world import NOISE, PhysicsConfig, WorldConfig
 from drivers.api import Camera, Pose2D
 from drivers.clock import Clock
-from drivers.errors import BadRequest
+from drivers.sim.acts import Reply
 from drivers.sim.panned import PannedCamera
-from drivers.sim.people import Person
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.room import Room
-from drivers.sim.viewpoint import Viewpoint
+from drivers.sim.viewpoint import Viewpoint, mounted
+from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 from drivers.virtual.ax12 import VirtualAX12
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -21,24 +22,49 @@ from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from missions.assembly import parts
+from missions.assembly.worlds import build_world
 
 WIRED = ("base", "head", "arm")
 """The parts that sit on a serial wire."""
 
 
-class Simulation:
-    """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world."""
+def unheard(who: str, text: str) -> None:
+    """Do nothing: nobody listens to what people say."""
 
-    def __init__(self, robot: RobotConfig, chosen: frozenset[str], clock: Clock, *, tacho: bool = False) -> None:
-        self.kobuki = VirtualKobuki() if robot.base is not None and "base" in chosen else None
+
+class Simulation:
+    """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world.
+
+    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what.
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        chosen: frozenset[str],
+        clock: Clock,
+        *,
+        world: WorldConfig | None = None,
+        answered: Callable[[str, str], None] = unheard,
+        tacho: bool = False,
+    ) -> None:
+        self._config = world
+        self._world = None if world is None else build_world(world)
+        self._answered = answered
+        self._answers: list[Timer] = []
+        self.kobuki: VirtualKobuki | None = None
         self.rodney: VirtualRodney | None = None
         self.servos: VirtualServoBus | None = None
         self._robot = robot
         self._clock = clock
         self.terminals: dict[str, Terminal] = {}
-        if self.kobuki is not None:
+        if robot.base is not None and "base" in chosen:
+            physics = PhysicsConfig() if world is None else world.physics
+            start = None if self._world is None else self._world.start
+            wheels = Wheels(dead_time=physics.lag, slip=physics.slip, pose=start)
+            self.kobuki = VirtualKobuki(wheels=wheels, ground=self._world)
             self.terminals["base"] = Terminal("kobuki", self.kobuki, clock)
-        if robot.head is not None and "head" in chosen:
+        if isinstance(robot.head, HeadConfig) and "head" in chosen:
             self.rodney = VirtualRodney(baud=robot.head.baud, tacho=tacho)
             self.terminals["head"] = Terminal("nano", self.rodney, clock)
         if robot.arm is not None and "arm" in chosen:
@@ -55,9 +81,15 @@ class Simulation:
         """Plug everything in."""
         for terminal in self.terminals.values():
             terminal.open()
+        if self._world is not None:
+            self._expect(self._world.said(-1.0, math.inf))
 
     def close(self) -> None:
         """Unplug everything and remove the ports. Safe more than once."""
+        for timer in self._answers:
+            timer.cancel()
+            timer.join()
+        self._answers.clear()
         for terminal in self.terminals.values():
             terminal.close()
 
@@ -73,28 +105,32 @@ class Simulation:
         pose = self.pose(time)
         pan = tilt = 0.0
         head, rodney = self._robot.head, self.rodney
-        if head is not None and rodney is not None:
+        if isinstance(head, HeadConfig) and rodney is not None:
             pan, tilt = self.terminals["head"].ask(
                 lambda: (
                     parts.axis(head.pan).to_radians(rodney.angle(head.pan.index, time)),
                     parts.axis(head.tilt).to_radians(rodney.angle(head.tilt.index, time)),
                 )
             )
-        x, y, z = (0.0, 0.0, 1.0) if self._robot.camera is None else self._robot.camera.position
-        return Viewpoint(
-            x=pose.x + x * math.cos(pose.heading) - y * math.sin(pose.heading),
-            y=pose.y + x * math.sin(pose.heading) + y * math.cos(pose.heading),
-            z=z,
-            yaw=pose.heading + pan,
-            pitch=tilt,
-        )
+        elif isinstance(head, NeckConfig) and self.servos is not None:
+            pan, tilt = self.terminals["arm"].ask(lambda: (self._joint(head.pan), self._joint(head.tilt)))
+        place = (0.0, 0.0, 1.0) if self._robot.camera is None else self._robot.camera.position
+        return mounted(pose, pan, tilt, place)
+
+    def _joint(self, axis: NeckJointConfig) -> float:
+        """Return where an axis of the head is that is a joint of the arm, in radians."""
+        if self._robot.arm is None or self.servos is None:
+            return 0.0
+        joint = self._robot.arm.joints[axis.joint]
+        angle = self.servos.servo(joint.id).angle - joint.zero
+        return (-angle if joint.reverse else angle) - axis.trim
 
     def state(self) -> dict[str, object]:
         """Return what the devices truly do: the base in SI units, servos of the head in degrees, joints in radians."""
         now = self._clock.now()
         found: dict[str, object] = {}
         if self.kobuki is not None:
-            pose, velocity = self.pose(now), self.kobuki.wheels.velocity
+            pose, velocity = self.pose(now), self.kobuki.body.velocity
             found["base"] = asdict(pose) | asdict(velocity)
         if self.rodney is not None:
             rodney = self.rodney
@@ -104,49 +140,34 @@ class Simulation:
             found["arm"] = {name: servos.servo(joint.id).angle for name, joint in self._robot.arm.joints.items()}
         return found
 
-    def rendered(self, world: WorldConfig, *, seed: int = 0) -> Camera:
-        """Return a camera that sees ``world`` from the head."""
+    def hear(self, text: str) -> None:
+        """Let the people hear what the robot says; what they answer is told in their own time."""
+        if self._world is not None:
+            self._expect(self._world.hear(text, self._clock.now()))
+
+    def _expect(self, replies: Iterable[Reply]) -> None:
+        for reply in replies:
+            timer = Timer(max(0.0, reply.when - self._clock.now()), self._answered, (reply.who, reply.text))
+            timer.daemon = True
+            timer.start()
+            self._answers.append(timer)
+
+    def rendered(self, *, seed: int = 0) -> Camera:
+        """Return a camera that sees the world from the head."""
         camera = self._robot.camera
         size = (640, 480) if camera is None else (camera.width, camera.height)
         view = math.radians(60) if camera is None else camera.field_of_view
         return RenderedCamera(
-            build_world(world),
+            World() if self._world is None else self._world,
             self.viewpoint,
             self._clock,
             rate=25.0,
             size=size,
             field_of_view=view,
-            noise=world.noise,
+            noise=NOISE if self._config is None else self._config.noise,
             seed=seed,
         )
 
     def panned(self, camera: Camera) -> Camera:
         """Return ``camera``, which looks ahead, as if it sat on the simulated head."""
         return PannedCamera(camera, self.viewpoint)
-
-
-def build_world(config: WorldConfig) -> World:
-    """Return the world that a world file describes. Raises InvalidFileError for what cannot be."""
-    try:
-        return World(
-            room=replace(Room(), length=config.length, width=config.width, centre=config.centre),
-            people=tuple(_person(person) for person in config.people),
-            light=config.light,
-        )
-    except BadRequest as error:
-        raise InvalidFileError([Fault(Source(config.file, ""), Mark(), str(error), error.hint)]) from error
-
-
-def _person(config: PersonConfig) -> Person:
-    return Person(
-        config.name,
-        look=config.look,
-        x=config.x,
-        y=config.y,
-        height=config.height,
-        facing="camera" if config.facing is None else config.facing,
-        path=config.path,
-        speed=config.speed,
-        start=config.start,
-        loop=config.loop,
-    )

@@ -10,8 +10,8 @@ from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError, Mark, Source
 from config.library import UnknownNameError, find
 from config.robot import load_robot
-from missions.cli.options import behaviours_option, params_option
-from missions.library import load_mission, shipped_missions
+from missions.cli.options import behaviours_option, files_of, params_option
+from missions.library import TESTS, load_mission, shipped_missions
 from missions.vocabulary import vocabulary
 
 
@@ -24,14 +24,14 @@ from missions.vocabulary import vocabulary
 def command(
     names: tuple[str, ...], robot: str | None, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
 ) -> int:
-    """Check missions: names, files or folders; all that ship with MissionTree when none is given."""
+    """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
     target = None
     if robot is not None:
         config = load_robot(find("robots", robot))
         target = (config.name, config.parts)
     leaves = vocabulary(files)
     found: list[Fault] = []
-    for name in [file for each in names for file in _files(each)] or list(shipped_missions()):
+    for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
         said, faults = _checked(name, params, target, leaves)
         found += faults
         if not as_json:
@@ -49,8 +49,13 @@ def _checked(
     robot: tuple[str, frozenset[str]] | None,
     leaves: Mapping[str, type[Leaf]],
 ) -> tuple[str, Sequence[Fault]]:
-    """Check one mission; return what to tell of it, and its mistakes."""
+    """Check one mission, or one file of tests; return what to tell of it, and its mistakes."""
     try:
+        if Path(name).name.endswith(TESTS):
+            from missions.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
+
+            cases = len(load_suite(Path(name)))
+            return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", []
         plan = load_mission(name, params=params, robot=robot, leaves=leaves)
     except InvalidFileError as error:
         return str(error), error.faults
@@ -70,14 +75,3 @@ def _as_dict(fault: Fault) -> dict[str, object]:
         "message": fault.message,
         "suggestion": fault.suggestion,
     }
-
-
-def _files(name: str) -> list[str]:
-    """Return the missions that a name means: itself, or every YAML file in a folder."""
-    folder = Path(name)
-    if not folder.is_dir():
-        return [name]
-    found = [str(path) for path in sorted(folder.glob("*.yaml")) if path.is_file()]
-    if not found:
-        raise click.UsageError(f"{name}: this folder holds no missions (files that end in .yaml)")
-    return found

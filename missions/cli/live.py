@@ -89,6 +89,9 @@ class Watcher:
     def _log(self, event: Logged) -> None:
         if event.level == "voice":
             self._console.print(Text.assemble(("  robot: ", "bold cyan"), event.text))
+        elif event.level == "person":
+            who, _, words = event.text.partition(": ")
+            self._console.print(Text.assemble((f"  {who}: ", "bold magenta"), words))
         else:
             style = {"info": "dim", "warning": "yellow"}.get(event.level, "red")
             self._console.print(Text.assemble(f"{event.t:6.1f} s  ", (f"{event.level}: ", style), event.text))

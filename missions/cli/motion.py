@@ -31,7 +31,7 @@ def _mission_of(ctx: click.Context, argument: click.Parameter, value: str | None
     return f"motions/{name}"
 
 
-command = click.Command(
+command = run.RunCommand(
     "motion",
     callback=run.command.callback,
     params=[

@@ -6,6 +6,8 @@ from typing import Any
 
 import click
 
+from missions.library import TESTS
+
 
 def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
     """Return a click callback that reads NAME=VALUE, as often as it is given."""
@@ -20,6 +22,18 @@ def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, 
         return found
 
     return read
+
+
+def files_of(name: str, *, tests: bool = True) -> list[str]:
+    """Return what a name means: itself or, for a folder, every mission in it, and every file of ``tests``."""
+    folder = Path(name)
+    if not folder.is_dir():
+        return [name]
+    files = (path for path in sorted(folder.glob("*.yaml")) if path.is_file())
+    found = [str(path) for path in files if tests or not path.name.endswith(TESTS)]
+    if not found:
+        raise click.UsageError(f"{name}: this folder holds no missions (files that end in .yaml)")
+    return found
 
 
 def params_option(command: Any) -> Any:

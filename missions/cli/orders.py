@@ -1,5 +1,6 @@
 """Whether what a user asks of a run makes sense, before anything is opened or written."""
 
+from math import inf
 from pathlib import Path
 
 import click
@@ -9,10 +10,17 @@ from missions.assembly.simulation import WIRED
 from missions.language.plan import Plan
 from missions.runner import Order
 
+FILMS = (".mp4", ".avi")
+"""The endings of films; any other name is a folder of pictures."""
+
 
 def check_order(order: Order) -> None:
     """Raise click.UsageError for options that contradict each other, or could only be ignored."""
-    simulated = order.simulate or order.robot is None
+    simulated = order.simulation is not None
+    if order.simulation != "fast" and (order.eyes == "truth" or order.speed != inf):
+        raise click.UsageError("--eyes truth and --speed are for simulated time: add --simulate fast")
+    if order.simulation == "fast" and order.camera is not None:
+        raise click.UsageError("--camera gives pictures in real time: it goes with --simulate wire, not with fast")
     if order.ports and simulated:
         raise click.UsageError("--port names real ports, which are used only with --robot NAME and without --simulate")
     for part in order.ports:
@@ -36,3 +44,16 @@ def check_events(path: Path, plan: Plan) -> None:
     for step in plan.tree.walk():
         if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
             raise click.UsageError(f"--events would write over the mission {path}")
+
+
+def check_film(path: Path, order: Order) -> None:
+    """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
+    if order.simulation != "fast":
+        raise click.UsageError("--film is made in simulated time: add --simulate fast")
+    if path.suffix in FILMS:
+        if not path.parent.is_dir():
+            raise click.UsageError(f"--film: {path.parent}: no such folder")
+    elif path.is_file():
+        raise click.UsageError(f"--film: {path} is a file; end it in {' or '.join(FILMS)}, or name a folder")
+    elif path.is_dir() and any(path.iterdir()):
+        raise click.UsageError(f"--film: the folder {path} is not empty")

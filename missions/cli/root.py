@@ -18,11 +18,15 @@ COMMANDS = {
     "run": "Run a mission: simulated, unless a robot is named.",
     "motion": "Run one of the eight motions of the TurtleBot course, by number.",
     "check": "Check missions without running them.",
+    "test": "Play the tests of missions, in simulated time.",
+    "verify": "Prove that missions can end, stop cleanly and keep their promises.",
     "show": "Draw a mission's tree.",
     "list": "List the missions, robots, worlds, gestures and controllers there are.",
+    "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
     "behaviours": "Say what a mission can be made of.",
     "schema": "Write the JSON Schema of missions, for editors.",
     "simulate": "Run a robot's virtual devices alone, for other programs to use.",
+    "head": "Move the head by hand: look, center, where, and trim it straight.",
     "see": "Look for faces in pictures, folders and videos.",
 }
 """The subcommands: each is ``command`` in a module of its name, imported only when it is used."""

@@ -5,29 +5,66 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
+from math import inf
 from pathlib import Path
-from typing import TextIO
+from typing import Literal, TextIO
 
 import click
 
+from missions.cli.film import Film
 from missions.cli.live import Watcher
 from missions.cli.options import behaviours_option, pairs, params_option
-from missions.cli.orders import check_events, check_order
+from missions.cli.orders import check_events, check_film, check_order
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.executive.events import JsonLines
 from missions.executive.executive import Result
 from missions.executive.watchdog import attempt_all
-from missions.runner import Order, Runner, end_process
+from missions.runner import Order, Runner, Simulate, end_process
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
 
-@click.command()
+LEVELS = ("wire", "fast")
+
+
+class RunCommand(click.Command):
+    """A command whose ``--simulate`` may stand alone: what follows it is a level only where it is one."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments, with the level put in where it was left out."""
+        after = [*args[1:], ""][: len(args)]
+        told = [
+            "--simulate=wire" if word == "--simulate" and follows not in LEVELS else word
+            for word, follows in zip(args, after, strict=True)
+        ]
+        return super().parse_args(ctx, told)
+
+
+@click.command(cls=RunCommand)
 @click.argument("name", metavar="MISSION")
 @params_option
 @behaviours_option
 @click.option("--robot", metavar="NAME", help="The robot to run on (a name or a file); it moves, unless --simulate.")
-@click.option("--simulate", is_flag=True, help="Simulate the robot. This is the default where no --robot is named.")
+@click.option(
+    "--simulate",
+    metavar="[LEVEL]",
+    type=click.Choice(LEVELS),
+    help="Simulate the robot, down to the bytes on its wires and in real time (wire; the default where no --robot is "
+    "named), or on a simulated clock, in a moment (fast).",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="TIMES",
+    help="Simulate on a simulated clock, at so many times real time: 5 to watch it, 0.2 to see every step.",
+)
+@click.option(
+    "--eyes",
+    type=click.Choice(["pixels", "truth"]),
+    default="pixels",
+    show_default=True,
+    help="In simulated time: draw pictures and search them, or know from the world who is in view, which is quicker.",
+)
 @click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")
 @click.option("--camera", metavar="SOURCE", help="A video, folder, URL, device or index instead of the robot's camera.")
 @click.option(
@@ -44,32 +81,55 @@ EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED
 @click.option(
     "--events", type=click.Path(dir_okay=False, path_type=Path), help="Write every event here, as JSON lines."
 )
+@click.option(
+    "--film",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="In simulated time: film what the camera sees, beside the room from above: an .mp4, or a folder of pictures.",
+)
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
 def command(
     name: str,
     params: dict[str, str],
     files: tuple[Path, ...],
     robot: str | None,
-    simulate: bool,
+    simulate: Simulate | None,
+    speed: float | None,
+    eyes: Literal["pixels", "truth"],
     world: str | None,
     camera: str | None,
     ports: dict[str, str],
     seed: int,
     events: Path | None,
+    film: Path | None,
     as_json: bool,
 ) -> int:
     """Run a mission (a name or a file). Ctrl-C stops it, safely.
 
     Exit code 0 is success, 1 failure, 2 a mistake in the command or a file, 3 a device, 130 interrupted.
     """
-    order = Order(name, params, robot, simulate, world, camera, ports, seed, files)
+    if simulate is None and robot is None and (speed is not None or eyes == "truth" or film is not None):
+        simulate = "fast"
+    order = Order(
+        name,
+        params,
+        robot,
+        simulate,
+        world,
+        camera,
+        ports,
+        seed,
+        files,
+        eyes=eyes,
+        speed=inf if speed is None else speed,
+    )
 
     def last_words(result: Result) -> None:
         if as_json:
             click.echo(json.dumps(asdict(result)))
 
     try:
-        result = run(order, events, sys.stderr if as_json else sys.stdout, last_words)
+        result = run(order, events, film, sys.stderr if as_json else sys.stdout, last_words)
     except Exception as error:
         if as_json and not isinstance(error, click.ClickException):
             click.echo(json.dumps(asdict(Result(name, "error", str(error), 0.0, 0))))
@@ -78,12 +138,16 @@ def command(
     return EXIT_CODES[result.result]
 
 
-def run(order: Order, events: Path | None, out: TextIO, last_words: Callable[[Result], None]) -> Result:
-    """Run ``order``, show on ``out`` what happens, and write the events.
+def run(
+    order: Order, events: Path | None, film: Path | None, out: TextIO, last_words: Callable[[Result], None]
+) -> Result:
+    """Run ``order``, show on ``out`` what happens, and write the events and the film.
 
     ``last_words`` are said where a run that hangs for good ends the process.
     """
     check_order(order)
+    if film is not None:
+        check_film(film, order)
     watcher = Watcher(out)
 
     def give_up(result: Result) -> None:
@@ -106,6 +170,8 @@ def run(order: Order, events: Path | None, out: TextIO, last_words: Callable[[Re
                 raise click.BadParameter(f"{events}: {error.strerror}", param_hint="--events") from error
             closing.callback(_close, file)
             runner.stream.listeners.append(JsonLines(file))
+        if film is not None and runner.twins is not None:
+            closing.enter_context(Film(film, runner.twins))
         with watcher:
             result = runner.run()
     for lost in runner.stream.lost:

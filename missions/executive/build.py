@@ -16,15 +16,24 @@ from missions.language.values import Value
 RobotFor = Callable[[Node], Robot]
 """Gives a leaf the robot that it sees: one that knows in whose name a command is sent."""
 
+Substitute = Callable[[Step, Leaf], Leaf]
+"""Given a leaf's step and the leaf itself, returns what is to stand in its place."""
+
 Scope = dict[str, object]
 
 
-def build(plan: Plan, run: Run, robot_for: RobotFor) -> Node:
+def as_it_is(step: Step, leaf: Leaf) -> Leaf:
+    """Put nothing in a leaf's place."""
+    del step
+    return leaf
+
+
+def build(plan: Plan, run: Run, robot_for: RobotFor, *, substitute: Substitute = as_it_is) -> Node:
     """Build the tree of ``plan``. The root's key is "1", its children's "1.1", "1.2" and so on.
 
     What ``run.variables`` holds already (the robot's state) can be read in the mission and in all inside it.
     """
-    builder = Builder(run, robot_for, dict(run.variables))
+    builder = Builder(run, robot_for, dict(run.variables), substitute)
     run.variables.update(plan.params)
     return builder.build(plan.tree, "1", run.variables)
 
@@ -32,8 +41,9 @@ def build(plan: Plan, run: Run, robot_for: RobotFor) -> Node:
 class Builder:
     """Builds nodes for one run. ``lasting`` are the variables that every mission of the run can read."""
 
-    def __init__(self, run: Run, robot_for: RobotFor, lasting: Scope) -> None:
+    def __init__(self, run: Run, robot_for: RobotFor, lasting: Scope, substitute: Substitute = as_it_is) -> None:
         self._run = run
+        self._substitute = substitute
         self._robot_for = robot_for
         self._lasting = lasting
 
@@ -50,7 +60,7 @@ class Builder:
 
     def _node(self, step: Step, children: list[Node], inner: Scope) -> Node:
         if step.leaf is not None:
-            return _leaf(step.leaf(step.name), step, inner)
+            return _leaf(self._substitute(step, step.leaf(step.name)), step, inner)
         if step.kind in MODIFIERS:
             return MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
         if step.kind == MISSION:
@@ -71,7 +81,7 @@ def _leaf(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
     """Set the arguments that are known now; leave the rest to be filled each time that the leaf starts."""
     leaf.keep_as = step.keep_as
     if leaf.open_ended:
-        leaf.given = {name: _resolver(value, scope) for name, value in step.arguments.items()}
+        leaf.computed = {name: _resolver(value, scope) for name, value in step.arguments.items()}
         return leaf
     for name, value in step.arguments.items():
         if value.template is None:

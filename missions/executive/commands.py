@@ -42,6 +42,7 @@ def robot_for(node: Node, robot: Robot, tell: Tell, permit: Permit = always) -> 
         arm_part=None if robot.arm_part is None else ToldJoints(robot.arm_part, source, tell, permit),
         voice_part=None if robot.voice_part is None else ToldVoice(robot.voice_part, source, tell, permit),
         sight_part=robot.sight_part,
+        eye=robot.eye,
     )
 
 

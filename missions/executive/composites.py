@@ -8,17 +8,15 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from behaviours.node import Node
-from missions.executive.parent import FAILURE, IDLE, RUNNING, SUCCESS, Parent
+from behaviours.node import Node, reset_all
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 
 
 class Composite(Parent):
     """What all composites share: they forget their children's results when they start."""
 
     def start(self) -> str:
-        for child in self.members:
-            if child.status is not IDLE:
-                child.reset()
+        reset_all(self.members)
         self.begin()
         return ""
 
@@ -44,10 +42,16 @@ class InOrder(Composite):
     def go_on(self) -> Status:
         order, passes, index = self.order, self.passes, self._index
         last = len(order) - 1
-        while (status := order[index].advance()) is passes and index < last:
+        while True:
+            child = order[index]
+            status = child.work()
+            if status is not child.status:  # as ``advance`` does, without the call
+                child.publish(status)
+            if status is not passes or index == last:
+                break
             index += 1
         self._index = index
-        self.current_child = child = order[index]
+        self.current_child = child
         return self.blame(child) if status is FAILURE else status
 
 
@@ -99,7 +103,8 @@ class _Reactive(Composite):
             preemptible.pop()
         if status is not self.passes and not behind.halt():
             self._retiring = behind
-        child.publish(status)
+        if status is not child.status:
+            child.publish(status)
         return status
 
 

@@ -1,13 +1,16 @@
 """The one stream of events that a run makes, and everything else listens to."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from queue import SimpleQueue
 from threading import Thread
 from typing import ClassVar, TextIO
 
 from py_trees.common import Status
+
+from behaviours.node import Node
 
 STATUS_WORDS = {
     Status.RUNNING: "running",
@@ -77,6 +80,8 @@ class PerceptSeen(Event):
     event: ClassVar[str] = "percept"
     stamp: float
     faces: tuple[Mapping[str, object], ...]
+    things: tuple[Mapping[str, object], ...] | None = None
+    markers: tuple[Mapping[str, object], ...] | None = None
 
 
 @dataclass(slots=True)
@@ -103,7 +108,11 @@ class FaultRaised(Event):
 
 @dataclass(slots=True)
 class Logged(Event):
-    """A line for people: ``level`` is a level of Python's logging in small letters, or ``voice`` for printed words."""
+    """A line for people.
+
+    ``level`` is a level of Python's logging in small letters, ``voice`` for what the robot says, or ``person`` for what
+    somebody in a simulated world does ("Anna: Hello").
+    """
 
     event: ClassVar[str] = "log"
     level: str
@@ -124,11 +133,17 @@ class Ended(Event):
 
 Listener = Callable[[Event], None]
 
+Change = tuple[float, int, Node, Status, str]
+"""A node's new status as the tick keeps it: when, in which tick, which node, its status then, and its reason then."""
+
+Reset = tuple[float, int, Sequence[Node]]
+"""Nodes that have forgotten their results: when, in which tick, and which, in order."""
+
 FAREWELL_TIME = 2.0
 """Seconds that slow listeners have, at the end of a run, to hear what is still to be told."""
 
 MOST_WAITING = 200_000
-"""Events that may wait for slow listeners; what comes on top is counted and lost."""
+"""What may wait for slow listeners; what comes on top is counted and lost."""
 
 
 class Stream:
@@ -137,13 +152,19 @@ class Stream:
     Between ``open`` and ``close`` that happens on a thread of its own: a listener that is slow, stuck or broken never
     holds up a tick or a driver. Otherwise, listeners are told at once. One that raises anything is told no more, and
     named in ``lost``; the run goes on.
+
+    It is a run's ``Observer``: it makes a NodeChanged of every new status. That is a tick's most frequent event by far,
+    so while the stream is open the tick only keeps what is true of the node at that moment; the event is made by the
+    stream's thread, and told with whatever comes next: the end of the tick, at the latest.
     """
 
     def __init__(self, listeners: Iterable[Listener] = ()) -> None:
         self.listeners = list(listeners)
         self.lost: list[str] = []
         self.dropped = 0
-        self._waiting: SimpleQueue[Event | None] = SimpleQueue()
+        self._waiting: deque[Event | Change | Reset] = deque()
+        # Wakes the thread; False ends it. An Event would not do: its lock is not for a destructor that logs something.
+        self._news: SimpleQueue[bool] = SimpleQueue()
         self._thread: Thread | None = None
 
     def open(self) -> None:
@@ -155,7 +176,7 @@ class Stream:
     def close(self) -> None:
         """Tell what is still waiting, for ``FAREWELL_TIME`` at most. Safe more than once."""
         if self._thread is not None:
-            self._waiting.put(None)
+            self._news.put(False)
             self._thread.join(FAREWELL_TIME)
             if self._thread.is_alive():
                 self.lost.append("a listener that did not come to an end")
@@ -163,24 +184,64 @@ class Stream:
 
     def emit(self, event: Event) -> None:
         """Tell all listeners, soon; returns at once and never raises."""
-        if self._thread is None:
-            self._tell(event)
-        elif self._waiting.qsize() < MOST_WAITING:
-            self._waiting.put(event)
+        if self._keep(event):
+            self._news.put(True)
+
+    def changed(self, time: float, tick: int, node: Node, status: Status, reason: str) -> None:
+        """Tell all listeners of a node's new status, with the next event; returns at once and never raises."""
+        if self._thread is not None and len(self._waiting) < MOST_WAITING:  # as ``_keep`` does, without the call
+            self._waiting.append((time, tick, node, status, reason))
         else:
-            self.dropped += 1
+            self._keep((time, tick, node, status, reason))
+
+    def forgot(self, time: float, tick: int, nodes: Sequence[Node]) -> None:
+        """Tell all listeners of nodes that were reset, with the next event; returns at once and never raises."""
+        self._keep((time, tick, nodes))
+
+    def _keep(self, told: Event | Change | Reset) -> bool:
+        """Tell it at once, or keep it for the thread; True if it is kept."""
+        if self._thread is None:
+            self._tell(told)
+            return False
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append(told)
+            return True
+        self.dropped += 1
+        return False
 
     def _run(self) -> None:
-        while (event := self._waiting.get()) is not None:
-            self._tell(event)
+        go_on = True
+        while go_on:
+            go_on = self._news.get()
+            while self._waiting:
+                self._tell(self._waiting.popleft())
 
-    def _tell(self, event: Event) -> None:
-        for listener in list(self.listeners):
-            try:
-                listener(event)
-            except BaseException as error:
-                self.listeners.remove(listener)
-                self.lost.append(f"{type(listener).__name__}: {str(error) or type(error).__name__}")
+    def _tell(self, told: Event | Change | Reset) -> None:
+        if not self.listeners:
+            return
+        for event in _events(told):
+            for listener in self.listeners:
+                try:
+                    listener(event)
+                except BaseException as error:
+                    self.listeners = [other for other in self.listeners if other is not listener]
+                    self.lost.append(f"{type(listener).__name__}: {str(error) or type(error).__name__}")
+
+
+def _events(told: Event | Change | Reset) -> Iterator[Event]:
+    """Yield the events that were kept as one."""
+    match told:
+        case Event():
+            yield told
+        case time, tick, node, status, reason:
+            yield _node_changed(time, tick, node, STATUS_WORDS[status], reason)
+        case time, tick, nodes:
+            for node in nodes:
+                yield _node_changed(time, tick, node, "idle", "")
+
+
+def _node_changed(time: float, tick: int, node: Node, word: str, reason: str) -> NodeChanged:
+    return NodeChanged(time, tick, node.key, node.name, node.kind, node.line, word, reason)
 
 
 class JsonLines:

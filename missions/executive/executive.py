@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from behaviours.run import Run
-from missions.executive.events import STATUS_WORDS, Ended, NodeChanged, Started, Stream, Ticked
+from missions.executive.events import STATUS_WORDS, Ended, Started, Stream, Ticked
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
@@ -47,7 +47,7 @@ class Executive:
         self._stop_reason: str | None = None
         self._paused = False
         self._steps = Semaphore(0)  # counts: no step is lost, from however many threads they come
-        run.observer = self._node_changed
+        run.observer = stream
 
     # --- called from any thread ---------------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class Executive:
             self.overruns += missed
             due += (missed + 1) * self._period
         while self._stop_reason is None and (left := due - self.run.now()) > 0:
-            woken = self._woken.wait(min(left, GLANCE))
+            woken = self.run.let_pass(min(left, GLANCE))
             self.run.beat()
             if woken:
                 break
@@ -131,6 +131,13 @@ class Executive:
         self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
         self.run.beat()
         return status
+
+    def pass_period(self) -> None:
+        """Let the time from one tick to the next pass, whatever wakes: for ticks by hand in simulated time."""
+        due = self.run.now() + self._period
+        while (left := due - self.run.now()) > 0:
+            self._woken.clear()
+            self.run.let_pass(left)
 
     def time(self) -> float:
         """Seconds since the start of the run."""
@@ -155,22 +162,9 @@ class Executive:
                 return
             self.run.tick += 1
             self._woken.clear()
-            self._woken.wait(self._period)
+            self.run.let_pass(self._period)
             self.run.beat()
 
     def tell_end(self, result: Result) -> None:
         """End the stream of events."""
         self.stream.emit(Ended(self.time(), result.mission, result.result, result.reason, result.seconds, result.ticks))
-
-    def _node_changed(self, node: Node) -> None:
-        # Called for every change of every node: so no call that can be saved, and no hash of an enum, which is slow.
-        status = node.status
-        if status is Status.RUNNING:
-            word = "running"
-        else:
-            word = "success" if status is Status.SUCCESS else STATUS_WORDS[status]
-        run = self.run
-        now = run.clock.now()
-        self.stream.emit(
-            NodeChanged(now, run.tick, node.key, node.name, node.kind, node.line, word, node.feedback_message)
-        )

@@ -69,7 +69,13 @@ class Parent(Node):
         self.publish(IDLE)
         return True
 
-    def reset(self) -> None:
-        """Forget the result, and an end that was under way."""
+    def forget(self, forgotten: list[Node]) -> None:
+        """Forget the result, and those of the members before it."""
+        if self.status is not IDLE:
+            for member in self.members:
+                member.forget(forgotten)
+            super().forget(forgotten)
+
+    def give_up(self) -> None:
+        """Forget an end that was under way."""
         self.ending = None
-        super().reset()

@@ -73,7 +73,7 @@ class Watchdog:
         self._thread: Thread | None = None
         self._done = Event()
         self._hands: dict[str, Thread] = {}
-        self._looked = self._awake_since = run.now()
+        self._looked = self._awake_since = run.wall.now()
         self._asked: float | None = None  # when the first signal was heard
         self._watched: tuple[Leaf | None, int] = (None, 0)
         self._watched_since = 0.0
@@ -113,7 +113,7 @@ class Watchdog:
 
     def look(self) -> None:
         """Look once, and do what is due."""
-        now = self._run.now()
+        now = self._run.wall.now()
         if now - self._looked > ABSENCE:
             self._awake_since = now
         self._looked = now

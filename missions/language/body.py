@@ -1,4 +1,4 @@
-"""What every mission file holds, the one that is run and those that it runs: a header, params, a tree, results."""
+"""What every mission file holds, the one that is run and those that it runs: a header, params, a tree, and so on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,10 +8,11 @@ from config.marked import Listing, Mapping, Node, Scalar
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
 from missions.language.params import Param, read_params
-from missions.language.plan import MISSION, SWITCH, Step
+from missions.language.plan import MISSION, SWITCH, Property, Step
+from missions.language.properties import read_properties
 from missions.language.values import Value
 
-KEYS = ("mission", "summary", "params", "tree", "returns")
+KEYS = ("mission", "summary", "params", "tree", "returns", "properties")
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,7 @@ class Body:
     summary: str
     tree: Step | None
     returns: dict[str, Value]
+    properties: tuple[Property, ...] = ()
 
 
 Take = Callable[[Notes, dict[str, Param], str], None]
@@ -44,7 +46,8 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
         return Body(mission, summary, None, {})
     notes.stored |= stored_names(node, {word: leaf.open_ended for word, leaf in notes.leaves.items()})
     tree = read_step(notes, node)
-    return Body(mission, summary, tree, read_returns(notes, root.get("returns")))
+    properties = read_properties(notes, root.get("properties"), tree)
+    return Body(mission, summary, tree, read_returns(notes, root.get("returns")), properties)
 
 
 def _header(notes: Notes, root: Mapping, key: str, *, required: bool = False) -> str:

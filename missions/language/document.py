@@ -85,7 +85,7 @@ def _check(
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:
         raise InvalidFileError(notes.faults)
-    return Plan(body.mission, body.summary, dict(notes.params), tree, source, body.returns)
+    return Plan(body.mission, body.summary, dict(notes.params), tree, source, body.returns, body.properties)
 
 
 def _check_depth(notes: Notes, tree: Step) -> None:

@@ -29,6 +29,9 @@ MISSION = "mission"
 PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head"}
 """The part of a robot that knows each piece of state that expressions read."""
 
+SENSE_OF_STATE = {"face": "faces"}
+"""What the camera is to look for so that it is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -70,16 +73,42 @@ class Step:
         return frozenset().union(*(step.own_needs for step in self.walk()))
 
     @property
+    def senses(self) -> frozenset[str]:
+        """What it, or something below it, looks for with the camera."""
+        return frozenset().union(*(step.own_senses for step in self.walk()))
+
+    @property
+    def own_senses(self) -> frozenset[str]:
+        """What it looks for itself: as its leaf declares, and what its expressions read."""
+        asked = frozenset(SENSE_OF_STATE[name] for name in self._reads if name in SENSE_OF_STATE)
+        return asked | (self.leaf.senses if self.leaf is not None and "camera" in self.leaf.needs else frozenset())
+
+    @property
     def own_needs(self) -> frozenset[str]:
         """The parts that it needs itself, not those of what is below it."""
-        reads = (
-            read.name
-            for value in (*self.arguments.values(), *self.returns.values())
-            if value.template is not None
-            for read in value.template.reads
-        )
-        known = frozenset(PART_OF_STATE[name] for name in reads if name in PART_OF_STATE)
+        known = frozenset(PART_OF_STATE[name] for name in self._reads if name in PART_OF_STATE)
         return known | (self.leaf.needs if self.leaf is not None else frozenset())
+
+    @property
+    def _reads(self) -> Iterator[str]:
+        """The names that its expressions read."""
+        values = (value.template for value in (*self.arguments.values(), *self.returns.values()))
+        return (read.name for template in values if template is not None for read in template.reads)
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """What a mission promises of itself, for ``mission verify`` to prove.
+
+    ``form`` is "while", "before", "after", "without", "stopped", "eventually" or "can". ``subject`` and ``other`` name
+    behaviours, nodes or actuators; of "can" the subject is the end. ``text`` is the whole of it as it is written.
+    """
+
+    form: str
+    subject: str
+    other: str
+    text: str
+    mark: Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,3 +121,4 @@ class Plan:
     tree: Step
     source: Source
     returns: Mapping[str, Value] = field(default_factory=dict)
+    properties: tuple[Property, ...] = ()

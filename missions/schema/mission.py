@@ -10,8 +10,10 @@ from config.controller import load_controller
 from config.gesture import load_gesture
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
+from missions.catalogue import sentence
 from missions.language.params import TYPES
 from missions.language.plan import MISSION
+from missions.language.properties import FORMS, PROPERTIES
 from missions.library import shipped_missions
 from missions.schema.nodes import NODE, RESULTS, definitions
 from missions.schema.values import HOLE, NAME, SCALAR, Schema, Things
@@ -40,6 +42,7 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
                 "description": "What it hands back to a mission that runs it: names and expressions.",
                 **RESULTS,
             },
+            "properties": _properties(),
         },
         "required": ["mission", "tree"],
         "additionalProperties": False,
@@ -90,6 +93,26 @@ def _param() -> Schema:
         },
         "additionalProperties": False,
         "anyOf": [{"not": {"type": "object"}}, {"required": ["default"]}, {"required": ["type"]}],
+    }
+
+
+def _properties() -> Schema:
+    """Return what a list of properties is: one key with a text in each."""
+    kinds = {
+        word: {"description": sentence(text), "type": "string", "pattern": pattern}
+        for word, (text, pattern) in PROPERTIES.items()
+    }
+    return {
+        "description": "What the mission promises of itself, for `mission verify` to prove.",
+        "type": "array",
+        "items": {
+            "type": "object",
+            "properties": kinds,
+            "additionalProperties": False,
+            "minProperties": 1,
+            "maxProperties": 1,
+            "defaultSnippets": [{"label": form, "bodyText": form} for form in FORMS],
+        },
     }
 
 

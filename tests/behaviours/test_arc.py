@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from behaviours.base import Arc
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Velocity
+from missions.testing.recorders import STOP, Bench, good, none
 from tests.behaviours.test_base import Track
-from tests.recorders import STOP, Bench, good, none
 
 SIDE = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))

@@ -14,7 +14,7 @@ from drivers.api import JointState, Keyframe, Quality, Reading
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from drivers.sim.servo import Shaft
-from tests.recorders import GONE, HOLD, Bench, RecordedJoints, none
+from missions.testing.recorders import GONE, HOLD, Bench, RecordedJoints, none
 
 TICK = 0.05
 

@@ -18,7 +18,7 @@ from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
 from drivers.sim.wheels import Wheels
-from tests.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
+from missions.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
 
 REPORT = 0.02
 """Seconds between two reports of a Kobuki."""

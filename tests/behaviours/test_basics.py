@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from tests.recorders import Bench
+from missions.testing.recorders import Bench
 
 
 def test_wait_runs_until_the_time_is_over() -> None:
@@ -48,7 +48,7 @@ def test_log_writes_its_line(caplog: pytest.LogCaptureFixture) -> None:
 def test_set_keeps_the_values_of_the_moment() -> None:
     bench = Bench()
     bench.run.variables.update(count=1, name="ada")
-    leaf = bench.put(Set("set"), given={"at": bench.clock.now, "name": lambda: "bob"})
+    leaf = bench.put(Set("set"), computed={"at": bench.clock.now, "name": lambda: "bob"})
     assert bench.tick(leaf, after=1.0) is SUCCESS
     assert bench.run.variables == {"count": 1, "at": 101.0, "name": "bob"}
     assert bench.tick(leaf, after=1.0) is SUCCESS
@@ -58,7 +58,9 @@ def test_set_keeps_the_values_of_the_moment() -> None:
 def test_set_evaluates_everything_before_it_changes_anything() -> None:
     bench = Bench()
     bench.run.variables.update(a=1, b=2)
-    swap = bench.put(Set("set"), given={"a": lambda: bench.run.variables["b"], "b": lambda: bench.run.variables["a"]})
+    swap = bench.put(
+        Set("set"), computed={"a": lambda: bench.run.variables["b"], "b": lambda: bench.run.variables["a"]}
+    )
     bench.tick(swap)
     assert bench.run.variables == {"a": 2, "b": 1}
 
@@ -68,7 +70,7 @@ def test_set_fails_with_the_name_that_has_no_value_and_changes_nothing() -> None
         raise ValueError("there is no 'visitor' yet")
 
     bench = Bench()
-    leaf = bench.put(Set("set"), given={"a": lambda: 1, "b": unknown})
+    leaf = bench.put(Set("set"), computed={"a": lambda: 1, "b": unknown})
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "b: there is no 'visitor' yet"
     assert bench.run.variables == {}

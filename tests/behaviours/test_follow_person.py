@@ -11,7 +11,7 @@ from behaviours.tracking.follow_person import FollowPerson
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
-from tests.recorders import STOP, Bench, face, good, stale
+from missions.testing.recorders import STOP, Bench, face, good, stale
 
 LEFT = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.head import ARRIVED, Look, arrived
+from behaviours.head import ARRIVED, SAG, SETTLED, Look, LookAt, aim, arrived
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import HeadPose, Reading
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest
 from drivers.sim.servo import Shaft
-from tests.recorders import GONE, STOP, Bench, RecordedHead, good, none, stale
+from missions.testing.recorders import GONE, STOP, Bench, RecordedHead, good, none, stale
 
 LEFT = HeadPose(1.0, -0.2)
 
@@ -45,9 +45,10 @@ def test_look_runs_until_the_head_is_there() -> None:
     bench = Bench()
     leaf = looking(bench)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "the head is on its way"
+    assert leaf.reason == "the head is at +0, +0 deg, on its way to +57, -11 deg"
     bench.head.reading = good(LEFT)
     assert bench.tick(leaf) is SUCCESS
+    assert (leaf.reason, leaf.result) == ("looks at +57, -11 deg", LEFT)
     assert bench.head.commands == [LEFT, LEFT]
 
 
@@ -60,8 +61,10 @@ def test_look_beyond_the_limits_ends_at_the_limits() -> None:
     bench = Bench()
     leaf = looking(bench, HeadPose(3.0, 2.0))
     bench.tick(leaf)
+    assert leaf.reason.endswith("on its way to +80, +20 deg, the limit for +172, +115 deg")
     bench.head.reading = good(HeadPose(bench.head.limits.pan[1], bench.head.limits.tilt[1]))
     assert bench.tick(leaf) is SUCCESS
+    assert leaf.reason == "looks at +80, +20 deg, the limit for +172, +115 deg"
 
 
 @pytest.mark.parametrize("reading", [stale(LEFT), none()])
@@ -139,3 +142,90 @@ def test_arrived_means_both_axes() -> None:
     assert arrived(good(HeadPose(0.5 + 0.9 * ARRIVED, 0.1 - 0.9 * ARRIVED)), goal)
     assert not arrived(good(HeadPose(0.5 + 1.1 * ARRIVED, 0.1)), goal)
     assert not arrived(good(HeadPose(0.5, 0.1 - 1.1 * ARRIVED)), goal)
+
+
+def test_a_head_that_sags_under_load_has_arrived_once_it_rests() -> None:
+    bench = Bench()
+    leaf = looking(bench)
+    bench.head.reading = good(HeadPose(LEFT.pan, LEFT.tilt + 0.9 * SAG))
+    for _ in range(int(SETTLED / 0.05)):
+        assert bench.tick(leaf) is RUNNING
+    assert bench.tick(leaf, after=0.1) is SUCCESS
+
+
+def test_a_head_that_is_held_fast_is_a_failure_that_says_where() -> None:
+    bench = Bench()
+    leaf = looking(bench)
+    bench.head.reading = good(HeadPose(0.5, 0.0))
+    while bench.tick(leaf) is RUNNING:
+        assert leaf.elapsed < SETTLED + 0.2
+    assert leaf.reason == "the head rests at +29, +0 deg and does not come to +57, -11 deg"
+    assert bench.head.commands[-1] == STOP
+
+
+def test_a_head_that_is_slow_or_not_heard_of_is_not_stuck() -> None:
+    bench = Bench()
+    leaf = looking(bench)
+    for step in range(60):
+        bench.head.reading = good(HeadPose(step * 0.005, 0.0))
+        assert bench.tick(leaf) is RUNNING
+    bench.head.reading = stale(HeadPose(0.3, 0.0))
+    for _ in range(60):
+        assert bench.tick(leaf) is RUNNING
+
+
+def pointing(bench: Bench, x: float, y: float, z: float) -> LookAt:
+    return bench.put(LookAt("look_at"), x=x, y=y, z=z)
+
+
+@pytest.mark.parametrize(
+    ("point", "pan", "tilt"),
+    [
+        ((2.05, 0.0, 1.1), 0.0, 0.0),
+        ((2.05, 2.0, 1.1), 45.0, 0.0),
+        ((2.05, -2.0, 1.1), -45.0, 0.0),
+        ((1.15, 0.0, 0.8), 0.0, 15.26),  # 1.1 m ahead of the eye, 0.3 m below it
+        ((0.05, 1.0, 2.1), 90.0, -45.0),
+    ],
+)
+def test_a_point_is_in_the_direction_in_which_the_camera_sees_it(
+    point: tuple[float, float, float], pan: float, tilt: float
+) -> None:
+    found = aim((0.05, 0.0, 1.1), point)
+    assert found is not None
+    assert (math.degrees(found.pan), math.degrees(found.tilt)) == pytest.approx((pan, tilt), abs=0.01)
+
+
+@given(st.floats(-1.3, 1.3), st.floats(-1.0, 0.3), st.floats(0.05, 20))
+def test_what_lies_in_a_direction_is_looked_at_in_that_direction(pan: float, tilt: float, far: float) -> None:
+    eye = (0.1, -0.05, 0.9)
+    ahead = far * math.cos(tilt)
+    point = (eye[0] + ahead * math.cos(pan), eye[1] + ahead * math.sin(pan), eye[2] - far * math.sin(tilt))
+    found = aim(eye, point)
+    assert found is not None
+    assert (found.pan, found.tilt) == pytest.approx((pan, tilt), abs=1e-6)
+
+
+def test_look_at_turns_from_where_the_camera_sits() -> None:
+    bench = Bench()
+    leaf = pointing(bench, 1.5, 1.0, 1.2)
+    leaf.robot = Robot(head_part=bench.head, eye=(0.5, 0.0, 1.2))
+    assert bench.tick(leaf) is RUNNING
+    (command,) = bench.head.commands
+    assert isinstance(command, HeadPose)
+    assert (command.pan, command.tilt) == pytest.approx((math.pi / 4, 0.0))
+    bench.head.reading = good(HeadPose(math.pi / 4, 0.0))
+    assert bench.tick(leaf) is SUCCESS
+
+
+def test_a_point_out_of_reach_is_a_failure_and_moves_nothing() -> None:
+    bench = Bench()
+    leaf = pointing(bench, -2.0, 0.0, 1.0)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == (
+        "(-2, 0, 1) m is at +180, +0 deg, beyond the head's limits: pan -80 to 80 deg, tilt -57 to 20 deg"
+    )
+    leaf = pointing(bench, 0.0, 0.0, 1.0)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "(0, 0, 1) m is where the camera is"
+    assert bench.head.commands == [STOP, STOP]

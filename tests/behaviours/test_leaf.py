@@ -11,7 +11,7 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.robot import Robot
 from drivers.errors import DeviceFault, NoReply
-from tests.recorders import GONE, Bench
+from missions.testing.recorders import GONE, Bench
 
 INVALID = Status.INVALID
 
@@ -105,6 +105,25 @@ def test_elapsed_counts_from_each_start() -> None:
     assert leaf.elapsed == 0.0
 
 
+def test_elapsed_counts_from_the_first_tick_even_where_the_device_was_lost_in_it() -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet(), works=fails_with(GONE))
+    bench.tick(leaf)
+    bench.tick(leaf, after=3.0)
+    assert leaf.elapsed == pytest.approx(3.0)
+
+
+def test_a_leaf_may_ask_in_its_own_start_since_when_it_works() -> None:
+    bench = Bench()
+    asked: list[float] = []
+    leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, RUNNING))
+    leaf.starts = lambda: asked.append(leaf.since)
+    for after in (1.0, 1.0, 5.0):
+        bench.tick(leaf, after=after)
+    assert asked == [101.0, 107.0]
+    assert leaf.since == 107.0
+
+
 def test_a_reason_lasts_only_as_long_as_it_is_given() -> None:
     bench = Bench()
     leaf = bench.put(Puppet())
@@ -176,6 +195,20 @@ def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == f"puppet: returned {nonsense!r} instead of a status"
     assert leaf.asked[-1] is FAILURE
+
+
+@pytest.mark.parametrize("status", [RUNNING, SUCCESS, FAILURE])
+def test_a_reason_that_is_no_text_is_shown_as_one(status: Status) -> None:
+    bench = Bench()
+    leaf = bench.put(Puppet())
+
+    def grumble() -> Status:
+        setattr(leaf, "feedback_message", ValueError("too dark"))  # noqa: B010 - mypy would not have it otherwise
+        return status
+
+    leaf.works = grumble
+    assert bench.tick(leaf) is status
+    assert leaf.reason == "ValueError('too dark')"
 
 
 def test_a_lost_device_is_waited_for_in_update() -> None:

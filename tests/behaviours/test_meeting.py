@@ -10,7 +10,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.meeting import Meeting
 from behaviours.sight import FaceCentred, FindFace
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
-from tests.recorders import Bench, face, good
+from missions.testing.recorders import Bench, face, good
 
 HOME = Pose2D(0.0, 0.0, 0.0)
 

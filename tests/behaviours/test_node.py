@@ -6,8 +6,10 @@ from py_trees.common import Status
 from behaviours.base import Drive
 from behaviours.basics import Fail, Log, Pretend, Succeed, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.node import Node
+from behaviours.run import NodeByNode
 from missions.executive.composites import Sequence, adopt
-from tests.recorders import STOP, Bench
+from missions.testing.recorders import STOP, Bench
 
 INVALID = Status.INVALID
 
@@ -26,10 +28,10 @@ def pretend(bench: Bench, *outcomes: Status) -> Pretend:
     return bench.put(Pretend("pretend"), outcomes=outcomes)
 
 
-def sequence(bench: Bench, *leaves: Leaf) -> Sequence:
-    composite = Sequence("both")
+def sequence(bench: Bench, *children: Node, name: str = "both") -> Sequence:
+    composite = Sequence(name)
     composite.run, composite.kind = bench.run, "sequence"
-    adopt(composite, list(leaves))
+    adopt(composite, list(children))
     return composite
 
 
@@ -52,7 +54,7 @@ def test_the_observer_sees_the_new_status_and_its_reason() -> None:
     bench = Bench()
     leaf = bench.put(Fail("fail"), because="too dark")
     seen: list[tuple[Status, str]] = []
-    bench.run.observer = lambda node: seen.append((node.status, node.reason))
+    bench.run.observer = NodeByNode(lambda node: seen.append((node.status, node.reason)))
     bench.tick(leaf)
     assert seen == [(FAILURE, "too dark")]
 
@@ -80,6 +82,16 @@ def test_a_reset_reaches_down_to_the_leaves() -> None:
     bench.tick(root)
     root.reset()
     assert statuses(root) == [INVALID, INVALID, INVALID]
+
+
+def test_a_composite_that_starts_again_forgets_all_below_it_before_its_first_child_works() -> None:
+    bench = Bench()
+    root = sequence(bench, bench.put(Succeed("a")), sequence(bench, bench.put(Succeed("b")), name="inner"))
+    bench.tick(root)
+    bench.news.clear()
+    bench.tick(root)
+    assert [name for name, status in bench.news if status is INVALID] == ["a", "b", "inner"]
+    assert bench.news[:4] == [("a", INVALID), ("b", INVALID), ("inner", INVALID), ("a", SUCCESS)]
 
 
 def test_a_composite_claims_what_its_leaves_drive() -> None:

@@ -5,8 +5,8 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.scene import SceneUniform
+from missions.testing.recorders import Bench
 from perception.api import Scene
-from tests.recorders import Bench
 
 
 def asking(bench: Bench, **arguments: object) -> SceneUniform:

@@ -12,7 +12,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.sight import FaceCentred, FaceSeen, FindFace, serpentine
 from drivers.api import HeadPose, Reading
 from drivers.errors import DeviceFault
-from tests.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
 
 AHEAD = HeadPose(0.0, 0.0)
 

@@ -12,7 +12,7 @@ from config.controller import load_controller
 from config.library import shipped
 from drivers.api import COMMAND_LIFE, BaseState, HeadPose, Pose2D, Velocity
 from drivers.errors import DeviceFault
-from tests.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
 
 LEFT, RIGHT = 0.3, -0.3
 

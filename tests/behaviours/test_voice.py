@@ -5,7 +5,7 @@ from behaviours.robot import Robot
 from behaviours.voice import Say
 from drivers.errors import DeviceFault
 from drivers.voice.printed import PrintedVoice
-from tests.recorders import CANCEL, GONE, Bench
+from missions.testing.recorders import CANCEL, GONE, Bench
 
 
 def saying(bench: Bench, text: str = "Hello!") -> Say:

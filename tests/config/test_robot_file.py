@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from config.faults import Fault, InvalidFileError
+from config.head import HeadConfig
 from config.robot import RobotConfig, load_robot
 
 WHOLE = """\
@@ -54,7 +55,7 @@ def test_a_robot_is_read_in_si_units(file: Path) -> None:
     assert robot.base is not None
     assert (robot.base.port, robot.base.baud, robot.base.max_speed) == ("/dev/base", 115_200, 0.3)
     assert robot.base.max_turn == pytest.approx(math.pi / 2)
-    assert robot.head is not None
+    assert isinstance(robot.head, HeadConfig)
     assert robot.head.boot == 0.5
     assert (robot.head.pan.index, robot.head.pan.flip, robot.head.tilt.index, robot.head.tilt.flip) == (
         0,

@@ -39,7 +39,7 @@ def test_a_world_is_read_in_si_units(file: Path) -> None:
     assert (ben.name, ben.x, ben.y, ben.path) == ("Ben", 1.5, -0.2, ((1.0, 0.0), (2.0, 0.0)))
     assert ben.facing == pytest.approx(math.pi / 2)
     assert (ben.start, ben.loop) == (2.0, False)
-    assert (anna.facing, anna.path, anna.loop) == (None, (), True)
+    assert (anna.facing, anna.path, anna.loop) == ("camera", (), True)
 
 
 def test_a_world_needs_no_more_than_a_name(file: Path) -> None:

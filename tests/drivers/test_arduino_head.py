@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from drivers.api import Head, HeadPose, Health, Notice, Quality
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS, ServoAxis
+from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.link import Link, Talker
-from drivers.profile import LONGEST_STEP, Ramp
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
@@ -66,6 +66,52 @@ def test_an_angle_becomes_whole_degrees_within_what_the_sketch_takes(
     assert axis.to_degrees(radians(angle)) == sent
 
 
+# Both devices of the Rodney project's pan/tilt node: servo, joint, limits in radians as its parameters have them.
+RODNEY = {
+    "index0 pan": ServoAxis(0, -math.pi / 2, math.pi / 2),
+    "index0 tilt": ServoAxis(1, -1.39626, 0.349066, flip=True),
+    "index1 pan": ServoAxis(2, -math.pi / 2, math.pi / 2),
+    "index1 tilt": ServoAxis(3, -math.pi / 2, math.pi / 2),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "trim", "sent"),
+    [
+        ("index0 pan", 0.0, 0, (0, 90)),
+        ("index0 pan", 0.872665, 0, (0, 140)),  # view_step of its head scan
+        ("index0 pan", -0.872665, 0, (0, 40)),
+        ("index0 pan", math.pi / 2, 0, (0, 180)),
+        ("index0 pan", 2.0, 0, (0, 180)),
+        ("index0 pan", 0.0, 45, (0, 135)),
+        ("index0 pan", math.pi / 2, 10, (0, 180)),
+        ("index0 tilt", 0.0, 0, (1, 90)),
+        ("index0 tilt", -0.523599, 0, (1, 120)),  # user_position: looks up, and the sketch starts there
+        ("index0 tilt", 0.349066, 0, (1, 70)),
+        ("index0 tilt", 0.6, 0, (1, 70)),  # clipped at its max
+        ("index0 tilt", -1.39626, 0, (1, 170)),
+        ("index0 tilt", -1.5, 0, (1, 170)),  # clipped at its min
+        ("index0 tilt", -0.523599, 5, (1, 125)),
+        ("index0 tilt", -0.523599, -5, (1, 115)),
+        ("index0 tilt", -1.39626, 20, (1, 180)),
+        ("index1 pan", 0.436332, 0, (2, 115)),
+        ("index1 pan", 0.436332, -45, (2, 70)),
+        ("index1 tilt", 0.349066, 0, (3, 110)),
+        ("index1 tilt", -2.0, 0, (3, 0)),
+    ],
+)
+def test_trims_flips_and_limits_are_those_of_rodneys_node(
+    name: str, angle: float, trim: float, sent: tuple[int, int]
+) -> None:
+    axis = RODNEY[name].trimmed(radians(trim))
+    held = min(max(angle, axis.range[0]), axis.range[1])
+    assert (axis.index, axis.to_degrees(held)) == sent
+    if trim == 0:
+        clipped = min(max(angle, axis.lower), axis.upper)
+        turned = (-clipped if axis.flip else clipped) * 180 / math.pi + 90
+        assert axis.to_degrees(held) == pytest.approx(turned, abs=0.5)
+
+
 @given(st.integers(0, 180), st.booleans(), st.floats(-radians(45), radians(45)))
 def test_what_was_sent_reads_back_as_the_same_degree(sent: int, flip: bool, trim: float) -> None:
     axis = ServoAxis(3, -math.pi, math.pi, flip=flip, trim=trim)
@@ -86,7 +132,7 @@ def test_the_range_is_what_is_allowed_and_within_reach() -> None:
         (256, -1.0, 1.0, 0.0, "index 256"),
         (0, 1.0, -1.0, 0.0, "lower limit 1.0"),
         (0, math.nan, 1.0, 0.0, "lower limit nan"),
-        (0, -1.0, 1.0, 0.8, "trim 0.8 rad"),
+        (0, -1.0, 1.0, 0.8, "a trim of 45.8 deg"),
         (0, 2.0, 3.0, 0.0, "within its reach"),
     ],
 )
@@ -102,27 +148,6 @@ def test_an_axis_knows_where_the_sketch_puts_its_servo() -> None:
     assert ServoAxis(1, -1.0, 1.0, start=45).awake == 45
     with pytest.raises(ValueError, match="a start of 181 degrees"):
         ServoAxis(0, -1.0, 1.0, start=181)
-
-
-@given(st.floats(-3, 3), st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 0.5)), max_size=20))
-def test_a_ramp_never_outruns_its_speed_nor_its_goal(start: float, moves: list[tuple[float, float]]) -> None:
-    ramp, now = Ramp(start, speed=2.0), 0.0
-    for goal, seconds in moves:
-        ramp.aim(goal, now)
-        before, now = ramp.position, now + seconds
-        after = ramp.advance(now)
-        assert abs(after - before) <= 2.0 * min(seconds, LONGEST_STEP) + 1e-9
-        assert min(before, goal) - 1e-9 <= after <= max(before, goal) + 1e-9
-
-
-def test_a_ramp_arrives_and_a_halted_one_stays() -> None:
-    ramp = Ramp(0.0, speed=1.0)
-    ramp.aim(0.25, now=5.0)
-    assert [ramp.advance(5.0 + step / 10) for step in range(4)] == pytest.approx([0.0, 0.1, 0.2, 0.25])
-    ramp.aim(-1.0, now=5.3)
-    ramp.advance(5.4)
-    ramp.halt()
-    assert ramp.advance(5.5) == pytest.approx(0.15)
 
 
 # --- the conversation, on a clock cranked by hand ---------------------------------------------------------------------
@@ -211,20 +236,24 @@ def leaps(commands: list[tuple[int, int]], index: int) -> int:
 
 
 def bench(
-    device: VirtualRodney | None = None, *, boot_delay: float = 0.0, speed: float = 1.0, start: HeadPose | None = None
+    device: VirtualRodney | None = None,
+    *,
+    boot_delay: float = 0.0,
+    speed: float = 1.0,
+    acceleration: float = radians(3000),  # so hard that it hardly counts
+    start: HeadPose | None = None,
 ) -> Bench:
     clock = ManualClock(100.0)
     notices: list[Notice] = []
     changes: list[HeadPose | None] = []
     link = Wire(device or VirtualRodney(), clock)
     head = ArduinoHead(
-        link,
+        Board(link, clock, boot_delay=boot_delay, report=notices.append),
         clock,
         pan=PAN,
         tilt=TILT,
         speed=speed,
-        boot_delay=boot_delay,
-        report=notices.append,
+        acceleration=acceleration,
         changed=lambda: changes.append(head.pose().value),
         start=start or HeadPose(0.0, 0.0),
     )
@@ -248,9 +277,9 @@ def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_n
     b.link.run(1.0)
     said = b.link.said()
     assert said.startswith(wire.REQUEST_TOPICS)
-    assert said.index(servo(0, 90) + servo(1, 120)) < said.index(servo(0, 91))
+    assert said.index(servo(0, 91) + servo(1, 119)) < said.index(servo(0, 92))
     assert sorted(b.link.device.commands) == sorted(
-        [(0, angle) for angle in range(90, 101)] + [(1, angle) for angle in range(110, 121)]
+        [(0, angle) for angle in range(91, 101)] + [(1, angle) for angle in range(110, 120)]
     )
     assert b.head.health().online
     assert [(one.kind, one.what) for one in b.notices] == [
@@ -269,6 +298,40 @@ def test_it_goes_to_its_goal_degree_by_degree_at_its_speed() -> None:
     assert degrees(b.head) == pytest.approx((30, 0))
     assert len(b.changes) == 30
     assert b.link.device.angle(0, b.clock.now()) == 120
+
+
+def test_the_first_degree_is_on_the_wire_before_look_returns_and_a_trembling_goal_sends_none() -> None:
+    b = bench(speed=radians(120), acceleration=radians(400))
+    b.begin()
+    b.head.look(HeadPose(radians(30), radians(-0.4)))
+    assert b.link.said() == servo(0, 91)
+    b.head.look(HeadPose(radians(-30), 0.0))
+    assert b.link.said() == servo(0, 89)
+    b.head.stop()
+    b.link.run(1.0)
+    b.link.device.commands.clear()
+    here = b.head.pose().value
+    assert here is not None
+    for tremble in (0.4, -0.4, 0.3):
+        b.head.look(HeadPose(here.pan + radians(tremble), here.tilt))
+        b.link.run(0.5)
+    assert b.link.device.commands == []
+
+
+@given(st.booleans(), st.floats(-45, 45), st.floats(-80, 80), st.floats(-80, 80))
+def test_what_is_sent_is_on_the_way_to_the_goal_and_less_than_a_degree_ahead(
+    flip: bool, trim: float, angle: float, goal: float
+) -> None:
+    axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
+    angle, goal = (min(max(each, math.degrees(axis.range[0])), math.degrees(axis.range[1])) for each in (angle, goal))
+    sent, end = axis.next_degree(radians(angle), radians(goal)), axis.to_degrees(radians(goal))
+    exact = math.degrees(axis.sign * radians(angle) + axis.trim) + 90
+    assert 0 <= sent <= 180
+    assert abs(sent - exact) <= 1 + 1e-9
+    assert min(exact, end) - 1 < sent < max(exact, end) + 1
+    if abs(exact - end) > 1:
+        assert (sent - exact) * (end - exact) > 0
+    assert axis.next_degree(radians(goal), radians(goal)) == end
 
 
 def test_a_goal_beyond_the_limits_is_clamped_and_said_so() -> None:
@@ -301,7 +364,7 @@ def test_a_speed_that_moves_nothing_is_refused() -> None:
 def test_two_axes_on_one_servo_are_refused() -> None:
     b = bench()
     with pytest.raises(ValueError, match="both servo 0"):
-        ArduinoHead(b.link, b.clock, pan=PAN, tilt=PAN, speed=1.0)
+        ArduinoHead(b.head.board, b.clock, pan=PAN, tilt=PAN, speed=1.0)
 
 
 def test_stopped_it_holds_where_it_has_got_to() -> None:
@@ -476,7 +539,7 @@ def test_the_head_never_leaps_from_where_the_sketch_has_put_it() -> None:
     b.link.run(1.0)
     assert b.head.pose().quality is Quality.STALE
     b.link.run(3.0)
-    assert b.link.device.commands[:2] == [(0, 90), (1, 120)]
+    assert b.link.device.commands[:2] == [(0, 91), (1, 119)]
     assert [leaps(b.link.device.commands, index) for index in (0, 1)] == [1, 1]
     assert b.head.pose().good
     assert degrees(b.head) == pytest.approx((50, 0))
@@ -540,7 +603,7 @@ def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> Non
     b.link.device.commands.clear()
     b.link.noise = wire.Frame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO, 512).pack()).pack()
     b.link.run(1.0)
-    assert b.link.device.commands[:2] == [(0, 90), (1, 120)]
+    assert b.link.device.commands[:2] == [(0, 91), (1, 119)]
     assert b.notices[-1].what == "the board has started anew"
     assert degrees(b.head) == pytest.approx((20, 0))
 
@@ -573,6 +636,151 @@ def test_closing_tells_the_board_to_stop_sending_and_may_be_done_twice() -> None
     assert b.link.said() == wire.STOP_SENDING
 
 
+def test_two_heads_share_a_board_and_are_told_apart_by_their_servos() -> None:
+    b = bench()
+    other = ArduinoHead(
+        b.head.board, b.clock, pan=RODNEY["index1 pan"], tilt=RODNEY["index1 tilt"], speed=3.0, name="other head"
+    )
+    other.open()
+    b.begin()
+    b.head.look(HeadPose(radians(10), 0.0))
+    other.look(HeadPose(radians(-20), radians(15)))
+    b.link.run(1.0)
+    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 70, 105]
+    assert degrees(b.head) == pytest.approx((10, 0))
+    assert degrees(other) == pytest.approx((-20, 15))
+    b.head.close()
+    assert b.link.online
+    other.look(HeadPose(0.0, 0.0))
+    b.link.run(1.0)
+    assert [b.link.device.angle(index, b.clock.now()) for index in range(4)] == [100, 90, 90, 90]
+    b.link.unplug()
+    with pytest.raises(NotConnected):
+        other.look(HeadPose(0.0, 0.0))
+
+
+def test_trimmed_while_it_runs_it_goes_over_smoothly_and_keeps_its_goal() -> None:
+    b = bench(speed=radians(50), acceleration=radians(400))
+    b.begin()
+    b.head.look(HeadPose(radians(20), radians(-10)))
+    b.link.run(1.0)
+    b.link.device.commands.clear()
+    assert b.head.trim(pan=radians(12), tilt=radians(3)) == pytest.approx((radians(12), radians(3)))
+    assert degrees(b.head)[0] == pytest.approx(20)
+    b.link.run(1.0)
+    assert [angle for index, angle in b.link.device.commands if index == 0] == [*range(111, 123)]
+    assert [angle for index, angle in b.link.device.commands if index == 1] == [*range(101, 104)]
+    assert degrees(b.head) == pytest.approx((20, -10))
+    assert b.head.trim(pan=radians(-45)) == pytest.approx((radians(-45), radians(3)))
+    b.link.run(3.0)
+    assert b.link.device.angle(0, b.clock.now()) == 65
+
+
+def test_a_trim_holds_across_a_reset_and_may_be_set_before_the_board_is_there() -> None:
+    b = bench(VirtualRodney(boot_delay=1.0), boot_delay=1.5)
+    b.head.trim(tilt=radians(-8))
+    b.link.plug()
+    b.link.run(5.0)
+    assert b.link.device.angle(1, b.clock.now()) == 82
+    assert degrees(b.head) == pytest.approx((0, 0))
+    b.link.device.reset(b.clock.now())
+    b.link.run(12.0)
+    assert b.link.device.angle(1, b.clock.now()) == 82
+
+
+def test_what_is_sent_speeds_up_and_brakes_no_harder_than_it_may() -> None:
+    speed, acceleration = radians(120), radians(400)
+    b = bench(speed=speed, acceleration=acceleration)
+    b.begin()
+    angles = []
+    for goal in (60, -70, 10, 10):
+        b.head.look(HeadPose(radians(goal), 0.0))
+        for _ in range(50):
+            b.link.run(0.02)
+            angles.append(degrees(b.head)[0])
+    # Over five pulses a whole degree more or less counts for little.
+    velocities = [(later - sooner) / 0.1 for sooner, later in zip(angles, angles[5:], strict=False)]
+    accelerations = [(later - sooner) / 0.1 for sooner, later in zip(velocities, velocities[5:], strict=False)]
+    assert max(map(abs, velocities)) <= math.degrees(speed) + 10
+    assert math.degrees(acceleration) / 2 < max(map(abs, accelerations)) <= math.degrees(acceleration) + 200
+    assert angles[-1] == pytest.approx(10)
+
+
+def test_the_wheels_turn_as_the_encoders_of_the_later_sketch_say() -> None:
+    b = bench(VirtualRodney(tacho=True))
+    assert b.head.board.wheels().quality is Quality.NONE
+    b.link.device.wheels = wire.Tacho(30.0, -60.0)
+    b.link.plug()
+    b.link.run(1.0)
+    rates = b.head.board.wheels()
+    assert rates.good
+    assert rates.value is not None
+    assert (rates.value.left, rates.value.right) == pytest.approx((math.pi, -2 * math.pi))
+    assert b.clock.now() - rates.stamp <= 0.1
+    assert b.head.health().counters["tachos"] >= 15
+    b.link.unplug()
+    b.clock.advance(1.0)
+    assert b.head.board.wheels().quality is Quality.STALE
+
+
+def test_an_encoder_that_reports_no_number_is_malformed_and_the_first_sketch_has_none() -> None:
+    b = bench(VirtualRodney(tacho=True))
+    b.link.device.wheels = wire.Tacho(math.nan, 1.0)
+    b.link.plug()
+    b.link.run(1.0)
+    assert b.head.board.wheels().quality is Quality.NONE
+    assert b.head.health().counters["malformed"] >= 15
+    b = bench()
+    b.begin()
+    assert b.head.board.wheels().value is None
+
+
+def test_another_definition_of_the_encoders_message_is_named_and_the_head_turns_all_the_same() -> None:
+    b = bench()
+    b.link.plug()
+    other = wire.Topic("tacho", "std_msgs/Float64", "fdb28210bfa9d7c91146260178d9a584")
+    b.link.noise = wire.Frame(wire.PUBLISHER, wire.TopicInfo(125, other, 512).pack()).pack()
+    b.link.run(0.1)
+    (fault,) = [one for one in b.notices if one.kind == "fault"]
+    assert other.md5 in fault.what
+    assert "tacho_msgs" in fault.hint
+    assert b.head.health().online
+
+
+WIRE_NOISE = st.one_of(
+    st.binary(max_size=40),
+    st.builds(lambda topic, data: wire.Frame(topic, data).pack(), st.integers(0, 130), st.binary(max_size=30)),
+    st.sampled_from([wire.REQUEST_TIME, wire.REQUEST_TIME[:7], wire.HEADER, wire.STOP_SENDING]),
+)
+
+
+@given(st.lists(st.tuples(WIRE_NOISE, st.sampled_from(["", "reset", "unplug", "deaf"])), max_size=6))
+def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
+    mishaps: list[tuple[bytes, str]],
+) -> None:
+    b = bench(VirtualRodney(boot_delay=0.5, tacho=True), boot_delay=0.6)
+    b.link.plug()
+    for noise, mishap in mishaps:
+        b.link.noise = noise
+        if mishap == "reset":
+            b.link.device.reset(b.clock.now())
+        elif mishap == "deaf":
+            b.link.deaf_until = b.clock.now() + 1.0
+        elif mishap == "unplug":
+            b.link.unplug()
+            b.link.device.reset(b.clock.advance(0.5))
+            b.link.plug()
+        b.link.run(0.4)
+        b.head.stop()
+        b.head.pose()
+    b.link.run(16.0)
+    assert b.head.health().online
+    b.head.look(HeadPose(radians(25), radians(-10)))
+    b.link.run(2.0)
+    assert (b.link.device.angle(0, b.clock.now()), b.link.device.angle(1, b.clock.now())) == (115, 100)
+    assert all(0 <= angle <= 180 and index in (0, 1) for index, angle in b.link.device.commands)
+
+
 # --- the whole of it, in real time ------------------------------------------------------------------------------------
 
 
@@ -593,9 +801,8 @@ def rig() -> Iterator[Rig]:
     terminal = Terminal("nano", device, clock)
     notices: list[Notice] = []
     link = Link("head", terminal.path, 57600, retry=0.05, report=notices.append)
-    head = ArduinoHead(
-        link, clock, pan=PAN, tilt=TILT, speed=radians(200), boot_delay=0.0, report=notices.append, name="head"
-    )
+    board = Board(link, clock, boot_delay=0.0, report=notices.append)
+    head = ArduinoHead(board, clock, pan=PAN, tilt=TILT, speed=radians(200))
     try:
         yield Rig(clock, device, terminal, head, notices)
     finally:
@@ -624,7 +831,7 @@ def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     wait_until(looks(rig, 0, 0))
     rig.head.look(HeadPose(radians(30), radians(15)))
     wait_until(looks(rig, 30, 15))
-    assert rig.device.commands[:2] == [(0, 90), (1, 120)]
+    assert rig.device.commands[:2] == [(0, 90), (1, 119)]
     assert rig.device.commands[-1][0] in (0, 1)
     assert [angle for index, angle in rig.device.commands if index == 0] == sorted(
         {angle for index, angle in rig.device.commands if index == 0}

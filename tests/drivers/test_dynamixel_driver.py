@@ -172,6 +172,30 @@ def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
     assert arm.joints.health().detail == arm.joints.health().hint == ""
 
 
+def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(make: Make) -> None:
+    arm = make().start()
+    arm.joints.move({"elbow": 0.3})
+    wait_until(lambda: arm.at("elbow", 0.3))
+    arm.terminal.unplug()
+    wait_until(lambda: arm.told("offline"))
+    online_at: list[tuple[int, bool]] = []
+
+    def note(data: bytes) -> bytes:
+        pinged = [packet for packet in arm.wire.requests[seen:] if packet.code == Instruction.PING]
+        online_at.append((len(pinged), arm.joints.health().online))
+        return data
+
+    seen = len(arm.wire.requests)
+    arm.terminal.distort = note
+    arm.terminal.replug()
+    wait_until(lambda: arm.joints.health().online)
+    assert [pinged for pinged, online in online_at if pinged < 3 and online] == []
+    assert (1, False) in online_at
+    # A move that came earlier would have been undone: the elbow is stopped where it stands when it is found.
+    arm.joints.move({"elbow": -0.3})
+    wait_until(lambda: arm.at("elbow", -0.3))
+
+
 def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) -> None:
     specs = {"a": JointSpec(1), "b": JointSpec(2), "c": JointSpec(3), "d": JointSpec(4)}
     arm = make({**specs, "e": JointSpec(5)})

@@ -24,8 +24,9 @@ from drivers.kobuki.odometry import Odometry
 from drivers.kobuki.senses import Senses, battery_percent
 from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, encode
 from drivers.link import Link, Talker
+from drivers.sim.body import COMMAND_TIMEOUT
 from drivers.sim.wheels import Wheels
-from drivers.virtual.kobuki import COMMAND_TIMEOUT, VirtualKobuki
+from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 

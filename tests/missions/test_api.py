@@ -14,7 +14,7 @@ from behaviours.robot import Robot
 from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
-from tests.recorders import STOP, Bench
+from missions.testing.recorders import STOP, Bench
 
 DRIVE = "mission: go\ntree:\n  drive: 2 m\n"
 

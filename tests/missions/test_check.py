@@ -81,14 +81,15 @@ def test_a_whole_mission_becomes_a_plan() -> None:
         "sequence",
         "hold",
         "face_centred",
+        "timeout",
         "parallel",
         "gesture",
         "say",
     ]
     assert plan.tree.claims == {"head", "base", "arm", "voice"}
     assert plan.tree.needs == {"camera", "head", "arm", "voice"}
-    (named,) = [step for step in plan.tree.walk() if step.name == "greet the person"]
-    assert (named.kind, named.mark.line) == ("parallel", 18)
+    named = [step for step in plan.tree.walk() if step.name == "greet the person"]  # and what wraps it
+    assert [(step.kind, step.mark.line) for step in named] == [("timeout", 22), ("parallel", 18)]
 
 
 @pytest.mark.parametrize("form", ["- say: Hi", "- say: {text: Hi}", "- {say: Hi}", "- {say: {text: 'Hi'}}"])

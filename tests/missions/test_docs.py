@@ -19,14 +19,19 @@ from behaviours.leaf import Leaf
 from config.faults import Source
 from config.marked import compose
 from config.robot import load_robot
+from config.world import read_world
 from docs.generate import TABLES, renewed
 from missions.assembly.things import THINGS
+from missions.assembly.worlds import build_world
 from missions.language.document import check_plan
 from missions.library import find_mission, load_mission
 from missions.schema.mission import known_things, mission_schema
+from missions.testing.play import play
+from missions.testing.recorders import Bench
+from missions.testing.stage import IN_PROCESS
+from missions.testing.suite import load_suite
 from tests.missions.command import Outcome, command
 from tests.missions.test_schema import plain
-from tests.recorders import Bench
 
 ROOT = Path(__file__).parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
@@ -80,11 +85,16 @@ def as_mission(block: Block) -> str:
     )
 
 
-def of_a_robot(block: Block) -> bool:
-    return block.text.startswith("robot:")
+def kind_of(block: Block) -> str:
+    """The first word of a block of YAML, behind its comments: what sort of file it is."""
+    return next(line.split()[0] for line in block.text.splitlines() if line.strip() and not line.startswith("#"))
 
 
-MISSIONS = [block for block in blocks("yaml") if not of_a_robot(block)]
+def of_kind(*kinds: str) -> list[Block]:
+    return [block for block in blocks("yaml") if kind_of(block) in kinds]
+
+
+MISSIONS = of_kind("mission:", "-")
 
 
 @pytest.fixture
@@ -141,10 +151,10 @@ def test_every_link_of_the_docs_leads_to_a_page() -> None:
 # Missions
 
 
-def test_the_docs_show_missions_and_nothing_else_as_yaml() -> None:
+def test_the_docs_show_nothing_as_yaml_that_is_not_checked() -> None:
     assert len(MISSIONS) > 15
     for block in blocks("yaml"):
-        assert block.text.startswith(("mission:", "- ", "robot:", "# ")), block
+        assert kind_of(block) in {"mission:", "-", "robot:", "world:", "tests:"}, block
 
 
 @pytest.mark.parametrize("block", MISSIONS, ids=str)
@@ -157,11 +167,25 @@ def test_each_mission_of_the_docs_is_right(block: Block, folder: Path) -> None:
     jsonschema.Draft7Validator(schema).validate(plain(compose(Source("docs.yaml", text))))
 
 
-@pytest.mark.parametrize("block", [block for block in blocks("yaml") if of_a_robot(block)], ids=str)
+@pytest.mark.parametrize("block", of_kind("robot:"), ids=str)
 def test_each_robot_of_the_docs_is_right(block: Block, tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(block.text, encoding="utf-8")
     assert load_robot(file).parts
+
+
+@pytest.mark.parametrize("block", of_kind("world:"), ids=str)
+def test_each_world_of_the_docs_is_right(block: Block) -> None:
+    world = build_world(read_world(Source("docs.yaml", block.text)))
+    assert world.room.length > 0
+
+
+@pytest.mark.parametrize("block", of_kind("tests:"), ids=str)
+def test_each_test_file_of_the_docs_passes(block: Block, tmp_path: Path) -> None:
+    file = tmp_path / "docs.test.yaml"
+    file.write_text(block.text, encoding="utf-8")
+    for case in load_suite(file):
+        assert play(case, limits=IN_PROCESS).misses == ()
 
 
 # The tutorial
@@ -211,8 +235,8 @@ def test_the_mistake_that_the_tutorial_shows_is_the_real_one(folder: Path, capsy
 
 def test_the_leaf_of_the_docs_nods_as_often_as_it_is_told() -> None:
     bench = Bench()
-    nod = own_leaves(ROOT / "docs" / "leaves.md")["nod"]
-    leaf = bench.put(nod(nod.word), times=3)
+    bow = own_leaves(ROOT / "docs" / "leaves.md")["bow"]
+    leaf = bench.put(bow(bow.word), times=3)
     ticks = 0
     while bench.tick(leaf, after=0.1) is Status.RUNNING:
         ticks += 1
@@ -224,9 +248,9 @@ def test_the_leaf_of_the_docs_nods_as_often_as_it_is_told() -> None:
 
 def test_a_mission_takes_the_leaf_of_the_docs_from_its_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, mission = (next(b for b in blocks(kind) if b.page.name == "leaves.md") for kind in ("python", "yaml"))
-    (folder / "nod.py").write_text(code.text, encoding="utf-8")
-    (folder / "agree.yaml").write_text(mission.text, encoding="utf-8")
-    outcome = command(capsys, "check", "agree.yaml", "--behaviours", "nod.py")
+    (folder / "bow.py").write_text(code.text, encoding="utf-8")
+    (folder / "greet_them.yaml").write_text(mission.text, encoding="utf-8")
+    outcome = command(capsys, "check", "greet_them.yaml", "--behaviours", "bow.py")
     assert outcome.code == 0, outcome.err
 
 

@@ -28,7 +28,8 @@ def commands() -> Iterator[str]:
 def files() -> Iterator[tuple[str, str]]:
     """Yield the YAML files that the README shows, by the name it gives them."""
     for block in re.findall(r"```yaml\n(.*?)```", README, re.DOTALL):
-        yield block.split(":", 1)[1].split()[0] + ".yaml", block
+        kind, name = block.split()[:2]
+        yield name + (".test.yaml" if kind == "tests:" else ".yaml"), block
 
 
 @pytest.fixture
@@ -49,7 +50,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_readme_has_commands_and_files() -> None:
     assert len(list(commands())) > 15
-    assert {name for name, _ in files()} == {"greet.yaml", "my_robot.yaml", "to_and_fro.yaml"}
+    assert {name for name, _ in files()} == {"greet.yaml", "greet.test.yaml", "my_robot.yaml", "to_and_fro.yaml"}
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if not line.startswith("simulate")])
@@ -80,6 +81,10 @@ def test_the_files_that_the_readme_shows_load(folder: Path) -> None:
     shown, shipped = load_mission(str(folder / "greet.yaml")), load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
     assert shown.params == shipped.params
+
+
+def test_the_tests_that_the_readme_shows_pass(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(capsys, "test", str(folder / "greet.test.yaml")).code == 0
 
 
 def test_the_error_that_the_readme_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from py_trees.common import Status
 from behaviours.catalogue import LEAVES
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import NodeByNode, Run
 from config.faults import InvalidFileError
 from drivers.clock import ManualClock
 from missions.assembly.things import THINGS
@@ -206,6 +206,11 @@ def test_a_switch_keeps_to_its_case_until_that_ends(folder: Path) -> None:
     assert root.advance() is Status.SUCCESS
 
 
+def names(seen: list[str], status: Status) -> NodeByNode:
+    """Return an observer that adds to ``seen`` the names of the nodes that come to have ``status``."""
+    return NodeByNode(lambda node: seen.append(node.name) if node.status is status else None)
+
+
 def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> None:
     leaves = "".join(f"    - pretend: [running, success]\n      name: n{number}\n" for number in range(6))
     plan = load(folder, "  random_sequence:\n" + leaves)
@@ -213,7 +218,7 @@ def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> Non
     def order(seed: int) -> list[str]:
         root, run = ready(plan, seed=seed)
         seen: list[str] = []
-        run.observer = lambda node: seen.append(node.name) if node.status is Status.SUCCESS else None
+        run.observer = names(seen, Status.SUCCESS)
         for _ in range(7):
             root.advance()
         assert root.status is Status.SUCCESS
@@ -230,7 +235,7 @@ def test_a_random_selector_tries_until_one_succeeds_and_draws_anew_at_each_start
     orders = set()
     for _ in range(8):
         seen: list[str] = []
-        run.observer = lambda node, seen=seen: seen.append(node.name) if node.status is Status.FAILURE else None
+        run.observer = names(seen, Status.FAILURE)
         assert root.advance() is Status.FAILURE
         orders.add(tuple(seen))
     assert len(orders) > 3

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Face, Gaze, Image, Sight
-from perception.eyes import Effort, Eyes
+from perception.eyes import Effort, Eyes, Vision
+from perception.senses import FaceSense, Senses
 from perception.sighting import Sighting
 from perception.tracks import Tracker
 
@@ -86,14 +87,13 @@ class Watch:
     def eyes(self, **others: Any) -> Eyes:
         settings: dict[str, Any] = {
             "field_of_view": radians(60),
-            "finder": Middle(),
-            "tracker": Tracker(),
+            "senses": Senses(faces=FaceSense(Middle(), Tracker())),
             "now": self.now,
             "changed": self.change,
-            "on_percept": lambda stamp, faces: self.percepts.append((stamp, faces)),
+            "on_view": lambda view: self.percepts.append((view.looked, view.faces)),
             "on_trouble": self.troubles.append,
         }
-        return Eyes(self.source, self.gaze, **settings | others)
+        return Eyes(self.source, Vision(self.gaze, **settings | others))
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def eyes(watch: Watch) -> Iterator[Eyes]:
 
 
 def test_before_the_first_frame_nothing_was_looked_at(eyes: Eyes) -> None:
-    sight: Sight = eyes
+    sight: Sight = eyes.vision
     assert sight.looked() is None
     assert sight.faces() == ()
 
@@ -119,7 +119,7 @@ def test_faces_come_with_the_gaze_at_the_time_of_their_frame(eyes: Eyes, watch: 
     for stamp in (3.0, 3.1):
         watch.source.queue.put(Picture(stamp))
     until(lambda: eyes.looked() == 3.1)
-    (face,) = eyes.faces()
+    (face,) = eyes.vision.faces()
     assert watch.asked == [3.0, 3.1]
     assert face.stamp == 3.1
     assert face.yaw == pytest.approx(1.0)
@@ -130,7 +130,7 @@ def test_each_frame_is_told_of_and_wakes_the_waiting(eyes: Eyes, watch: Watch) -
     for stamp in (3.0, 3.1):
         watch.source.queue.put(Picture(stamp))
     until(lambda: watch.changes == 2)
-    assert watch.percepts == [(3.0, ()), (3.1, eyes.faces())]
+    assert watch.percepts == [(3.0, ()), (3.1, eyes.vision.faces())]
 
 
 def test_the_effort_is_counted_on_the_clock_handed_in(eyes: Eyes, watch: Watch) -> None:
@@ -138,19 +138,19 @@ def test_the_effort_is_counted_on_the_clock_handed_in(eyes: Eyes, watch: Watch) 
     for stamp in (1.0, 2.0, 3.0):
         watch.source.queue.put(Picture(stamp))
     until(lambda: watch.changes == 3)
-    assert eyes.effort == Effort(frames=3, failed=0, seconds=1.5)
+    assert eyes.vision.effort == Effort(frames=3, failed=0, seconds=1.5)
 
 
 def test_a_failing_detector_is_reported_once_and_does_not_blind_the_robot(eyes: Eyes, watch: Watch) -> None:
     eyes.open()
     for stamp in (1.0, 1.1):
         watch.source.queue.put(Picture(stamp, WHITE))
-    until(lambda: eyes.effort.failed == 2)
-    assert str(eyes.trouble) == "too bright"
+    until(lambda: eyes.vision.effort.failed == 2)
+    assert str(eyes.vision.trouble) == "too bright"
     assert [str(trouble) for trouble in watch.troubles] == ["too bright"]
     watch.source.queue.put(Picture(1.2))
     until(lambda: eyes.looked() == 1.2)
-    until(lambda: eyes.trouble is None)
+    until(lambda: eyes.vision.trouble is None)
 
 
 def test_a_failing_camera_is_reported_and_read_again(eyes: Eyes, watch: Watch) -> None:
@@ -165,14 +165,14 @@ def test_a_listener_that_fails_does_not_blind_the_robot(watch: Watch) -> None:
     def fail(*_: object) -> None:
         raise ValueError("the listener is ill")
 
-    eyes = watch.eyes(on_percept=fail, on_trouble=fail)
+    eyes = watch.eyes(on_view=fail, on_trouble=fail)
     eyes.open()
     try:
         watch.source.queue.put(Picture(5.0))
         watch.source.queue.put(Picture(5.1))
         until(lambda: eyes.looked() == 5.1)
-        until(lambda: eyes.effort.failed == 2)
-        assert str(eyes.trouble) == "the listener is ill"
+        until(lambda: eyes.vision.effort.failed == 2)
+        assert str(eyes.vision.trouble) == "the listener is ill"
     finally:
         eyes.close()
 
@@ -197,10 +197,10 @@ def test_closed_eyes_can_be_opened_again(eyes: Eyes, watch: Watch) -> None:
 
 
 def test_what_each_frame_shows_as_a_whole_comes_with_its_stamp(eyes: Eyes, watch: Watch) -> None:
-    assert eyes.scene() is None
+    assert eyes.vision.scene() is None
     eyes.open()
     watch.source.queue.put(Picture(3.0, np.full((480, 640, 3), 40, dtype=np.uint8)))
     until(lambda: eyes.looked() == 3.0)
-    scene = eyes.scene()
+    scene = eyes.vision.scene()
     assert scene is not None
     assert (scene.stamp, scene.brightness, scene.contrast) == (3.0, 40.0, 0.0)

@@ -1,6 +1,7 @@
 """Recorders: a robot's parts that keep what they were told, in order, and feel what the test says.
 
-``base.commands == [...]`` is strict: a command too many fails as one too few does. ``times`` says when each was given.
+``base.commands == [drive(0.2, 0.0), STOP]`` is strict: a command too many fails as one too few does. ``times`` says
+when each was given.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,7 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import NodeByNode, Run
 from drivers.api import (
     BaseState,
     HeadLimits,
@@ -26,7 +27,7 @@ from drivers.api import (
 )
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from perception.api import Box, Face, Scene
+from perception.api import Box, Face, Marker, Scene, Thing
 
 T = TypeVar("T")
 L = TypeVar("L", bound=Leaf)
@@ -36,6 +37,11 @@ STOP, HOLD, RELAX, REST, CANCEL = "stop", "hold", "relax", "rest", "cancel"
 """The commands without a value, as recorders keep them."""
 
 GONE = NotConnected("the cable is out", hint="plug it in")
+
+
+def drive(linear: float, angular: float) -> Velocity:
+    """Return what a base keeps when it is told to drive so, in m/s and rad/s."""
+    return Velocity(linear, angular)
 
 
 def good(value: T) -> Reading[T]:
@@ -212,12 +218,22 @@ class RecordedSight:
 
     def __init__(self) -> None:
         self.seen: Sequence[Face] = ()
+        self.found: Sequence[Thing] = ()
+        self.marked: Sequence[Marker] = ()
         self.searched: float | None = 0.0
         self.shown: Scene | None = None
 
     def faces(self) -> Sequence[Face]:
         """Return what the test has set."""
         return self.seen
+
+    def things(self) -> Sequence[Thing]:
+        """Return what the test has set."""
+        return self.found
+
+    def markers(self) -> Sequence[Marker]:
+        """Return what the test has set."""
+        return self.marked
 
     def looked(self) -> float | None:
         """Return what the test has set."""
@@ -252,8 +268,8 @@ class Bench:
     That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it.
     """
 
-    def __init__(self) -> None:
-        self.clock = ManualClock(100.0)
+    def __init__(self, clock: ManualClock | None = None) -> None:
+        self.clock = ManualClock(100.0) if clock is None else clock
         self.run = Run(self.clock)
         self.base = RecordedBase(self.clock)
         self.head = RecordedHead(self.clock)
@@ -271,7 +287,7 @@ class Bench:
         self.settled: list[frozenset[str]] = []
         self.run.settle = self.settled.append
         self.news: list[tuple[str, Status]] = []
-        self.run.observer = lambda node: self.news.append((node.name, node.status))
+        self.run.observer = NodeByNode(lambda node: self.news.append((node.name, node.status)))
 
     def put(self, leaf: L, **arguments: object) -> L:
         """Give ``leaf`` the run, the robot and its arguments, as a mission would."""

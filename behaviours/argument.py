@@ -1,0 +1,42 @@
+"""The arguments of a leaf, declared once, in its class: for the checker, the catalogue, the schema and the docs."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+REQUIRED: Any = object()
+"""The default of an argument that must be given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """One argument of a leaf.
+
+    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "name", "value"
+    (anything), "outcomes" (a list of statuses), or "gesture" or "controller" (looked up by name). ``span`` asks for
+    two values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without
+    its name.
+    """
+
+    name: str
+    kind: str
+    help: str
+    default: Any = REQUIRED
+    principal: bool = False
+    span: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def required(self) -> bool:
+        """True when a mission must give it."""
+        return self.default is REQUIRED
+
+
+def argument(kind: str, help: str, **options: Any) -> Any:  # noqa: A002 - the word that argparse and click use
+    """Declare an argument of a leaf, as a class attribute.
+
+    ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
+    SI floats for quantities, a pair of them for a span.
+    """
+    return Argument(name="", kind=kind, help=help, **options)

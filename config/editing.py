@@ -1,0 +1,88 @@
+"""Changing one value in a file that people write: all else in it, comments and layout too, stays as it is."""
+
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from config.faults import Mark, Source
+from config.library import HERE
+from config.marked import Mapping, Node, Scalar, compose
+
+_BOM = b"\xef\xbb\xbf"
+
+
+class NotEditableError(ValueError):
+    """A file that is not to be changed, or in which the place is not found; the message says what to do instead."""
+
+
+def with_value(source: Source, keys: Sequence[str], value: str) -> str:
+    """Return the text of a YAML file in which ``value`` stands at ``keys``: changed where it is, else added.
+
+    Raises NotEditableError where one of the mappings on the way is not there, or is written elsewhere (an alias),
+    InvalidFileError for what is no YAML.
+    """
+    node: Node = compose(source)
+    for key in keys[:-1]:
+        found = node.get(key) if isinstance(node, Mapping) else None
+        if not isinstance(found, Mapping):
+            raise NotEditableError(f"{source.name}: there is no '{key}' to write into")
+        node = found
+    if not isinstance(node, Mapping):
+        raise NotEditableError(f"{source.name}: it is no mapping")
+    old = node.get(keys[-1])
+    if isinstance(old, Scalar):
+        return _put(source.text, old.mark, value, length=old.mark.length)
+    if old is not None:
+        raise NotEditableError(f"{source.name}: '{keys[-1]}' is not one value")
+    return _add(source.text, node, f"{keys[-1]}: {value}")
+
+
+def _put(text: str, mark: Mark, new: str, *, length: int = 0) -> str:
+    """Put ``new`` in the place of the ``length`` characters at ``mark``."""
+    lines = text.splitlines(keepends=True)
+    line, at = lines[mark.line - 1], mark.column - 1
+    lines[mark.line - 1] = line[:at] + new + line[at + length :]
+    return "".join(lines)
+
+
+def _add(text: str, mapping: Mapping, entry: str) -> str:
+    """Add an entry in front of the others: behind the brace of ``{...}``, else on a line of its own."""
+    line = text.splitlines()[mapping.mark.line - 1]
+    if line[mapping.mark.column - 1 :].startswith("{"):
+        behind = Mark(mapping.mark.line, mapping.mark.column + 1)
+        return _put(text, behind, entry + (", " if mapping.entries else ""))
+    indent = line[: mapping.mark.column - 1]
+    newline = "\r\n" if "\r\n" in text else "\n"
+    return _put(text, mapping.mark, entry + newline + indent)
+
+
+def require_own(path: Path, command: str) -> None:
+    """Raise NotEditableError for a file that ships with MissionTree: an update would take the change away again.
+
+    ``command`` is what to type with a copy of it, in which ``FILE`` stands for the copy.
+    """
+    if path.resolve().is_relative_to(HERE.resolve()):
+        copy = f"my_{path.name}"
+        raise NotEditableError(
+            f"{path.stem} ships with MissionTree and is not written; copy it:\n"
+            f"  cp {path} {copy}\n  {command.replace('FILE', copy)}"
+        )
+
+
+def rewrite(path: Path, text: str) -> None:
+    """Write ``text`` in the place of a file, whole or not at all, with the rights and the byte order mark it had.
+
+    Raises OSError.
+    """
+    path = path.resolve()  # a link stays a link
+    mark = _BOM if path.read_bytes().startswith(_BOM) else b""
+    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(number, "wb") as file:
+            file.write(mark + text.encode())
+        Path(name).chmod(path.stat().st_mode)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

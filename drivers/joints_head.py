@@ -1,0 +1,265 @@
+"""A head made of two joints of an arm's servos: a neck. It knows no bus, only ``drivers.api.Joints``."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Generic, Self, TypeVar
+
+from drivers.api import (
+    HEAD_ACCELERATION,
+    HeadLimits,
+    HeadPose,
+    Health,
+    Joints,
+    JointState,
+    Notice,
+    Quality,
+    Reading,
+    Report,
+    unheard,
+    unreported,
+)
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
+from drivers.history import History
+from drivers.pantilt import AHEAD, LARGEST_TRIM, PanTilt
+
+PERIOD = 0.02
+"""Seconds from one step to the next: as often as the Rodney head is told an angle."""
+
+TURNED = math.radians(0.25)
+"""A change of the pose by less is not worth a word: it is within a step of a servo's sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointAxis:
+    """One joint of a neck, a ``drivers.pantilt.Axis``. The joint's own description says which way it is mounted.
+
+    ``lower`` and ``upper`` (radians) bound the head's angle; ``least`` and ``most`` are what the joint can have.
+    ``trim`` (radians, +-45 degrees) is added to the joint's angle. Raises ValueError for what no joint can have.
+    """
+
+    joint: str
+    lower: float
+    upper: float
+    least: float = -math.inf
+    most: float = math.inf
+    trim: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not abs(self.trim) <= LARGEST_TRIM:
+            raise ValueError(f"{self.joint}: a trim of {math.degrees(self.trim):.1f} deg is not within -45..45 deg")
+        if not self.range[0] <= self.range[1]:
+            raise ValueError(f"{self.joint}: nothing of {self.lower}..{self.upper} rad is within its reach")
+
+    @property
+    def sign(self) -> int:
+        """1: the joint turns as the head does."""
+        return 1
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The angles in radians that the head may have and the joint can reach, least and greatest."""
+        return max(self.lower, self.least - self.trim), min(self.upper, self.most - self.trim)
+
+    def trimmed(self, trim: float) -> Self:
+        """Return the same joint with another trim (radians). Raises ValueError for one that it cannot have."""
+        return replace(self, trim=trim)
+
+
+J = TypeVar("J", bound=Joints)
+
+
+class JointsHead(Generic[J]):
+    """A ``drivers.api.Head`` of two of the ``joints``, which somebody else opens and closes.
+
+    It leads them to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: ``step`` is to
+    be called every ``PERIOD``. The pose is what the joints measure. Once they are there, the head goes to ``start``; a
+    goal does not survive the loss of a joint, nor that somebody relaxes it. ``changed`` is called by ``step``.
+    Raises BadRequest for a joint that is not there, ValueError for other values that make no sense.
+    """
+
+    PERIOD = PERIOD
+
+    def __init__(
+        self,
+        joints: J,
+        clock: Clock,
+        *,
+        pan: JointAxis,
+        tilt: JointAxis,
+        speed: float,
+        acceleration: float = HEAD_ACCELERATION,
+        report: Report = unreported,
+        changed: Callable[[], None] = unheard,
+        name: str = "head",
+        start: HeadPose = AHEAD,
+    ) -> None:
+        if pan.joint == tilt.joint:
+            raise ValueError(f"{name}: pan and tilt are both joint '{pan.joint}'")
+        self.name = name
+        self._joints = joints
+        self._clock = clock
+        self._report = guarded(report)
+        self._changed = guarded(changed)
+        pan, tilt = self._built = _within(name, pan, joints), _within(name, tilt, joints)
+        self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
+        self._open = self._there = False
+        self._began = False  # it has been there before, and gone for its start
+        self._sent: Mapping[str, float] = {}  # on this connection
+        self._stiff = (False, False)  # as last seen
+        self._newest: Reading[HeadPose] = Reading(None, 0.0, Quality.NONE)
+        self._told: HeadPose | None = None
+        self._history = History()
+
+    # --- what behaviours ask ------------------------------------------------------------------------------------------
+
+    @property
+    def limits(self) -> HeadLimits:
+        """How far, how fast and how hard it turns."""
+        return self._way.limits
+
+    def look(self, target: HeadPose) -> HeadPose:
+        """Start moving to ``target``; return the pose accepted after clamping, in radians.
+
+        Raises BadRequest if it is not finite, NotConnected while one of its joints is not there.
+        """
+        self._way.check(target)
+        if not self._there:
+            health = self.health()
+            raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
+        return self._way.look(target, self._clock.now())
+
+    def pose(self) -> Reading[HeadPose]:
+        """Where the joints were measured last; stale while one is not there, and none before both first were."""
+        newest = self._newest
+        return newest if self._there or newest.value is None else replace(newest, quality=Quality.STALE)
+
+    def pose_at(self, stamp: float) -> HeadPose | None:
+        """Where the joints were at a past time, interpolated; None when that is not known."""
+        values = self._history.at(stamp)
+        return None if values is None else HeadPose(*values)
+
+    def stop(self) -> None:
+        """Brake, within its acceleration, and hold."""
+        self._way.brake(self._clock.now())
+
+    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
+        """Set the trims that are given, in radians of the joint, while it runs; return both.
+
+        Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
+        """
+        return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
+
+    # --- life ---------------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Use the joints as soon as they are there."""
+        self._open = True
+
+    def rest(self) -> None:
+        """Hold. What rest means for the torque is up to the arm."""
+        self.stop()
+
+    def close(self) -> None:
+        """Hold at once. Safe from any state, more than once."""
+        self._open = self._there = False
+        self._way.halt()
+
+    def health(self) -> Health:
+        """Say whether both joints are there."""
+        if not self._open:
+            return Health(False, f"{self.name}: not opened yet", "open it first")
+        health, states = self._joints.health(), self._joints.states()
+        silent = [axis.joint for axis in self._way.axes if not states[axis.joint].good]
+        if silent or not health.online:
+            what = f"nothing heard of joint {' and '.join(silent)}" if silent else "its joints are gone"
+            return Health(
+                False, f"{self.name}: {what}" + (f": {health.detail}" if health.detail else ""), _cure(health)
+            )
+        return Health(self._there, "" if self._there else f"{self.name}: about to start")
+
+    # --- whoever steps it ---------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Move on: take in where the joints are, and tell them where to be."""
+        if not self._open:
+            return
+        now, states = self._clock.now(), self._joints.states()
+        pan, tilt = (states[axis.joint] for axis in self._way.axes)
+        if not (pan.good and tilt.good) or pan.value is None or tilt.value is None:
+            self._lose()
+            return
+        if not self._there and not self._joints.health().online:
+            return  # what was read last is not stale yet, but whoever read it has gone
+        here = self._take(pan.value, tilt.value, min(pan.stamp, tilt.stamp))
+        if not self._there:
+            self._appear(here, now)
+        self._yield(here, pan.value.torque, tilt.value.torque, now)
+        try:
+            self._lead(now)
+        except NotConnected:
+            self._lose()
+
+    def _take(self, pan: JointState, tilt: JointState, stamp: float) -> HeadPose:
+        """Take in where the joints are; tell it when that has changed."""
+        axes = self._way.axes
+        here = HeadPose(pan.position - axes[0].trim, tilt.position - axes[1].trim)
+        self._newest = Reading(here, stamp, Quality.GOOD)
+        self._history.add(stamp, (here.pan, here.tilt))
+        told = self._told
+        if told is None or max(abs(here.pan - told.pan), abs(here.tilt - told.tilt)) > TURNED:
+            self._told = here
+            self._changed()
+        return here
+
+    def _appear(self, here: HeadPose, now: float) -> None:
+        """Begin from where the joints were found: go to the start at first, later stay there."""
+        if self._began:
+            self._way.let_go(pan=here.pan, tilt=here.tilt, now=now)
+        else:
+            self._way.place(here, now)
+        self._sent, self._stiff = {}, (False, False)
+        self._there = self._began = True
+        self._report(Notice(self.name, "online", "both joints are there"))
+
+    def _yield(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
+        """Go on from where it stands with a joint that was stiff, and is so no more: relaxed, or shut down."""
+        limp = [was and not now_is for was, now_is in zip(self._stiff, (pan, tilt), strict=True)]
+        self._stiff = (pan, tilt)
+        if any(limp):
+            self._way.let_go(pan=here.pan if limp[0] else None, tilt=here.tilt if limp[1] else None, now=now)
+            self._sent = self._goals(now)  # else the next step would make them stiff again
+
+    def _goals(self, now: float) -> dict[str, float]:
+        """Return where the joints are to be now, in radians."""
+        return {step.axis.joint: step.angle + step.axis.trim for step in self._way.advance(now)}
+
+    def _lead(self, now: float) -> None:
+        goals = self._goals(now)
+        if goals != self._sent:
+            self._joints.move(goals)
+            self._sent = goals
+
+    def _lose(self) -> None:
+        """Give up the goal, but not the first one before it was ever pursued."""
+        if self._began:
+            self._way.halt()
+        if self._there:
+            self._there = False
+            health = self.health()
+            self._report(Notice(self.name, "offline", health.detail or f"{self.name}: a joint is gone", _cure(health)))
+
+
+def _within(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
+    """Return ``axis`` with the limits of its joint."""
+    limits = joints.limits.get(axis.joint)
+    if limits is None:
+        known = ", ".join(joints.limits)
+        raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {known})", hint="look at the arm's joints")
+    return replace(axis, least=limits.lower, most=limits.upper)
+
+
+def _cure(health: Health) -> str:
+    return health.hint or "look at the power and the cable of its servos"

@@ -1,0 +1,177 @@
+"""Two axes on their way to a pose: what all heads share, whatever turns them.
+
+A driver tells it the time and gets the angles to send. Goals, trims and stops may come from any thread.
+"""
+
+from dataclasses import dataclass
+from math import isfinite, radians
+from threading import Lock
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
+
+from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose
+from drivers.errors import BadRequest
+from drivers.profile import Profile
+
+AHEAD = HeadPose(0.0, 0.0)
+
+LARGEST_TRIM = radians(45)
+"""As far as the Rodney project's node lets a servo be trimmed."""
+
+
+@runtime_checkable
+class Trimmable(Protocol):
+    """A head that can be put straight while it runs, as all of ours can."""
+
+    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
+        """Set the trims that are given, in radians of the motor; return both. Raises BadRequest for over 45 degrees."""
+        ...
+
+
+class Axis(Protocol):
+    """How one axis is built in. ``trim`` (radians) corrects what sits askew, in the direction of the motor."""
+
+    @property
+    def trim(self) -> float:
+        """What is added to the motor's angle, in radians."""
+        ...
+
+    @property
+    def sign(self) -> int:
+        """-1 where the motor turns the other way than the head, else 1."""
+        ...
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The angles of the head (radians) that it may have and can reach, least and greatest."""
+        ...
+
+    def trimmed(self, trim: float) -> Self:
+        """Return the same axis with another trim (radians). Raises ValueError for one that it cannot have."""
+        ...
+
+
+A = TypeVar("A", bound=Axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Step(Generic[A]):
+    """Where an axis is to be now, ``angle``, and where it is ``heading``, in radians of the head."""
+
+    axis: A
+    angle: float
+    heading: float
+
+
+class PanTilt(Generic[A]):
+    """The goal of a head, and how far it has come.
+
+    ``speed`` (rad/s) and ``acceleration`` (rad/s^2) are those of each axis. It begins at rest at ``start``, which is
+    its first goal. Raises ValueError for values with which nothing would move.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        pan: A,
+        tilt: A,
+        *,
+        speed: float,
+        acceleration: float = HEAD_ACCELERATION,
+        start: HeadPose = AHEAD,
+    ) -> None:
+        if not (speed > 0 and isfinite(speed)):
+            raise ValueError(f"{name}: a speed of {speed} rad/s gets it nowhere")
+        if not (acceleration > 0 and isfinite(acceleration)):
+            raise ValueError(f"{name}: an acceleration of {acceleration} rad/s^2 gets it nowhere")
+        self._name = name
+        self._axes = (pan, tilt)
+        self._speed, self._acceleration = speed, acceleration
+        self._lock = Lock()  # over the axes and the profiles, which the caller and the driver's thread both touch
+        begin = self.limits.clamp(start)
+        self._profiles = (Profile(begin.pan, speed, acceleration), Profile(begin.tilt, speed, acceleration))
+
+    @property
+    def axes(self) -> tuple[A, A]:
+        """Pan and tilt, as they are trimmed now."""
+        return self._axes
+
+    @property
+    def limits(self) -> HeadLimits:
+        """How far, how fast and how hard it turns; a trim may take a little of the range."""
+        pan, tilt = self._axes
+        return HeadLimits(pan.range, tilt.range, self._speed, self._acceleration)
+
+    def check(self, target: HeadPose) -> None:
+        """Raise BadRequest for a pose that is not finite."""
+        if not (isfinite(target.pan) and isfinite(target.tilt)):
+            raise BadRequest(
+                f"{self._name}: look at {target}: not a finite number", hint="check what computed the goal"
+            )
+
+    def look(self, target: HeadPose, now: float) -> HeadPose:
+        """Start for ``target`` at time ``now``; return the pose accepted after clamping."""
+        with self._lock:
+            accepted = self.limits.clamp(target)
+            for profile, goal in zip(self._profiles, (accepted.pan, accepted.tilt), strict=True):
+                profile.aim(goal, now)
+        return accepted
+
+    def brake(self, now: float) -> None:
+        """Come to rest as soon as the acceleration allows."""
+        with self._lock:
+            for profile in self._profiles:
+                profile.brake(now)
+
+    def halt(self) -> None:
+        """Stand still at once, where it was commanded last: for when nobody hears commands any more."""
+        with self._lock:
+            for profile in self._profiles:
+                profile.halt()
+
+    def place(self, pose: HeadPose, now: float) -> None:
+        """Go on from ``pose``, where it turned out to stand at time ``now``; the goal stays."""
+        with self._lock:
+            for profile, angle in zip(self._profiles, (pose.pan, pose.tilt), strict=True):
+                profile.place(angle, now)
+
+    def let_go(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
+        """Give up the goal of each axis that is given: somebody has let go of it, and it stands at this angle."""
+        with self._lock:
+            for profile, angle in zip(self._profiles, (pan, tilt), strict=True):
+                if angle is not None:
+                    profile.place(angle, now)
+                    profile.halt()
+
+    def advance(self, now: float) -> tuple[Step[A], Step[A]]:
+        """Move on until time ``now``; return where pan and tilt are to be."""
+        with self._lock:
+            for profile in self._profiles:
+                profile.advance(now)
+            pan, tilt = (
+                Step(axis, profile.position, profile.heading)
+                for axis, profile in zip(self._axes, self._profiles, strict=True)
+            )
+            return pan, tilt
+
+    def trim(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> tuple[float, float]:
+        """Set what is given (radians); return both trims. The head goes over to them as smoothly as to a new goal.
+
+        Raises BadRequest for more than ``LARGEST_TRIM``, or a trim that leaves nothing of the range; nothing changes.
+        """
+        with self._lock:
+            wanted = [self._trimmed(axis, trim) for axis, trim in zip(self._axes, (pan, tilt), strict=True)]
+            for profile, old, new in zip(self._profiles, self._axes, wanted, strict=True):
+                profile.advance(now)
+                # The motor stands where it stood; what has changed is which angle of the head that is.
+                profile.shift(-new.sign * (new.trim - old.trim))
+                profile.aim(min(max(profile.goal, new.range[0]), new.range[1]), now)
+            self._axes = (wanted[0], wanted[1])
+        return wanted[0].trim, wanted[1].trim
+
+    def _trimmed(self, axis: A, trim: float | None) -> A:
+        if trim is None:
+            return axis
+        try:
+            return axis.trimmed(trim)
+        except ValueError as error:
+            raise BadRequest(f"{self._name}: {error}", hint="mount the horn anew, nearer to the middle") from error

@@ -1,0 +1,179 @@
+"""Solid shapes that stand upright in the world, and the three things that are asked of them, in plain floats.
+
+How near is it to a place on the floor, how far away along a ray, and is it in the line of sight: a base asks the first
+at every step, so none of it may cost more than a microsecond or two. Metres, radians, the world's frame.
+"""
+
+from dataclasses import dataclass, field
+from math import cos, hypot, inf, sin, sqrt
+from typing import Protocol
+
+Point3 = tuple[float, float, float]
+"""A place (x, y, z) in metres."""
+
+
+class Solid(Protocol):
+    """Something that nothing goes through, and nothing is seen through, from ``bottom`` up to ``top``."""
+
+    @property
+    def x(self) -> float:
+        """Where its middle is, in x."""
+        ...
+
+    @property
+    def y(self) -> float:
+        """Where its middle is, in y."""
+        ...
+
+    @property
+    def bottom(self) -> float:
+        """The height of its lower side above the floor."""
+        ...
+
+    @property
+    def top(self) -> float:
+        """The height of its upper side."""
+        ...
+
+    @property
+    def reach(self) -> float:
+        """How far its footprint goes from its middle."""
+        ...
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """Return the vector from (x, y) to the nearest spot of its footprint; (0, 0) from within."""
+        ...
+
+    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Return how many times (dx, dy) it is from (x, y) to its edge: infinity where the ray misses, 0 within."""
+        ...
+
+    def hides(self, eye: Point3, point: Point3) -> bool:
+        """Say whether the line from ``eye`` to ``point`` goes through it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """An upright box about (x, y), its ``length`` along ``heading``."""
+
+    x: float
+    y: float
+    length: float
+    width: float
+    heading: float = 0.0
+    bottom: float = 0.0
+    top: float = inf
+    cos: float = field(init=False, repr=False, compare=False)
+    sin: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cos", cos(self.heading))  # the way to fill in a field of a frozen class
+        object.__setattr__(self, "sin", sin(self.heading))
+
+    @property
+    def reach(self) -> float:
+        """How far the footprint goes from its middle."""
+        return hypot(self.length, self.width) / 2
+
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Return the four corners (x, y) of the footprint, anticlockwise from the front right."""
+        a, b = self.length / 2, self.width / 2
+        return tuple(
+            (self.x + u * self.cos - v * self.sin, self.y + u * self.sin + v * self.cos)
+            for u, v in ((a, -b), (a, b), (-a, b), (-a, -b))
+        )
+
+    def local(self, x: float, y: float) -> tuple[float, float]:
+        """Return a place in the box's own axes: along its length, and to its left."""
+        dx, dy = x - self.x, y - self.y
+        return dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """Return the vector from (x, y) to the nearest spot of the footprint; (0, 0) from within."""
+        u, v = self.local(x, y)
+        a, b = self.length / 2, self.width / 2
+        du = a - u if u > a else -a - u if u < -a else 0.0
+        dv = b - v if v > b else -b - v if v < -b else 0.0
+        return du * self.cos - dv * self.sin, du * self.sin + dv * self.cos
+
+    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Return how many times (dx, dy) it is from (x, y) to the box."""
+        enter, leave = self._within(x, y, dx, dy)
+        return max(0.0, enter) if enter <= leave and leave >= 0 else inf
+
+    def hides(self, eye: Point3, point: Point3) -> bool:
+        """Say whether the line from ``eye`` to ``point`` goes through the box."""
+        enter, leave = self._within(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
+        return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
+
+    def _within(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+        """Return between which multiples of (dx, dy) a line from (x, y) is within; the first above the second: never.
+
+        Each pair of sides cuts a piece out of the line; what is left of all pieces is within (Kay and Kajiya, 1986).
+        """
+        u, v = self.local(x, y)
+        enter, leave = -inf, inf
+        for start, step, half in (
+            (u, dx * self.cos + dy * self.sin, self.length / 2),
+            (v, dy * self.cos - dx * self.sin, self.width / 2),
+        ):
+            if abs(step) > 1e-12:
+                first, second = (-half - start) / step, (half - start) / step
+                enter, leave = max(enter, min(first, second)), min(leave, max(first, second))
+            elif abs(start) > half:
+                return inf, -inf
+        return enter, leave
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """An upright cylinder about (x, y): somebody, or a ball."""
+
+    x: float
+    y: float
+    radius: float
+    bottom: float = 0.0
+    top: float = inf
+
+    @property
+    def reach(self) -> float:
+        """How far the footprint goes from its middle."""
+        return self.radius
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """Return the vector from (x, y) to the nearest spot of the disc; (0, 0) from within."""
+        dx, dy = self.x - x, self.y - y
+        away = hypot(dx, dy)
+        share = 1 - self.radius / away if away > self.radius else 0.0
+        return dx * share, dy * share
+
+    def ray(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Return how many times (dx, dy) it is from (x, y) to the disc."""
+        enter, leave = self._within(x, y, dx, dy)
+        return max(0.0, enter) if enter <= leave and leave >= 0 else inf
+
+    def hides(self, eye: Point3, point: Point3) -> bool:
+        """Say whether the line from ``eye`` to ``point`` goes through the cylinder."""
+        enter, leave = self._within(eye[0], eye[1], point[0] - eye[0], point[1] - eye[1])
+        return _overlaps(eye[2], point[2], self.bottom, self.top, max(0.0, enter), min(1.0, leave))
+
+    def _within(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+        """Return between which multiples of (dx, dy) a line from (x, y) is within, as ``Block`` does."""
+        ex, ey = x - self.x, y - self.y
+        a, b, c = dx * dx + dy * dy, ex * dx + ey * dy, ex * ex + ey * ey - self.radius * self.radius
+        if a < 1e-18:
+            return (-inf, inf) if c <= 0 else (inf, -inf)
+        inside = b * b - a * c
+        if inside < 0:
+            return inf, -inf
+        root = sqrt(inside)
+        return (-b - root) / a, (-b + root) / a
+
+
+def _overlaps(start: float, end: float, low: float, high: float, enter: float, leave: float) -> bool:
+    """Say whether a height that goes from ``start`` to ``end`` is within low..high between two shares of the way."""
+    if enter >= leave:
+        return False
+    first, last = start + enter * (end - start), start + leave * (end - start)
+    return max(first, last) > low and min(first, last) < high

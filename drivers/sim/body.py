@@ -1,0 +1,178 @@
+"""The body of a Kobuki on the floor: where it really is, what stops it, what its bumper and floor sensors feel."""
+
+from collections.abc import Iterable, Sequence
+from math import cos, degrees, inf, remainder, sin, tau
+
+from drivers.api import Pose2D, Sides, Velocity
+from drivers.kobuki.feedback import METRES_PER_TICK
+from drivers.sim.ground import Ground, OpenFloor
+from drivers.sim.wheels import Wheels
+
+RADIUS = 0.177
+"""Metres from the middle to the rim: the vendor gives 351.5 mm for the diameter."""
+
+COMMAND_TIMEOUT = 0.5
+"""Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our
+assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
+
+LONGEST_STEP = 0.025
+"""Seconds between looks at what is in the way: 18 mm at full speed."""
+
+_HALVINGS = 6
+"""How closely the place of a collision is found: to 0.3 mm at full speed."""
+
+_CENTRE, _SIDE = 25.0, 90.0
+"""Degrees from straight ahead up to which the centre, and the side, of the bumper is pressed. Behind it has none."""
+
+_CLIFF_LEFT, _CLIFF_CENTRE, _CLIFF_RIGHT = (0.087, 0.136), (0.156, 0.0), (0.087, -0.136)
+"""Where the floor sensors look, in metres forward and left: the figures of the vendor's robot description."""
+
+_WHEEL_LEFT, _WHEEL_RIGHT = (0.0, 0.115), (0.0, -0.115)
+"""Where the wheels stand, likewise."""
+
+NOTHING = Sides()
+_BOTH = Sides(left=True, right=True)
+_STILL = Velocity(0.0, 0.0)
+
+
+class Body:
+    """A disc on two ``wheels`` that stands on a ``ground``. Its time is handed in; not safe between threads.
+
+    It goes through nothing solid: it stays in front of it, while its wheels slip, so that the encoders count on. With
+    a wheel over an edge it goes nowhere until it is put down elsewhere (``wheels.pose``), nor does it while ``lifted``.
+    ``bumper``, ``cliff`` and ``wheel_drop`` are as of the last ``advance``.
+    """
+
+    def __init__(self, *, wheels: Wheels | None = None, ground: Ground | None = None) -> None:
+        self.wheels = wheels or Wheels()
+        self.lifted = False
+        self.bumper = self.cliff = NOTHING
+        self._ground = ground or OpenFloor()
+        self._edge = NOTHING  # which wheels have no floor
+        self._felt_at: Pose2D | None = None
+        self._blocked = False
+        self._now: float | None = None
+        self._commanded_at = inf
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where it really is, in the world's frame."""
+        return self.wheels.pose
+
+    @property
+    def velocity(self) -> Velocity:
+        """How fast it really moves: what stands in the way stops it, but lets it turn."""
+        if self.lifted or self._edge:
+            return _STILL
+        velocity = self.wheels.velocity
+        return Velocity(0.0, velocity.angular) if self._blocked else velocity
+
+    @property
+    def wheel_drop(self) -> Sides:
+        """Which wheels hang in the air; there is none in the centre."""
+        return _BOTH if self.lifted else self._edge
+
+    @property
+    def encoders(self) -> tuple[int, int]:
+        """What the encoders of the left and the right wheel have counted; forward is positive."""
+        return round(self.wheels.left / METRES_PER_TICK), round(self.wheels.right / METRES_PER_TICK)
+
+    def command(self, linear: float, angular: float, now: float) -> None:
+        """Ask for ``linear`` m/s and ``angular`` rad/s at time ``now``, for ``COMMAND_TIMEOUT`` seconds."""
+        self.advance(now)
+        self.wheels.command(linear, angular, now)
+        self._commanded_at = now
+
+    def advance(self, now: float) -> Pose2D:
+        """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
+        deadline = self._commanded_at + COMMAND_TIMEOUT
+        if now > deadline:
+            self._roll(deadline)
+            self.wheels.command(0.0, 0.0, deadline)
+            self._commanded_at = inf
+        self._roll(now)
+        return self.wheels.pose
+
+    def _roll(self, now: float) -> None:
+        if self._now is None:
+            self._now = now
+            self._move(now)
+        while self._now < now:
+            self._now = min(now, self._now + LONGEST_STEP) if self.wheels.turning else now
+            self._move(self._now)
+
+    def _move(self, now: float) -> None:
+        """Make one step, as far as what is in the way allows."""
+        before = self.wheels.pose
+        if before is not self._felt_at:
+            self._look_down(before)  # it was put down here
+        after = self.wheels.advance(now)
+        self._blocked = False
+        if self.lifted or self._edge:
+            after = before
+        touched = self._touched(after, now)
+        if touched and _into(touched, before, after):
+            self._blocked = True
+            after = self._contact(before, after, now)
+            touched = self._touched(after, now)
+        self.wheels.pose = after
+        if after is not self._felt_at:
+            self._look_down(after)
+        self.bumper = _pressed(touched, after.heading) if touched else NOTHING
+
+    def _touched(self, pose: Pose2D, now: float) -> Sequence[float]:
+        """Return the directions in which it touches something solid at ``pose``, in radians in the world's frame."""
+        return self._ground.touched(pose.x, pose.y, RADIUS, now)
+
+    def _contact(self, before: Pose2D, after: Pose2D, now: float) -> Pose2D:
+        """Return where on the way from ``before`` to ``after`` it is stopped: where it just touches."""
+        free, stopped = 0.0, 1.0
+        if _into(self._touched(before, now), before, after):
+            stopped = 0.0
+        for _ in range(_HALVINGS if stopped else 0):
+            middle = (free + stopped) / 2
+            if _into(self._touched(_between(before, after, middle), now), before, after):
+                stopped = middle
+            else:
+                free = middle
+        return _between(before, after, stopped)
+
+    def _look_down(self, pose: Pose2D) -> None:
+        """Find out where there is no floor."""
+        self._felt_at = pose
+        c, s = cos(pose.heading), sin(pose.heading)
+
+        def gap(spot: tuple[float, float]) -> bool:
+            return not self._ground.has_floor(pose.x + spot[0] * c - spot[1] * s, pose.y + spot[0] * s + spot[1] * c)
+
+        left, centre, right = gap(_CLIFF_LEFT), gap(_CLIFF_CENTRE), gap(_CLIFF_RIGHT)
+        self.cliff = Sides(left, centre, right) if left or centre or right else NOTHING
+        left, right = gap(_WHEEL_LEFT), gap(_WHEEL_RIGHT)
+        self._edge = Sides(left=left, right=right) if left or right else NOTHING
+
+
+def either(first: Sides, second: Sides) -> Sides:
+    """Return what is felt by one of the two."""
+    if not first:
+        return second
+    return Sides(first.left or second.left, first.centre or second.centre, first.right or second.right)
+
+
+def _between(before: Pose2D, after: Pose2D, share: float) -> Pose2D:
+    """Return the place a ``share`` of the way along, with the heading of ``after``: a disc turns freely."""
+    return Pose2D(before.x + share * (after.x - before.x), before.y + share * (after.y - before.y), after.heading)
+
+
+def _into(touched: Iterable[float], before: Pose2D, after: Pose2D) -> bool:
+    """Say whether the way leads into what is touched, and not along it or off it."""
+    x, y = after.x - before.x, after.y - before.y
+    return any(x * cos(direction) + y * sin(direction) > 1e-9 for direction in touched)
+
+
+def _pressed(touched: Iterable[float], heading: float) -> Sides:
+    """Return which parts of the bumper are pressed by what is touched."""
+    angles = [degrees(remainder(direction - heading, tau)) for direction in touched]
+    left = any(_CENTRE < angle <= _SIDE for angle in angles)
+    centre = any(abs(angle) <= _CENTRE for angle in angles)
+    right = any(-_SIDE <= angle < -_CENTRE for angle in angles)
+    return Sides(left, centre, right) if left or centre or right else NOTHING

@@ -1,0 +1,145 @@
+"""The twin of a Rodney head: the real driver's profiles in whole degrees, and two servos that follow them."""
+
+from collections.abc import Callable
+from math import inf
+
+from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, Report, unheard, unreported
+from drivers.arduino.axis import ServoAxis
+from drivers.clock import Clock
+from drivers.guard import guarded
+from drivers.history import History
+from drivers.pantilt import AHEAD, PanTilt
+from drivers.sim.servo import Shaft
+from drivers.sim.twins.plug import Plug
+from drivers.virtual.rodney import SERVO_SPEED
+
+
+class HeadTwin:
+    """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
+
+    ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
+    the sketch puts its servos it goes to ``start`` once opened. Its pose is what the servos were sent, in whole
+    degrees; ``true_pose`` is where they are. A goal does not survive the plug. ``changed`` is called whenever the pose
+    has changed.
+    Raises ValueError for values that make no sense.
+    """
+
+    PERIOD = 0.02
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        pan: ServoAxis,
+        tilt: ServoAxis,
+        speed: float,
+        acceleration: float = HEAD_ACCELERATION,
+        report: Report = unreported,
+        changed: Callable[[], None] = unheard,
+        name: str = "head",
+        start: HeadPose = AHEAD,
+    ) -> None:
+        self.name = name
+        self.plug = Plug(name, report, back=self._connected, gone=self._gone)
+        self._clock = clock
+        self._changed = guarded(changed)
+        self._built = (pan, tilt)  # what it is trimmed to later turns it in truth
+        self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
+        self._shafts = tuple(Shaft(float(axis.awake), float(axis.awake), SERVO_SPEED) for axis in (pan, tilt))
+        self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
+        self._pose = AHEAD
+        self._stamp = -inf
+        self._history = History()
+
+    # --- what behaviours ask ------------------------------------------------------------------------------------------
+
+    @property
+    def limits(self) -> HeadLimits:
+        """How far, how fast and how hard it turns."""
+        return self._way.limits
+
+    def look(self, target: HeadPose) -> HeadPose:
+        """Start moving to ``target``; return the pose accepted after clamping, in radians.
+
+        Raises BadRequest if it is not finite, NotConnected while it is not there.
+        """
+        self._way.check(target)
+        self.plug.require()
+        accepted = self._way.look(target, self._clock.now())
+        self.step()
+        return accepted
+
+    def pose(self) -> Reading[HeadPose]:
+        """Where the servos were sent last; stale while it is not there, and none before it first was."""
+        if self._sent is None:
+            return Reading(None, self._clock.now(), Quality.NONE)
+        return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
+
+    def pose_at(self, stamp: float) -> HeadPose | None:
+        """Where the servos had been sent at a past time, interpolated; None when that is not known."""
+        values = self._history.at(stamp)
+        return None if values is None else HeadPose(*values)
+
+    def stop(self) -> None:
+        """Brake, within its acceleration, and hold."""
+        self._way.brake(self._clock.now())
+
+    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
+        """Set the trims that are given, in radians of the servo; return both. Raises BadRequest for over 45 degrees."""
+        return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
+
+    # --- life ---------------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Be there at once, unless it is unplugged."""
+        self.plug.open()
+
+    def rest(self) -> None:
+        """Hold: hobby servos know no other rest."""
+        self.stop()
+
+    def close(self) -> None:
+        """Hold at once, and let the servos stand where they are. Safe from any state, more than once."""
+        self._gone()
+        self.plug.close()
+
+    def health(self) -> Health:
+        """Say whether it is there."""
+        return self.plug.health({})
+
+    def step(self) -> None:
+        """Move on: send each axis the next whole degree, where it is not that already."""
+        if not self.plug.online:
+            return
+        now = self._clock.now()
+        pan, tilt = self._way.advance(now)
+        sent = tuple(step.axis.next_degree(step.angle, step.heading) for step in (pan, tilt))
+        pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))
+        turned = self._sent is None or pose != self._pose
+        self._pose = pose
+        if sent != self._sent:
+            self._sent = sent
+            for shaft, goal in zip(self._shafts, sent, strict=True):
+                shaft.advance(now)
+                shaft.goal = float(goal)
+        self._stamp = now
+        self._history.add(now, (self._pose.pan, self._pose.tilt))
+        if turned:
+            self._changed()
+
+    def true_pose(self, now: float) -> HeadPose:
+        """Where the servos really stand at time ``now``: they lag a little behind what they were sent."""
+        pan, tilt = (axis.to_radians(shaft.advance(now)) for axis, shaft in zip(self._built, self._shafts, strict=True))
+        return HeadPose(pan, tilt)
+
+    def _connected(self) -> None:
+        """Go on from where a sketch that has just started has put its servos, or stay where it was sent."""
+        if self._sent is None:
+            pan, tilt = (axis.to_radians(axis.awake) for axis in self._way.axes)
+            self._way.place(HeadPose(pan, tilt), self._clock.now())
+        self.step()
+
+    def _gone(self) -> None:
+        """Give up the goal: the servos stay at the degrees sent last."""
+        if self._sent is not None:
+            self._way.let_go(pan=self._pose.pan, tilt=self._pose.tilt, now=self._clock.now())

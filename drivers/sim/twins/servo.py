@@ -1,0 +1,70 @@
+"""One simulated servo of an arm: a shaft that turns, stiff, limp or shut down, in the angles of its joint."""
+
+from math import copysign
+
+from drivers.api import JointState
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.sim.servo import Shaft
+from drivers.virtual.ax12 import FRICTION
+
+VOLTAGE = 12.0
+"""Volts that it measures."""
+
+TEMPERATURE = 35.0
+"""Degrees Celsius that it measures."""
+
+
+class ServoTwin:
+    """A servo and its ``joint``, whose torque, goal and shutdown it keeps. It starts limp, with the joint at 0."""
+
+    def __init__(self, name: str, spec: JointSpec) -> None:
+        self.joint = Joint(name, spec, MODELS[spec.model], complaint="")
+        self._limits = self.joint.limits
+        self._shaft = Shaft(0.0, 0.0, 0.0)
+
+    def go(self, goal: float, speed: float, now: float) -> None:
+        """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
+        joint, shaft = self.joint, self._shaft
+        joint.goal, joint.torque = goal, True
+        shaft.advance(now)
+        shaft.goal = joint.angle(joint.ticks(goal))
+        wanted = joint.model.speed_ticks(min(max(speed, 0.0), self._limits.speed)) * joint.model.speed_unit
+        shaft.speed = min(wanted, joint.model.free_speed)
+
+    def hold(self, now: float) -> None:
+        """Be stiff where it stands; a servo that has shut down stays limp."""
+        if not self.joint.shut:
+            here = self.joint.angle(self.joint.nearest(self.joint.ticks(self._shaft.advance(now))))
+            self.go(here, self._limits.speed, now)
+
+    def relax(self, now: float) -> None:
+        """Be limp."""
+        self._shaft.goal = self._shaft.advance(now)
+        self.joint.torque, self.joint.goal = False, None
+
+    def shut_down(self, now: float) -> None:
+        """Give up its torque for good, as at an overload; it still knows its goal."""
+        goal = self.joint.goal
+        self.relax(now)
+        self.joint.goal, self.joint.shut = goal, True
+
+    def angle(self, now: float) -> float:
+        """Return where the joint really is at time ``now``, in radians."""
+        return self._shaft.advance(now)
+
+    def state(self, now: float) -> JointState:
+        """Return what it feels at time ``now``; the position in the steps of its sensor."""
+        joint, shaft = self.joint, self._shaft
+        position = shaft.advance(now)
+        way = shaft.goal - position
+        return JointState(
+            position=joint.angle(joint.ticks(position)),
+            velocity=copysign(shaft.speed, way) if way else 0.0,
+            goal=joint.goal,
+            load=copysign(FRICTION, way) if way else 0.0,
+            voltage=VOLTAGE,
+            temperature=TEMPERATURE,
+            moving=bool(way),
+            torque=joint.torque,
+        )

@@ -1,0 +1,90 @@
+"""From a world file to the world that a simulated robot stands in."""
+
+from config.colours import COLOURS
+from config.people import ActConfig, PersonConfig
+from config.things import BallConfig, BoxConfig, RoverConfig
+from config.world import WorldConfig
+from drivers.api import Pose2D
+from drivers.sim.acts import Act
+from drivers.sim.light import Change, Light
+from drivers.sim.people import Person
+from drivers.sim.room import Room
+from drivers.sim.things import Ball, Box, Edge, Rover, Wall
+from drivers.sim.world import World
+
+
+def build_world(config: WorldConfig) -> World:
+    """Return the world that a world file describes, in which nothing has been said yet."""
+    return World(
+        room=Room.furnished(config.length, config.width, config.height, config.centre),
+        people=tuple(_person(person) for person in config.people),
+        light=Light(
+            config.light, tuple(Change(change.at, change.light, change.over) for change in config.light_changes)
+        ),
+        walls=tuple(Wall(wall.start, wall.end, wall.height) for wall in config.walls),
+        furniture=tuple(_box(box) for box in config.furniture),
+        edges=tuple(Edge(edge.x, edge.y, edge.length, edge.width) for edge in config.edges),
+        objects=tuple(_ball(it) if isinstance(it, BallConfig) else _box(it) for it in config.objects),
+        robots=tuple(_rover(rover) for rover in config.robots),
+        start=Pose2D(config.start.x, config.start.y, config.start.heading),
+    )
+
+
+def _person(config: PersonConfig) -> Person:
+    return Person(
+        config.name,
+        look=config.look,
+        x=config.x,
+        y=config.y,
+        height=config.height,
+        facing=config.facing,
+        path=config.path,
+        speed=config.speed,
+        start=config.start,
+        loop=config.loop,
+        acts=tuple(_act(act) for act in config.acts),
+    )
+
+
+def _act(config: ActConfig) -> Act:
+    return Act(
+        at=config.at,
+        hears=config.hears,
+        after=config.after,
+        say=config.say,
+        nod=config.nod,
+        turn=config.turn,
+        leave=config.leave,
+    )
+
+
+def _box(config: BoxConfig) -> Box:
+    return Box(
+        config.name,
+        config.x,
+        config.y,
+        config.size,
+        COLOURS[config.colour],
+        heading=config.heading,
+        bottom=config.bottom,
+    )
+
+
+def _ball(config: BallConfig) -> Ball:
+    return Ball(config.name, config.x, config.y, config.size, COLOURS[config.colour], bottom=config.bottom)
+
+
+def _rover(config: RoverConfig) -> Rover:
+    return Rover(
+        config.name,
+        config.marker,
+        config.x,
+        config.y,
+        heading=config.heading,
+        size=config.size,
+        colour=COLOURS[config.colour],
+        path=config.path,
+        speed=config.speed,
+        start=config.start,
+        loop=config.loop,
+    )

@@ -1,0 +1,231 @@
+"""``mission head``: the pan/tilt head by hand: where it is, look there, look ahead, and put it straight."""
+
+import json
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from math import degrees, radians
+from typing import Any
+
+import click
+
+from behaviours.head import Arrival, shown
+from config.editing import NotEditableError
+from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
+from config.library import find
+from config.robot import load_robot
+from config.trims import check_keepable, keep_trims
+from config.world import load_world
+from drivers.api import Head, HeadPose, unheard, unreported
+from drivers.arduino.driver import ArduinoHead
+from drivers.clock import Clock, SystemClock
+from drivers.errors import NotConnected
+from drivers.pantilt import AHEAD, Trimmable
+from missions.assembly.assemble import Ears, Wishes, assemble
+from missions.cli.keys import Keys, interruptible
+from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.trimming import HELP, trim_by_hand
+from missions.runner import CONNECT_TIME, DEFAULT_ROBOT
+
+PAUSE = 0.02
+"""Seconds between two looks at the head."""
+
+PATIENCE = 15.0
+"""Seconds for any turn of a head."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A head that is open and there."""
+
+    head: Head
+    trimmer: Trimmable
+    config: HeadConfig | NeckConfig
+    clock: Clock
+
+    def look(self, target: HeadPose) -> int:
+        """Look there, wait until the head does, and say it; return the exit code."""
+        goal = self.head.look(target)
+        if not self.arrives(goal):
+            here = self.head.pose().value
+            click.echo(f"the head rests at {'?' if here is None else shown(here)}, not at {shown(goal)}", err=True)
+            return FAILURE
+        click.echo(f"looks at {shown(goal)}" + ("" if goal == target else f", the limit for {shown(target)}"))
+        return SUCCESS
+
+    def arrives(self, goal: HeadPose) -> bool:
+        """Wait until the head is at ``goal``; say whether it has got there."""
+        arrival, start = Arrival(), self.clock.now()
+        while not arrival(self.head.pose(), goal, self.clock.now()):
+            if arrival.stuck or self.clock.now() - start > PATIENCE:
+                return False
+            pause()
+        return True
+
+    def where(self) -> dict[str, dict[str, float]]:
+        """Return where each axis is, its limits and its trim, in degrees, by the name of the joint."""
+        pose, limits, trims = self.head.pose().value, self.head.limits, self.trimmer.trim()
+        found = {}
+        for number, (axis, ends) in enumerate(((self.config.pan, limits.pan), (self.config.tilt, limits.tilt))):
+            figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
+            if pose is not None:
+                figures["angle"] = (pose.pan, pose.tilt)[number]
+            found[axis.joint] = {name: round(degrees(value), 2) + 0.0 for name, value in figures.items()}
+        return found
+
+
+def robot_options(command: Any) -> Any:
+    """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
+    for option in (
+        click.option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
+        click.option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
+        click.option("--robot", metavar="NAME", help="The robot (a name or a file); its head moves. Else simulated."),
+    ):
+        command = option(command)
+    return command
+
+
+@click.group()
+def command() -> None:
+    """The head by hand. Opening a Rodney head resets its board: the head goes to its start first.
+
+    Simulated unless a robot is named, as with `mission run`.
+    """
+
+
+@command.command()
+@robot_options
+@click.option("--pan", type=float, default=0.0, metavar="DEG", help="Positive is to the left.")
+@click.option("--tilt", type=float, default=0.0, metavar="DEG", help="Positive is down.")
+def look(robot: str | None, simulate: bool, port: str | None, pan: float, tilt: float) -> int:
+    """Look somewhere, and wait until the head does."""
+    with opened(robot, simulate=simulate, port=port) as bench:
+        return bench.look(HeadPose(radians(pan), radians(tilt)))
+
+
+@command.command()
+@robot_options
+def center(robot: str | None, simulate: bool, port: str | None) -> int:
+    """Look straight ahead: the time to see whether the head is mounted askew."""
+    with opened(robot, simulate=simulate, port=port) as bench:
+        return bench.look(AHEAD)
+
+
+@command.command()
+@robot_options
+@click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
+def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) -> int:
+    """Say where the head looks, how far it turns, and how it is trimmed."""
+    with opened(robot, simulate=simulate, port=port) as bench:
+        bench.arrives(bench.head.limits.clamp(AHEAD))  # where every head goes when it is opened
+        axes = bench.where()
+        rates = bench.head.board.wheels().value if isinstance(bench.head, ArduinoHead) else None
+        if as_json:
+            wheels = {} if rates is None else {"wheels": [round(rates.left, 3), round(rates.right, 3)]}
+            click.echo(json.dumps({**axes, **wheels}))
+            return SUCCESS
+        for name, axis in axes.items():
+            limits = f"{axis['from']:g} to {axis['to']:g} deg"
+            click.echo(f"{name:12} {axis['angle']:+7.1f} deg   limits {limits}, trim {axis['trim']:+g} deg")
+        if rates is not None:
+            click.echo(f"{'wheels':12} left {rates.left:+.2f} rad/s, right {rates.right:+.2f} rad/s")
+    return SUCCESS
+
+
+@command.command()
+@robot_options
+@click.option("--pan", type=float, metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
+@click.option("--tilt", type=float, metavar="DEG", help="The trim of the tilt servo.")
+@click.option("--keep", is_flag=True, help="Write the trims into the robot file; nothing else in it is changed.")
+def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None, tilt: float | None, keep: bool) -> int:
+    """Put the head straight: with the arrow keys while it looks ahead, or by --pan and --tilt.
+
+    Enter ends it, q puts everything back.
+    """
+    by_hand = pan is None and tilt is None
+    if by_hand and not sys.stdin.isatty():
+        raise click.UsageError("the arrow keys need a terminal; give --pan DEG and --tilt DEG instead")
+    path = find("robots", robot or DEFAULT_ROBOT)
+    try:
+        if keep:
+            check_keepable(path)
+        with opened(robot, simulate=simulate, port=port) as bench:
+            trims = _by_hand(bench) if by_hand else _set(bench, pan, tilt)
+        if trims is None:
+            click.echo("nothing was changed")
+            return FAILURE
+        words = ", ".join(f"{axis} {degrees(value):+g} deg" for axis, value in zip(("pan", "tilt"), trims, strict=True))
+        changes = keep_trims(path, pan=trims[0], tilt=trims[1]) if keep else []
+    except NotEditableError as error:
+        raise click.UsageError(str(error)) from error
+    kept = f"; written into {path}" if changes else "; the file has them already" if keep else "; --keep writes them"
+    click.echo(f"trimmed: {words}{kept}")
+    return SUCCESS
+
+
+def _set(bench: Bench, pan: float | None, tilt: float | None) -> tuple[float, float]:
+    """Set the trims (degrees), and wait until the head is straight by them."""
+    trims = bench.trimmer.trim(pan=None if pan is None else radians(pan), tilt=None if tilt is None else radians(tilt))
+    bench.look(AHEAD)
+    return trims
+
+
+def _by_hand(bench: Bench) -> tuple[float, float] | None:
+    """Let a person set the trims; None if they thought better of it."""
+    signs = _sign(bench.config.pan), _sign(bench.config.tilt)
+    click.echo(HELP)
+    with Keys(sys.stdin.fileno()) as keys:
+        try:
+            content = trim_by_hand(bench.trimmer, keys, signs, _show, lambda: bench.head.health().detail)
+        finally:
+            click.echo()
+    return bench.trimmer.trim() if content else None
+
+
+def _sign(axis: ServoConfig | NeckJointConfig) -> int:
+    """Return -1 for a servo that turns the other way than the head."""
+    return -1 if isinstance(axis, ServoConfig) and axis.flip else 1
+
+
+def _show(line: str) -> None:
+    """Show a line in the place of the one before."""
+    click.echo(f"\r\x1b[K{line}", nl=False)
+
+
+@contextmanager
+def opened(name: str | None, *, simulate: bool, port: str | None) -> Iterator[Bench]:
+    """Open the head of a robot and wait until it is there; close it at the end, whatever comes.
+
+    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    """
+    config = load_robot(find("robots", name or DEFAULT_ROBOT))
+    if config.head is None:
+        raise click.UsageError(f"{config.name} has no head")
+    virtual = simulate or name is None
+    if virtual and port is not None:
+        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+    part = "head" if isinstance(config.head, HeadConfig) else "arm"
+    wishes = Wishes(
+        world=load_world(find("worlds", "empty")) if virtual else None, ports={} if port is None else {part: port}
+    )
+    clock = SystemClock()
+    ears = Ears(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"head"}), clock, wishes, ears)
+    head, trimmer = robot.robot.head, robot.devices["head"]
+    if not isinstance(trimmer, Trimmable):
+        raise click.UsageError(f"the head of {config.name} cannot be trimmed")
+    with interruptible(), closing(robot):
+        robot.open()
+        while not (head.health().online and head.pose().good):
+            if clock.now() > CONNECT_TIME:
+                health = head.health()
+                raise NotConnected(health.detail, hint=health.hint)
+            pause()
+        yield Bench(head, trimmer, config.head, clock)
+
+
+def pause() -> None:
+    """Wait a moment for the head's own thread."""
+    threading.Event().wait(PAUSE)

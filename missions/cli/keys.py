@@ -1,0 +1,85 @@
+"""Single keys from a terminal, as they are pressed; works over SSH, and leaves the terminal as it was."""
+
+import os
+import select
+import signal
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+ESCAPE_TIME = 0.2
+"""Seconds to wait for the rest of an arrow key's three bytes: over a slow line they come one by one."""
+
+_ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_NAMED = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
+
+
+class Keys:
+    """Reads keys from the terminal behind ``descriptor``, between ``with`` and its end.
+
+    Ctrl-Z does nothing meanwhile: it would leave the shell with a terminal that does not echo.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._terminal: list[Any] = []
+
+    def __enter__(self) -> Self:
+        self._terminal = termios.tcgetattr(self._descriptor)
+        tty.setcbreak(self._descriptor)
+        settings = termios.tcgetattr(self._descriptor)
+        settings[6][termios.VSUSP] = b"\0"  # no character is Ctrl-Z
+        termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(termios.error):  # the terminal may have gone
+            termios.tcsetattr(self._descriptor, termios.TCSANOW, self._terminal)
+
+    def read(self, timeout: float) -> str:
+        """Return a key: a character, "up", "down", "left", "right", "enter", "escape", or "end" at the input's end.
+
+        The empty text when none was pressed within ``timeout`` seconds.
+        """
+        if not self._waiting(timeout):
+            return ""
+        key = self._byte()
+        if key != "\x1b" or not self._waiting(ESCAPE_TIME):
+            return _NAMED.get(key, key)
+        if self._byte() not in ("[", "O"):
+            return "escape"
+        # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter.
+        last = self._byte()
+        while last.isdigit() or last == ";":
+            last = self._byte()
+        return _ARROWS.get(last, "other")
+
+    def _waiting(self, timeout: float) -> bool:
+        return bool(select.select([self._descriptor], [], [], timeout)[0])
+
+    def _byte(self) -> str:
+        try:
+            return os.read(self._descriptor, 1).decode("latin-1")
+        except OSError:  # a terminal that was closed
+            return ""
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let SIGTERM and a hang-up raise KeyboardInterrupt, as Ctrl-C does, so that whatever is open is closed."""
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    raise KeyboardInterrupt

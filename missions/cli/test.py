@@ -1,0 +1,118 @@
+"""``mission test``: play the cases that test files hold, and say which do not come true."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from config.faults import Fault, InvalidFileError
+from drivers.clock import SystemClock
+from missions.cli.root import FAILURE, SUCCESS
+from missions.testing import report
+from missions.testing.files import all_tests, named_tests
+from missions.testing.junit import junit
+from missions.testing.many import cores, play_all
+from missions.testing.play import Verdict
+from missions.testing.suite import Case, load_suite
+
+
+@click.command()
+@click.argument("names", nargs=-1, metavar="[PATH]...")
+@click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
+@click.option(
+    "-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="As many processes at a time; one for each core."
+)
+@click.option(
+    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
+)
+@click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for other programs.")
+@click.option("-x", "--fail-fast", is_flag=True, help="Begin nothing new after the first failure.")
+def command(
+    names: tuple[str, ...], words: str, jobs: int | None, junit_file: Path | None, as_json: bool, fail_fast: bool
+) -> int:
+    """Play test files, in simulated time: files, folders, or missions by name.
+
+    Without any, those here and below; where there are none, those of the missions that ship with MissionTree.
+    Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
+    """
+    cases = _chosen(names, words)
+    clock = SystemClock()
+    with _progress(len(cases)) as told:
+        verdicts = _played(cases, jobs or cores(), fail_fast, told)
+    if junit_file is not None:
+        _write(junit_file, junit(verdicts))
+    if as_json:
+        click.echo(json.dumps([report.as_dict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
+    else:
+        _tell(verdicts)
+    click.echo(report.total(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
+    return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
+
+
+def _chosen(names: Sequence[str], words: str) -> list[Case]:
+    """Return the cases to be played. Raises InvalidFileError with the mistakes of all files."""
+    files = dict.fromkeys(path for name in names for path in named_tests(name)) if names else all_tests()
+    cases: list[Case] = []
+    faults: list[Fault] = []
+    for path in files:
+        try:
+            cases += load_suite(path)
+        except InvalidFileError as error:
+            faults += error.faults
+    if faults:
+        raise InvalidFileError(faults)
+    chosen = [case for case in cases if words.lower() in f"{case.source.name}: {case.title}".lower()]
+    if not chosen:
+        raise click.UsageError(f"-k: none of {len(cases)} cases has '{words}' in its file or title")
+    return chosen
+
+
+def _played(cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[Verdict], None]) -> list[Verdict]:
+    verdicts: list[Verdict] = []
+    with closing(play_all(cases, jobs=jobs)) as playing:
+        for verdict in playing:
+            verdicts.append(verdict)
+            told(verdict)
+            if fail_fast and not verdict.passed:
+                break
+    return report.in_order(verdicts)
+
+
+def _tell(verdicts: Sequence[Verdict]) -> None:
+    for verdict in verdicts:
+        if verdict.passed:
+            click.echo(f"{click.style('passed', fg='green')}  {verdict.case}")
+    for verdict in verdicts:
+        if not verdict.passed:
+            click.echo(f"\n{click.style('FAILED', fg='red')}  {report.failure(verdict)}\n")
+
+
+@contextmanager
+def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
+    """Show a bar on a terminal, and give what is to be told of each verdict; without a terminal nothing is shown."""
+    console = Console(file=sys.stderr)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("cases", total=count, failed="")
+        failed: list[Verdict] = []
+
+        def told(verdict: Verdict) -> None:
+            failed.extend(() if verdict.passed else (verdict,))
+            progress.update(task, advance=1, failed=f"{len(failed)} failed" if failed else "")
+
+        yield told
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise click.BadParameter(f"{path}: {error.strerror}", param_hint="--junit") from error

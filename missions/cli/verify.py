@@ -1,0 +1,66 @@
+"""``mission verify``: every run of a mission that leaves, conditions and time can lead to, up to a bound."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+
+from behaviours.leaf import Leaf
+from config.faults import InvalidFileError
+from config.library import UnknownNameError
+from drivers.clock import SystemClock
+from missions.cli.options import behaviours_option, files_of, params_option
+from missions.library import load_mission, shipped_missions
+from missions.verify.verdicts import PROVED, Report
+from missions.verify.verify import BOUND, verify
+from missions.vocabulary import vocabulary
+
+
+@click.command()
+@click.argument("names", nargs=-1, metavar="[MISSION]...")
+@click.option(
+    "--bound",
+    type=click.IntRange(min=1),
+    default=BOUND,
+    show_default=True,
+    metavar="STATES",
+    help="Give up after so many states; what was not decided by then counts as not proved.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for editors and other programs.")
+@params_option
+@behaviours_option
+def command(names: tuple[str, ...], bound: int, as_json: bool, params: dict[str, str], files: tuple[Path, ...]) -> int:
+    """Prove that missions can end, reach all their nodes, stop cleanly, and keep their `properties`.
+
+    Takes names, files or folders; all that ship with MissionTree when none is given. Exits with 0 when all is proved,
+    with 1 when something is refuted or not decided, and with 2 for a mission that `mission check` refuses.
+    """
+    leaves = vocabulary(files)
+    code = 0
+    reports: list[Report] = []
+    for name in [file for each in names for file in files_of(each, tests=False)] or list(shipped_missions()):
+        report = _verified(name, params, leaves, bound)
+        if report is None:
+            code = 2
+            continue
+        reports.append(report)
+        code = max(code, int(report.outcome != PROVED))
+        if not as_json:
+            click.echo(str(report))
+    if as_json:
+        click.echo(json.dumps([report.as_dict() for report in reports], indent=2, ensure_ascii=False))
+    return code
+
+
+def _verified(name: str, params: dict[str, str], leaves: Mapping[str, type[Leaf]], bound: int) -> Report | None:
+    """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
+    try:
+        plan = load_mission(name, params=params, leaves=leaves)
+    except InvalidFileError as error:
+        click.echo(str(error), err=True)
+    except UnknownNameError as error:
+        click.echo(f"mission: {error}", err=True)
+    else:
+        return verify(plan, SystemClock(), bound=bound)
+    return None

@@ -1,0 +1,161 @@
+"""What a test file stands on: the mission that it tests, and the robot, the world and the params of each case."""
+
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as Named
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from behaviours.leaf import Leaf
+from config.faults import InvalidFileError, note, one_of
+from config.fields import Fields
+from config.library import UnknownNameError, find
+from config.marked import Scalar
+from config.robot import RobotConfig, load_robot
+from config.units import seen
+from config.world import load_world
+from missions.language.modifiers import MODIFIERS
+from missions.language.plan import Plan, Step
+from missions.library import find_mission, load_mission
+from missions.runner import DEFAULT_ROBOT
+from missions.testing.expectations import Grammar
+from missions.vocabulary import vocabulary
+
+PARAM = "--param"
+"""How the checker of missions calls the place of a param that its caller gives."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Where a case plays. ``plan`` is None where something is too wrong to have one."""
+
+    params: Named[str, str]
+    robot: str | None
+    world: str | None
+    config: RobotConfig
+    plan: Plan | None
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The parts of the robot that the mission uses, which are all that there are in a run."""
+        if self.plan is None:
+            return self.config.parts
+        used = self.plan.tree.needs | self.plan.tree.claims
+        return (used | ({"head"} if "camera" in used else frozenset())) & self.config.parts
+
+    @property
+    def grammar(self) -> Grammar:
+        """What expectations may name."""
+        return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else ())
+
+    def steps(self, name: str) -> list[Step]:
+        """Return the steps with this word or name; modifiers have none of their own."""
+        tree = () if self.plan is None else self.plan.tree.walk()
+        return [step for step in tree if name in (step.kind, step.name) and step.kind not in MODIFIERS]
+
+    def unknown(self, name: str) -> str:
+        """Say what is wrong with the name of a node, nothing where there is one."""
+        if self.plan is None or self.steps(name):
+            return ""
+        known = {
+            word for step in self.plan.tree.walk() if step.kind not in MODIFIERS for word in (step.kind, step.name)
+        }
+        return f"mission '{self.plan.mission}' has no {seen(name)}; {one_of(name, known)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What all cases of a file share: the ``mission`` (a path), the ``folder`` that names are relative to."""
+
+    folder: Path
+    mission: str
+    behaviours: Sequence[Path] = ()
+    leaves: Named[str, type[Leaf]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, fields: Fields, folder: Path) -> "Context":
+        """Read the keys at the top of a test file. Raises InvalidFileError where the leaves cannot be read."""
+        files = []
+        for node in fields.items("behaviours"):
+            if isinstance(node, Scalar) and node.value is not None:
+                files.append(folder / node.text)
+            else:
+                fields.fault(node.mark, "'behaviours' needs a list of files of Python")
+        name, mission = fields.text("tests"), ""
+        try:
+            mission = str(_mission(name, folder)) if name else ""
+        except UnknownNameError as error:
+            fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
+        return cls(folder, mission, tuple(files), vocabulary(files))
+
+    def setting(self, fields: Fields) -> Setting:
+        """Read where a case plays, and check its mission with that robot and those params."""
+        robot = self._named(fields, "robot", "robots", load_robot)
+        world = self._named(fields, "world", "worlds", load_world)
+        config = load_robot(find("robots", robot or DEFAULT_ROBOT))
+        params = self._params(fields)
+        return Setting(
+            {name: value.text for name, (_, value) in params.items()},
+            robot,
+            world,
+            config,
+            self._plan(fields, params, config),
+        )
+
+    def _named(self, fields: Fields, key: str, kind: str, load: Callable[[Path], object]) -> str | None:
+        """Return the robot or the world that a case names, None for the usual one; a path is relative to the folder."""
+        node = fields.node_of(key)
+        if node is None:
+            return None
+        name = fields.text(key)
+        beside = self.folder / name
+        if beside.is_file():
+            name = str(beside)
+        try:
+            load(find(kind, name))
+        except UnknownNameError as error:
+            fields.fault(node.mark, str(error))
+            return None
+        except InvalidFileError as error:
+            for fault in error.faults:
+                note(fields.faults, fault)
+            return None
+        return name
+
+    def _params(self, fields: Fields) -> dict[str, tuple[Scalar, Scalar]]:
+        section = fields.section("params")
+        found = {}
+        for name, value in () if section is None else section.entries():
+            if isinstance(value, Scalar):
+                found[name.text] = name, value
+            else:
+                fields.fault(value.mark, f"'{name.text}' needs one value")
+        return found
+
+    def _plan(self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig) -> Plan | None:
+        """Check the mission as a run would. What is wrong with a param is noted where the case gives it."""
+        if not self.mission:
+            return None
+        given = {name: value.text for name, (_, value) in params.items()}
+        try:
+            return load_mission(
+                self.mission, params=given, complete=True, robot=(robot.name, robot.parts), leaves=self.leaves
+            )
+        except InvalidFileError as error:
+            own = [fault for fault in error.faults if not fault.source.name.startswith(PARAM)]
+            for fault in error.faults:
+                name = fault.source.name.removeprefix(PARAM).strip()
+                if fault in own:
+                    note(fields.faults, fault)
+                elif name in params:
+                    key, value = params[name]
+                    fields.fault((key if fault.mark.column == 1 else value).mark, fault.message, fault.suggestion)
+                else:
+                    fields.fault(fields.node.mark, fault.message, "give it under 'params:'")
+            # Where only the params are wrong, the rest of the case can still be read.
+            return None if own else load_mission(self.mission, leaves=self.leaves)
+
+
+def _mission(name: str, folder: Path) -> Path:
+    """Return the mission's file: one beside the test file goes before one in the library. Raises UnknownNameError."""
+    beside = folder / f"{name}.yaml"
+    return beside if beside.is_file() else find_mission(name, folder)

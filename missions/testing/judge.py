@@ -1,0 +1,204 @@
+"""Whether a run was as a test file expects: what was seen instead, at the place of each expectation."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from config.faults import Mark
+from drivers.api import Pose2D
+from missions.executive.events import CommandSent
+from missions.language.values import shown
+from missions.testing.expectations import Expectation, Place
+from missions.testing.history import History
+from missions.testing.moments import Moment
+
+Miss = tuple[Mark, str]
+"""Where the file expects what did not come true, and what was seen instead."""
+
+
+def judge(expectations: Sequence[Expectation], history: History) -> list[Miss]:
+    """Return what did not come true, in the file's order."""
+    misses = [miss for each in expectations for miss in CHECKS[each.key](each, history)]
+    return sorted(misses, key=lambda miss: miss[0])
+
+
+def _result(wanted: Expectation, history: History) -> Iterator[Miss]:
+    result, reason = _ended(history)
+    for item in wanted.items:
+        if item.value != result:
+            yield item.mark, f"the result was {result}" + (f": {reason}" if reason else "")
+
+
+def _reason(wanted: Expectation, history: History) -> Iterator[Miss]:
+    reason = _ended(history)[1]
+    for item in wanted.items:
+        if item.value not in reason:
+            yield item.mark, f"the reason was '{reason}'" if reason else "there was no reason"
+
+
+def _within(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        if _seconds(history) > item.value:
+            yield item.mark, f"it took {_seconds(history):.2f} s"
+
+
+def _after(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        if _seconds(history) < item.value:
+            yield item.mark, f"it took only {_seconds(history):.2f} s"
+
+
+def _said(wanted: Expectation, history: History) -> Iterator[Miss]:
+    if history.said and not wanted.items:
+        yield wanted.mark, f"it said {_quoted(history.said)}"
+    left = iter(history.said)
+    for item in wanted.items:
+        if not any(item.value in text for text in left):
+            yield item.mark, f"it said {_quoted(history.said)}"
+            return
+
+
+def _never_said(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        found = next((text for text in history.said if item.value in text), None)
+        if found is not None:
+            yield item.mark, f'it said "{found}"'
+
+
+def _ran(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        name, count = item.value
+        starts = history.starts(name)
+        if starts == 0 and count != 0:
+            yield item.mark, f"'{name}' never ran"
+        elif count is not None and starts != count:
+            yield item.mark, f"'{name}' started {_times(starts)}"
+
+
+def _never_ran(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        starts = [each for each in history.happenings if each.verb == "starts" and item.value in each.names]
+        if starts:
+            yield item.mark, f"'{item.value}' started {_times(len(starts))}, first at {starts[0].time:.2f} s"
+
+
+def _succeeded(wanted: Expectation, history: History) -> Iterator[Miss]:
+    yield from _ended_so("succeeds", wanted, history)
+
+
+def _failed(wanted: Expectation, history: History) -> Iterator[Miss]:
+    yield from _ended_so("fails", wanted, history)
+
+
+def _ended_so(verb: str, wanted: Expectation, history: History) -> Iterator[Miss]:
+    words = {"starts": "started", "succeeds": "succeeded", "fails": "failed", "halts": "was halted"}
+    for item in wanted.items:
+        outcomes = history.outcomes(item.value)
+        if not outcomes:
+            yield item.mark, f"'{item.value}' never ran"
+        elif verb not in outcomes:
+            did = ", ".join(f"{words[each]} {_times(count)}" for each, count in outcomes.items())
+            yield item.mark, f"'{item.value}' {did}"
+
+
+def _order(wanted: Expectation, history: History) -> Iterator[Miss]:
+    left, before = iter(history.happenings), ""
+    for item in wanted.items:
+        moment: Moment = item.value
+        found = next((each for each in left if moment.fits(each)), None)
+        if found is None:
+            earlier = [each for each in history.happenings if moment.fits(each)]
+            when = f"'{moment}' happened only before, at {earlier[-1].time:.2f} s" if earlier else ""
+            yield item.mark, when or (f"after '{before}' it never happened" if before else "it never happened")
+            return
+        before = f"{found}"
+
+
+def _faults(wanted: Expectation, history: History) -> Iterator[Miss]:
+    """Each text is part of a notice, and each notice contains one of the texts."""
+    verbs = ("disconnects", "complains")
+    notices = [f"{each.names[0]} {each.verb}: {each.text}" for each in history.happenings if each.verb in verbs]
+    for item in wanted.items:
+        if not any(item.value in notice for notice in notices):
+            yield item.mark, f"the notices were {_quoted(notices)}"
+    strange = [notice for notice in notices if not any(item.value in notice for item in wanted.items)]
+    if strange:
+        yield wanted.mark, f"it was not to be told that {_quoted(strange)}"
+
+
+def _base(wanted: Expectation, history: History) -> Iterator[Miss]:
+    told = [event.values for event in history.events if isinstance(event, CommandSent) and event.to == "base"]
+    stopped = bool(told) and told[-1].get("linear") == told[-1].get("angular") == 0.0
+    for item in wanted.items:
+        if history.moving and not stopped:
+            yield item.mark, "the base was still moving when the mission ended"
+
+
+def _pose(wanted: Expectation, history: History) -> Iterator[Miss]:
+    pose = history.pose
+    for item in wanted.items:
+        if pose is None:
+            yield item.mark, "the robot has no base"
+        elif not _there(pose, item.value):
+            yield item.mark, f"the base was at {_at(pose)}"
+
+
+def _returns(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        name, value = item.value
+        found = history.returns.get(name)
+        if not _same(found, value):
+            yield item.mark, f"'{name}' was {shown(found)}"
+
+
+CHECKS: Mapping[str, Callable[[Expectation, History], Iterator[Miss]]] = {
+    "result": _result,
+    "reason": _reason,
+    "within": _within,
+    "after": _after,
+    "said": _said,
+    "never_said": _never_said,
+    "ran": _ran,
+    "never_ran": _never_ran,
+    "succeeded": _succeeded,
+    "failed": _failed,
+    "order": _order,
+    "faults": _faults,
+    "base": _base,
+    "pose": _pose,
+    "returns": _returns,
+}
+"""How each key of ``expect`` is held against what happened."""
+
+
+def _ended(history: History) -> tuple[str, str]:
+    result = history.result
+    return ("error", "the run did not end") if result is None else (result.result, result.reason)
+
+
+def _seconds(history: History) -> float:
+    return math.inf if history.result is None else history.result.seconds
+
+
+def _same(found: object, wanted: object) -> bool:
+    if isinstance(found, int | float) and isinstance(wanted, int | float) and not isinstance(found, bool):
+        return math.isclose(found, wanted, rel_tol=1e-6, abs_tol=1e-6)
+    return found == wanted
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def _quoted(texts: Sequence[str]) -> str:
+    return ", ".join(f'"{text}"' for text in texts) or "nothing"
+
+
+def _there(pose: Pose2D, place: Place) -> bool:
+    if math.hypot(pose.x - place.x, pose.y - place.y) > place.within:
+        return False
+    turned = 0.0 if place.heading is None else math.remainder(pose.heading - place.heading, math.tau)
+    return abs(turned) <= place.askew
+
+
+def _at(pose: Pose2D) -> str:
+    return f"[{pose.x:.2f} m, {pose.y:.2f} m], heading {math.degrees(pose.heading):.0f} deg"

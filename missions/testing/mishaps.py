@@ -1,0 +1,90 @@
+"""What goes wrong with the robot during a test, as its file writes it: ``camera frozen from 5 s to 8 s``."""
+
+import math
+from dataclasses import dataclass
+
+from missions.testing.moments import PARTS, KnownNode, Moment, read_moment
+from missions.testing.phrases import Phrase
+
+STATES: dict[str, tuple[str, ...]] = {
+    "base": ("unplugged", "bumped", "cliff", "lifted", "battery"),
+    "head": ("unplugged",),
+    "arm": ("unplugged", "overloaded"),
+    "camera": ("unplugged", "frozen", "covered"),
+    "voice": ("unplugged",),
+}
+"""What can happen to each part."""
+
+SIDES = ("left", "centre", "right")
+LASTING = ("battery", "overloaded")
+"""States that do not end by themselves."""
+
+WHEN = ("from", "at", "for", "when")
+
+
+@dataclass(frozen=True, slots=True)
+class Mishap:
+    """A ``part`` of the robot is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``moment`` on.
+
+    ``detail`` is where it bumps or feels a cliff, or the name of a joint; ``amount`` what is left of a battery (0..1).
+    """
+
+    part: str
+    state: str
+    detail: str = ""
+    amount: float = 0.0
+    start: float = 0.0
+    seconds: float = math.inf
+    moment: Moment | None = None
+
+
+def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
+    """Read ``PART STATE [from T [to T] | at T [for T] | for T | when MOMENT [for T]]``."""
+    part = phrase.took(*PARTS)
+    if not part:
+        phrase.wrong("what something happens to", PARTS)
+        return Mishap("", "")
+    state = phrase.took(*STATES[part])
+    if not state:
+        phrase.wrong(f"what happens to the {part}", STATES[part])
+        return Mishap(part, "")
+    detail, amount = _details(phrase, state)
+    start, seconds, moment = _when(phrase, known)
+    if state in LASTING and seconds < math.inf:
+        phrase.fault(f"'{state}' does not end by itself", "leave out when it ends")
+    phrase.end()
+    return Mishap(part, state, detail, amount, start, seconds, moment)
+
+
+def _details(phrase: Phrase, state: str) -> tuple[str, float]:
+    """Read what belongs to a state: where, which one, or how much."""
+    if state in ("bumped", "cliff"):
+        return phrase.took(*SIDES) or "centre", 0.0
+    if state == "overloaded":
+        if phrase.word in ("", *WHEN):
+            phrase.fault("which joint is overloaded is missing here", "such as 'arm overloaded elbow'")
+        return phrase.take(), 0.0
+    if state == "battery" and not phrase.took("at"):
+        phrase.wrong("what follows 'battery'", ("at",))
+    if state == "battery":
+        return "", phrase.quantity(f"'{state}'", "share", high=1.0)
+    return "", 0.0
+
+
+def _when(phrase: Phrase, known: KnownNode) -> tuple[float, float, Moment | None]:
+    """Read when it happens, and for how long: from the beginning, and for good, where nothing is said."""
+    start, moment = 0.0, None
+    if phrase.took("from"):
+        start = phrase.quantity("'from'", "duration")
+        if phrase.took("to"):
+            end = phrase.quantity("'to'", "duration")
+            if end <= start:
+                phrase.fault("it ends before it begins")
+            return start, end - start, None
+        return start, math.inf, None
+    if phrase.took("at"):
+        start = phrase.quantity("'at'", "duration")
+    elif phrase.took("when"):
+        moment = read_moment(phrase, known)
+    seconds = phrase.quantity("'for'", "duration") if phrase.took("for") else math.inf
+    return start, seconds, moment

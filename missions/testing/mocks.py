@@ -1,0 +1,107 @@
+"""Mocks: stand-ins for leaves that follow a script, whatever the robot and the world do."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.sight import FaceCentred, FaceSeen, FindFace
+from behaviours.tracking.track_face import TrackFace
+from missions.language.plan import Step
+from missions.testing.script import Script, Turn
+from perception.api import Box, Face
+
+FACES = (FaceSeen, FaceCentred, FindFace, TrackFace)
+"""The leaves that find a face, so that what a mock keeps for them must be one."""
+
+RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in {"box", "stamp"})
+"""What a test file can say of such a face; the rest is made up."""
+
+
+@dataclass(frozen=True, slots=True)
+class MockSpec:
+    """What a test file says of a mock: the word or the name of the leaves that it stands for, and what it does.
+
+    ``result`` is what ``as`` keeps, None where the file says nothing: quantities in SI units, by name.
+    """
+
+    target: str
+    script: Script
+    result: Mapping[str, object] | None = None
+
+
+class Turns:
+    """The turns of one script, taken one after another by all mocks that follow it; a halt rewinds nothing."""
+
+    def __init__(self, script: Script) -> None:
+        self._left = [turn for turn in script for _ in range(turn.times)]
+
+    def take(self) -> Turn:
+        """Take the next turn; the last one again and again."""
+        return self._left.pop(0) if len(self._left) > 1 else self._left[0]
+
+
+class Mock(Leaf):
+    """Stands for another leaf: claims what it claims, is given what it is given, and follows a script."""
+
+    _turns: Turns
+    _turn: Turn
+    _outcome: Callable[[], object]
+    _ticks = 0
+
+    def follow(self, turns: Turns, outcome: Callable[[], object]) -> None:
+        """Set what it does, and what gives the result that it keeps when it succeeds."""
+        self._turns, self._outcome = turns, outcome
+
+    def initialise(self) -> None:
+        """Take the next turn."""
+        self._turn, self._ticks = self._turns.take(), 0
+
+    def update(self) -> Status:
+        """Run until the turn is over, then end as it says."""
+        turn = self._turn
+        # A duration that is a whole number of ticks is over with the last of them, in spite of rounding.
+        if self._ticks < turn.ticks or self.elapsed < turn.seconds - 1e-6:
+            self._ticks += 1
+            return RUNNING
+        if turn.end == "failure":
+            self.feedback_message = turn.reason
+            return FAILURE
+        self.result = self._outcome()
+        return SUCCESS
+
+
+class Cast:
+    """Puts mocks in the place of leaves while a tree is built. The first of ``specs`` that fits a leaf is taken.
+
+    All leaves that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
+    """
+
+    def __init__(self, specs: Iterable[MockSpec]) -> None:
+        self._roles = [(spec, Turns(spec.script)) for spec in specs]
+
+    def __call__(self, step: Step, leaf: Leaf) -> Leaf:
+        """Return what is to stand in the place of ``leaf``: a mock, or the leaf itself."""
+        for spec, turns in self._roles:
+            if spec.target in (step.kind, step.name):
+                return _mock(leaf, turns, spec.result)
+        return leaf
+
+
+def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | None) -> Mock:
+    """Return a mock in the place of ``leaf``."""
+    # A class of its own, since what a leaf claims belongs to its class.
+    own = {"word": leaf.word, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.stores}
+    made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
+    mock: Mock = made(leaf.name)
+    mock.follow(turns, lambda: _result(mock, leaf, told))
+    return mock
+
+
+def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | None) -> object:
+    if not isinstance(leaf, FACES):
+        return told
+    values: dict[str, Any] = {**dict.fromkeys(RESULT_OF_FACE, 0.0), "id": 1, "distance": 1.5, **(told or {})}
+    return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

@@ -1,0 +1,117 @@
+"""From a checked plan to one whose leaves are stand-ins and whose unknown values are choices."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from behaviours.leaf import FAILURE, Leaf
+from missions.language.flow import sets
+from missions.language.notes import STATE
+from missions.language.plan import MISSION, SWITCH, Plan, Step
+from missions.language.values import Value
+from missions.verify.choices import Oracle
+from missions.verify.guesses import MOST, TWICE, UNKNOWN, Guess, Many, widened
+from missions.verify.instants import Some
+from missions.verify.mocks import outcomes, stand_in
+from missions.verify.watch import Watch
+
+CONDITIONS = ("if", "while", "until")
+TIMES = ("timeout", "delay", "hold", "cooldown")
+COUNTS = ("retry", "repeat")
+
+OTHERWISE = "anything else"
+"""What a ``switch`` finds that is none of its cases."""
+
+
+def abstract(step: Step, oracle: Oracle, watch: Watch) -> Step:
+    """Return ``step``, and all below it, for a model that asks ``oracle`` and is followed by ``watch``."""
+    children = tuple(abstract(child, oracle, watch) for child in step.children)
+    if step.leaf is not None:
+        return replace(step, leaf=stand_in(step, oracle, watch), arguments=_arguments(step, step.leaf, oracle))
+    returns = {name: _stored(value, oracle) for name, value in step.returns.items()}
+    arguments = {name: _setting(step, value, oracle) for name, value in step.arguments.items()}
+    return replace(step, children=children, arguments=arguments, returns=returns)
+
+
+def _arguments(step: Step, leaf: type[Leaf], oracle: Oracle) -> dict[str, Value]:
+    """Return the arguments that matter: what a leaf stores, and what can keep one from starting that cannot fail."""
+    if leaf.open_ended:
+        return {name: _stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
+    if any(outcome.status is FAILURE for outcome in outcomes(step)):
+        return {}
+    computed = {name: value for name, value in step.arguments.items() if value.template is not None}
+    return {f"argument_{name}": _guess(value, oracle) for name, value in computed.items()}
+
+
+def _setting(step: Step, value: Value, oracle: Oracle) -> Value:
+    """Return what a modifier, a switch or a sub-mission is given."""
+    if step.kind == MISSION:
+        return _stored(value, oracle)
+    if step.kind in COUNTS:
+        return _count(value, oracle)
+    if value.template is None:
+        return value
+    if step.kind in TIMES:
+        return Guess(template=value.template, oracle=oracle, options=(Some.of(oracle),), blind=True)
+    if step.kind == SWITCH:
+        return _guess(value, oracle, *dict.fromkeys(step.cases), OTHERWISE)
+    return _guess(value, oracle, True, False)
+
+
+def _guess(value: Value, oracle: Oracle, *options: object) -> Value:
+    return Guess(
+        template=value.template,
+        convert=value.convert,
+        constant=value.constant,
+        oracle=oracle,
+        options=options or (UNKNOWN,),
+    )
+
+
+def _stored(value: Value, oracle: Oracle) -> Value:
+    if value.template is None:
+        return value
+    return Guess(template=value.template, convert=value.convert, oracle=oracle, kept=widened)
+
+
+def _count(value: Value, oracle: Oracle) -> Value:
+    many = Many.of(oracle, TWICE)
+    if value.template is None:
+        return Value(many) if isinstance(value.constant, int) and value.constant > MOST else value
+    return Guess(
+        template=value.template,
+        convert=value.convert,
+        oracle=oracle,
+        options=(Many.of(oracle, 0),),
+        kept=lambda found: many if isinstance(found, int) and found > MOST else found,
+    )
+
+
+def durations(tree: Step) -> frozenset[float]:
+    """Return the times that a run can wait for, in seconds."""
+    found = set()
+    for step in tree.walk():
+        value = step.arguments.get("value")
+        if step.kind in TIMES and value is not None and isinstance(value.constant, float):
+            found.add(value.constant)
+        if step.leaf is not None and step.leaf.halting is not Leaf.halting:
+            found.add(step.leaf.halt_limit)
+    return frozenset(found)
+
+
+def missing(plan: Plan) -> frozenset[str]:
+    """Return the params that only a caller can give, and that this one did not."""
+    reads = {
+        read.name
+        for step in _own(plan.tree)
+        for value in step.arguments.values()
+        if value.template is not None
+        for read in value.template.reads
+    }
+    return frozenset(reads - plan.params.keys() - sets(plan.tree) - STATE.keys())
+
+
+def _own(step: Step) -> Iterator[Step]:
+    """Return the steps of the mission itself, without those inside its sub-missions."""
+    yield step
+    for child in () if step.kind == MISSION else step.children:
+        yield from _own(child)

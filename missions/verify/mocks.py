@@ -1,0 +1,128 @@
+"""Stand-ins for leaves: what each may do at a tick is a choice, within what the real one says of itself."""
+
+from typing import ClassVar, NamedTuple
+
+from py_trees.common import Status
+
+from behaviours.basics import Fail, Log, Pretend, Set, Succeed
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
+from missions.language.plan import Step
+from missions.verify.choices import Oracle
+from missions.verify.guesses import UNKNOWN
+from missions.verify.watch import Watch
+
+
+class Outcome(NamedTuple):
+    """What a leaf does at a tick: its status, and whether there is something for its ``as`` to keep."""
+
+    status: Status
+    found: bool
+
+
+EARLY = Outcome(RUNNING, found=True)
+"""A leaf that has found something, and goes on."""
+
+WORDS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
+
+ALWAYS = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
+"""The leaves that always do the same at once."""
+
+
+class StandIn(Leaf):
+    """A leaf that may run, succeed or fail; ``outcomes`` holds which of these. It keeps the claims of the real one."""
+
+    oracle: ClassVar[Oracle]
+    watch: ClassVar[Watch]
+    outcomes: ClassVar[tuple[Outcome, ...]]
+    lingers: ClassVar[bool]
+    stops: ClassVar[bool]
+    live = False
+
+    def initialise(self) -> None:
+        """Tell that it starts."""
+        if self.live:
+            self.watch.wrong(self, "was started again before it was told to stop")
+        self.live = True
+        self.watch.started(self)
+
+    def update(self) -> Status:
+        """Do one of the things that it may do."""
+        known = self.keep_as is not None and self.scope.get(self.keep_as) is UNKNOWN
+        possible = [outcome for outcome in self.outcomes if not known or outcome != EARLY]
+        status, found = self.oracle.choose(possible, self._said)
+        self.result = UNKNOWN if found and self.keep_as is not None else None
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        """Tell that it has stopped, as far as the real one stops anything."""
+        if not self.live:
+            self.watch.wrong(self, "was told to stop twice")
+        self.live = False
+        if new_status is IDLE and not self.stops:
+            self.watch.left_moving(self)
+
+    def halting(self) -> bool:
+        """Take more time to stop, or not, where the real one may."""
+        return self.lingers and self.oracle.choose((False, True), self._halting)
+
+    @property
+    def can_end(self) -> bool:
+        """Say whether it may ever succeed or fail."""
+        return any(outcome.status is not RUNNING for outcome in self.outcomes)
+
+    def _said(self, outcome: Outcome) -> str:
+        return f"{self.place} {WORDS[outcome.status]}"
+
+    def _halting(self, still: bool) -> str:
+        return f"{self.place} still stops" if still else ""
+
+
+class SetStandIn(StandIn):
+    """The leaf that sets variables, which it does as in a run."""
+
+    def update(self) -> Status:
+        """Set the variables."""
+        self.scope.update(self.values)
+        return SUCCESS
+
+
+def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
+    """Return the class of a stand-in for the leaf of a step."""
+    real = step.leaf or Leaf
+    declared = {
+        name: getattr(real, name)
+        for name in ("word", "needs", "drives", "stores", "ends", "instant", "open_ended", "halt_limit")
+    }
+    return type(
+        f"{real.__name__}StandIn",
+        (SetStandIn if issubclass(real, Set) else StandIn,),
+        declared
+        | {
+            "__module__": __name__,
+            "oracle": oracle,
+            "watch": watch,
+            "outcomes": outcomes(step),
+            "lingers": real.halting is not Leaf.halting,
+            "stops": not real.drives or real.terminate is not Leaf.terminate,
+        },
+    )
+
+
+def outcomes(step: Step) -> tuple[Outcome, ...]:
+    """Return all that the leaf of a step may do at a tick."""
+    real = step.leaf or Leaf
+    if real in ALWAYS:
+        return (Outcome(ALWAYS[real], False),)
+    if issubclass(real, Pretend) and step.arguments["outcomes"].template is None:
+        statuses = list(dict.fromkeys(_listed(step.arguments["outcomes"].constant)))
+    else:
+        ways = {"success": SUCCESS, "failure": FAILURE}
+        statuses = [ways[end] for end in ("success", "failure") if end in real.ends]
+        statuses += [] if real.instant else [RUNNING]
+    found = [Outcome(status, status is SUCCESS) for status in statuses]
+    early = step.keep_as is not None and RUNNING in statuses
+    return (*found, EARLY) if early else tuple(found)
+
+
+def _listed(value: object) -> list[Status]:
+    return [each for each in value if isinstance(each, Status)] if isinstance(value, tuple) else []

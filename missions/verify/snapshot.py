@@ -1,0 +1,152 @@
+"""Snapshots of the nodes and of variables: hashable, and equal where the future is."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
+from behaviours.node import Node
+from missions.executive.modifiers import Repeat, Retry
+from missions.verify.fields import Fields, fields_of
+from missions.verify.guesses import Many
+from missions.verify.instants import Instant, Timing
+
+Row = tuple[Any, ...]
+Rows = tuple[int, ...]
+"""For each node the number of its row: its status, by its place in STATUSES, and the fields that count."""
+
+STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
+
+
+class At(NamedTuple):
+    """An instant in a state: its place in the state's zone, and the seconds after it."""
+
+    place: int
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put."""
+
+    node: Node
+    parent: int | None
+    names: tuple[str, ...]
+    at_rest: tuple[tuple[bool, object], ...]
+
+    @classmethod
+    def of(cls, node: Node, fields: Fields, nodes: Sequence[Node]) -> "Part":
+        """Take what ``node`` has now as what it has at rest."""
+        parent = next((place for place, other in enumerate(nodes) if node in other.children), None)
+        at_rest = tuple((name in fields.lasting, getattr(node, name)) for name in fields.names)
+        return cls(node, parent, fields.names, at_rest)
+
+
+class Snapshots:
+    """Takes and puts back what decides the future of ``nodes``, the nodes of a tree that has not begun."""
+
+    def __init__(self, nodes: Sequence[Node], timing: Timing) -> None:
+        self._timing = timing
+        counting = fields_of(nodes)
+        self._parts = [Part.of(node, counting[type(node)], nodes) for node in nodes]
+        self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
+        self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants
+
+    def take(self) -> tuple[Rows, list[int]]:
+        """Return the rows, and the places of the instants that they refer to, in the order of their numbers."""
+        instants: list[int] = []
+        running: list[bool] = []
+        rows = []
+        for part in self._parts:
+            node = part.node
+            runs = node.status is RUNNING
+            running.append(runs)
+            # How a node has ended matters to a parent that runs, and to nobody else.
+            known = runs or part.parent is None or running[part.parent]
+            row: list[object] = [_place(node.status) if known else 0]
+            for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
+                value = getattr(node, name) if runs or lasts else at_rest
+                row.append(value if value is None or value is at_rest else _kept(value, node, name, instants))
+            rows.append(self._number(tuple(row), part.names))
+        return tuple(rows), instants
+
+    def _number(self, row: Row, names: tuple[str, ...]) -> int:
+        """Return the number that stands for a row: states are compared often, and mostly made of old rows."""
+        number = self._numbers.get((names, row))
+        if number is None:
+            number = self._numbers[names, row] = len(self._fields)
+            named = dict(zip(names, row[1:], strict=True))
+            instants = {name: value for name, value in named.items() if isinstance(value, At)}
+            plain = {name: value for name, value in named.items() if name not in instants}
+            self._fields.append((plain | {"status": STATUSES[row[0]]}, instants))
+        return number
+
+    def put(self, rows: Rows) -> None:
+        """Give every node its fields."""
+        for part, number in zip(self._parts, rows, strict=True):
+            plain, instants = self._fields[number]
+            fields: dict[str, Any] = vars(part.node)
+            fields.update(plain)
+            for name, (place, offset) in instants.items():
+                fields[name] = Instant(self._timing, place, offset)
+
+
+def _place(status: Status) -> int:
+    """Return the place of a status; found by comparing, since the hash of an enum is slow."""
+    if status is RUNNING:
+        return 1
+    return 2 if status is SUCCESS else 3 if status is FAILURE else 0
+
+
+def _kept(value: object, node: Node, name: str, instants: list[int]) -> object:
+    """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
+    if isinstance(value, Instant):
+        if value.place not in instants:
+            instants.append(value.place)
+        return At(instants.index(value.place), value.offset)
+    if isinstance(value, str):
+        return ""  # words for people
+    if isinstance(value, tuple):
+        return tuple(_kept(each, node, name, instants) for each in value)
+    if type(value) is int and isinstance(node, Retry | Repeat) and name != "setting":
+        return value if type(node.setting) is int else min(value, _enough(node))
+    return value
+
+
+def _enough(node: Retry | Repeat) -> int:
+    """Return the count beyond which one more makes no difference."""
+    return node.setting.least if isinstance(node.setting, Many) else 0
+
+
+class Frozen(NamedTuple):
+    """A variable's value: its type, since 1 equals true, and the value itself, with lists and mappings as tuples."""
+
+    kind: type
+    value: object
+
+
+def frozen(scope: Mapping[str, object]) -> Row:
+    """Return variables in a form that can be compared and kept."""
+    return tuple((name, _freeze(scope[name])) for name in sorted(scope))
+
+
+def thawed(row: Iterable[Any]) -> dict[str, object]:
+    """Return the variables that ``frozen`` kept."""
+    return {name: _thaw(value) for name, value in row}
+
+
+def _freeze(value: object) -> Frozen:
+    if isinstance(value, Mapping):
+        return Frozen(dict, frozen(value))
+    if isinstance(value, list | tuple):
+        return Frozen(list, tuple(map(_freeze, value)))
+    return Frozen(type(value), value)
+
+
+def _thaw(kept: Frozen) -> object:
+    value: Any = kept.value
+    if kept.kind is dict:
+        return thawed(value)
+    return [_thaw(each) for each in value] if kept.kind is list else value

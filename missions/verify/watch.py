@@ -1,0 +1,136 @@
+"""What is seen during a step: leaves that start and end, and whatever breaks a rule or a property."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, SUCCESS
+from behaviours.node import Node
+
+if TYPE_CHECKING:
+    from missions.verify.mocks import StandIn
+
+ALONE, CLEAN = "alone", "clean"
+"""The rules that hold for every mission: one behaviour to an actuator, and all at rest after a halt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A rule or property that was broken: which, in what words, and by which node."""
+
+    rule: str
+    what: str
+    node: Node
+
+
+class Monitor(Protocol):
+    """Follows one property along a run; ``happened`` is all that it needs to remember."""
+
+    happened: bool
+
+    @property
+    def rule(self) -> str:
+        """What it is called in verdicts."""
+        ...
+
+    def started(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
+        """Hear of a leaf that starts while ``live`` ones run; return what is broken, or nothing."""
+        ...
+
+    def succeeded(self, node: Node) -> None:
+        """Hear of a node that has succeeded."""
+        ...
+
+    def rested(self, live: "Sequence[StandIn]") -> str:
+        """Hear which leaves run after a tick; return what is broken, or nothing."""
+        ...
+
+
+@dataclass
+class Watch:
+    """Follows one step, from the past that it is given: what monitors remember, and what was left moving.
+
+    ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so.
+    """
+
+    leaves: "list[StandIn]" = field(default_factory=list)
+    monitors: Sequence[Monitor] = ()
+    rounds: frozenset[Node] = frozenset()
+    moving: frozenset[str] = frozenset()
+    breaches: list[Breach] = field(default_factory=list)
+    changes: list[tuple[Node, Status]] = field(default_factory=list)
+    reached: set[Node] = field(default_factory=set)
+    went_round: bool = False
+
+    def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
+        """Begin a step."""
+        self.moving = moving
+        self.breaches, self.changes, self.went_round = [], [], False
+        for monitor, remembered in zip(self.monitors, happened, strict=True):
+            monitor.happened = remembered
+
+    @property
+    def happened(self) -> tuple[bool, ...]:
+        """What the monitors remember."""
+        return tuple(monitor.happened for monitor in self.monitors)
+
+    @property
+    def live(self) -> "list[StandIn]":
+        """The leaves that have started, and have neither ended nor come to rest."""
+        return [leaf for leaf in self.leaves if leaf.acting]
+
+    # --- called by the stand-ins and the nodes ------------------------------------------------------------------------
+
+    def changed(self, node: Node) -> None:
+        """Hear of a node whose status has changed; the observer of the run."""
+        self.changes.append((node, node.status))
+        self.reached.add(node)
+        if node.status is SUCCESS:
+            self.went_round = self.went_round or node in self.rounds
+            for monitor in self.monitors:
+                monitor.succeeded(node)
+
+    def started(self, leaf: "StandIn") -> None:
+        """Hear of a leaf that starts."""
+        self.reached.add(leaf)
+        self.moving -= leaf.drives
+        live = [other for other in self.live if other is not leaf]
+        for other in live:
+            for part in sorted(leaf.drives & other.drives):
+                self.breaches.append(Breach(ALONE, f"{other.place} and {leaf.place} both drive the {part}", leaf))
+        for monitor in self.monitors:
+            self._note(monitor, monitor.started(leaf, live), leaf)
+
+    def left_moving(self, leaf: "StandIn") -> None:
+        """Hear of a leaf that was halted and stops nothing."""
+        self.moving |= leaf.drives
+
+    def wrong(self, leaf: "StandIn", what: str) -> None:
+        """Hear of a leaf that was not started and ended once each."""
+        self.breaches.append(Breach(CLEAN, f"{leaf.place} {what}", leaf))
+
+    # --- after the step -----------------------------------------------------------------------------------------------
+
+    def after_tick(self) -> None:
+        """Look at what runs after a tick."""
+        for leaf in self.leaves:
+            if leaf.status is not RUNNING and (leaf.live or leaf.acting):
+                self.wrong(leaf, "was not told to stop when it ended")
+        live = self.live
+        for monitor in self.monitors:
+            broken = monitor.rested(live)
+            self._note(monitor, broken, next(iter(live), self.leaves[0]))
+
+    def at_rest(self) -> None:
+        """Look at what is left once the tree has ended, or has come to rest after a halt."""
+        for leaf in self.live:
+            self.breaches.append(Breach(CLEAN, f"{leaf.place} still runs", leaf))
+        for part in sorted(self.moving):
+            claimant = next(leaf for leaf in self.leaves if part in leaf.drives and not leaf.stops)
+            self.breaches.append(Breach(CLEAN, f"the {part} still moves: {claimant.place} has no terminate", claimant))
+
+    def _note(self, monitor: Monitor, broken: str, node: Node) -> None:
+        if broken:
+            self.breaches.append(Breach(monitor.rule, broken, node))

@@ -1,0 +1,83 @@
+"""Zones: all that is known of when things happened, as bounds on the time between any two instants.
+
+The timed automata of Alur and Dill (1994), with the difference bound matrices of Dill (1989): ``bounds[i][j]`` limits
+how much later instant i was than instant j. The last instant is now. A zone stands for every timing within its bounds,
+so one state of the exploration stands for infinitely many real ones, and no timing is left out.
+"""
+
+from collections.abc import Iterable, Sequence
+from math import inf
+
+Bound = tuple[float, int]
+"""Seconds, and 1 where exactly so much is possible, 0 where it must be less."""
+
+FREE: Bound = (inf, 0)
+EQUAL: Bound = (0.0, 1)
+
+Rows = tuple[tuple[Bound, ...], ...]
+
+
+def plus(a: Bound, b: Bound) -> Bound:
+    """Return the bound on a way of two steps; rounded, so that sums of the same seconds are the same."""
+    return round(a[0] + b[0], 6), a[1] & b[1]
+
+
+class Zone:
+    """Bounds on the differences of instants, changed in place while a tick asks."""
+
+    def __init__(self, rows: Iterable[Iterable[Bound]]) -> None:
+        self.bounds = [list(row) for row in rows]
+
+    @property
+    def now(self) -> int:
+        """The place of the present instant, the last."""
+        return len(self.bounds) - 1
+
+    def allows(self, i: int, j: int, bound: Bound) -> bool:
+        """Say whether i can be later than j by no more than ``bound``."""
+        return plus(bound, self.bounds[j][i]) >= EQUAL
+
+    def demand(self, i: int, j: int, bound: Bound) -> None:
+        """Let i be later than j by no more than ``bound``, and draw all conclusions."""
+        rows = self.bounds
+        if bound >= rows[i][j]:
+            return
+        to_j = list(rows[j])
+        for row in rows:
+            way = plus(row[i], bound)
+            for k, rest in enumerate(to_j):
+                row[k] = min(row[k], plus(way, rest))
+
+    def later(self, keep: Sequence[int], longest: float) -> Rows:
+        """Return the zone of some time after now, with the instants ``keep`` alone, in that order, and a new now.
+
+        How long ago something was does not matter beyond the ``longest`` time that anything waits for.
+        """
+        old = self.bounds
+        rows = [[*(old[i][j] for j in keep), old[i][self.now]] for i in keep]
+        for place, row in enumerate(rows):
+            if row[-1] <= (-longest, 1):
+                for other in rows:
+                    other[place] = FREE
+                rows[place] = [FREE] * len(keep) + [(-longest, 1)]
+                rows[place][place] = EQUAL
+        return (*map(tuple, rows), (*(FREE for _ in keep), EQUAL))
+
+
+START: Rows = ((EQUAL,),)
+"""The zone before the first tick: nothing has happened yet."""
+
+
+def loosened(rows: Rows, seconds: Sequence[float]) -> Rows:
+    """Return a larger zone whose bounds are among ``seconds`` (sorted), 0, and their negatives.
+
+    What it takes off are sums, such as how often 2 s go into a minute, that could go on for too many steps.
+    """
+    steps = [*(-second for second in reversed(seconds)), 0.0, *seconds]
+
+    def loose(bound: Bound) -> Bound:
+        if bound[0] in steps:
+            return bound
+        return next(((step, 1) for step in steps if step > bound[0]), FREE)
+
+    return tuple(tuple(map(loose, row)) for row in rows)

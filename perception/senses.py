@@ -1,0 +1,61 @@
+"""The senses of the eyes: each finds one kind of thing in frame after frame, and follows it over time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing
+from perception.geometry import Pinhole
+from perception.sighting import Sighting
+from perception.tracks import Tracker
+
+P_co = TypeVar("P_co", bound=Percept, covariant=True)
+
+
+class Sense(Protocol[P_co]):
+    """One kind of percept. For one thread at a time."""
+
+    def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[P_co, ...]:
+        """Search the next frame, taken through ``camera`` that looked to ``gaze``; return what is followed now."""
+        ...
+
+
+class SceneSense(Protocol):
+    """What measures a picture as a whole. For one thread at a time."""
+
+    def measure(self, frame: Frame) -> Scene:
+        """Return what the next frame shows as a whole."""
+        ...
+
+
+class Finder(Protocol):
+    """What finds faces from frame to frame: ``perception.finder.FaceFinder``."""
+
+    def find(self, image: Image) -> Sequence[Sighting]:
+        """Return the faces in the next frame."""
+        ...
+
+
+class FaceSense:
+    """Faces, found by ``finder`` and followed by ``tracker``."""
+
+    def __init__(self, finder: Finder, tracker: Tracker) -> None:
+        self._finder = finder
+        self._tracker = tracker
+
+    def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Face, ...]:
+        """Return the faces followed now, largest first."""
+        return self._tracker.update(self._finder.find(frame.image), camera=camera, gaze=gaze, stamp=frame.stamp)
+
+
+@dataclass(frozen=True, slots=True)
+class Senses:
+    """Which senses are awake: a detector that nobody listens to does not run. The scene is cheap, and always measured.
+
+    ``scene`` replaces the plain measurement of brightness and contrast.
+    """
+
+    faces: Sense[Face] | None = None
+    things: Sense[Thing] | None = None
+    markers: Sense[Marker] | None = None
+    scene: SceneSense | None = None

@@ -1,0 +1,189 @@
+"""What stands in a world file, who is there, and every way in which it can be wrong, at the word that is wrong."""
+
+from dataclasses import astuple
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from config.faults import Fault, InvalidFileError
+from config.library import shipped
+from config.people import ActConfig
+from config.things import BallConfig, BoxConfig, EdgeConfig, WallConfig
+from config.world import LightConfig, StartConfig, WorldConfig, load_world
+
+
+def load(folder: Path, text: str) -> WorldConfig:
+    file = folder / "world.yaml"
+    file.write_text(f"world: hall\n{text}", encoding="utf-8")
+    return load_world(file)
+
+
+def mistake(folder: Path, text: str) -> Fault:
+    with pytest.raises(InvalidFileError) as caught:
+        load(folder, text)
+    (fault,) = caught.value.faults
+    return fault
+
+
+def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
+    world = load(
+        tmp_path,
+        "room: {length: 8 m, width: 6 m, height: 300 cm, centre: [1 m, 0 m]}\n"
+        "start: {at: [-1 m, 50 cm], heading: 2 rad}\n"
+        "light: [{at: 0 s, light: 100 %}, {at: 10 s, light: 50 %, over: 2 s}]\n"
+        "walls: [{from: [2 m, -1 m], to: [2 m, 1 m]}, {from: [2 m, 1 m], to: [3 m, 1 m], height: 2.2 m}]\n"
+        "furniture: [{name: table, at: [1 m, 1 m], size: [1.2 m, 0.8 m, 75 cm], heading: 3 rad}]\n"
+        "edges: [{at: [3 m, 0 m], size: [1 m, 2 m]}]\n"
+        "objects:\n"
+        "  - {name: ball, shape: ball, colour: yellow, at: [1 m, 1 m, 75 cm], size: 0.2 m}\n"
+        "  - {name: crate, shape: box, colour: red, at: [2 m, 2 m], size: [0.3 m, 0.3 m, 0.3 m]}\n"
+        "robots: [{name: R2, marker: 7, at: [2.5 m, -2 m], heading: 3 rad}]\n"
+        "physics: {slip: 3 %, lag: 100 ms, gyro_noise: 45 deg/s, dropouts: 2 %}\n"
+        "camera: {noise: 5}\n",
+    )
+    assert world.height == 3.0
+    assert world.start == StartConfig(-1.0, 0.5, 2.0)
+    assert world.light_changes == (LightConfig(0.0, 1.0, 0.0), LightConfig(10.0, 0.5, 2.0))
+    assert world.walls == (WallConfig((2.0, -1.0), (2.0, 1.0), 3.0), WallConfig((2.0, 1.0), (3.0, 1.0), 2.2))
+    assert world.furniture == (BoxConfig("table", 1.0, 1.0, 0.0, (1.2, 0.8, 0.75), 3.0, "brown"),)
+    assert world.edges == (EdgeConfig(3.0, 0.0, 1.0, 2.0),)
+    assert world.objects == (
+        BallConfig("ball", 1.0, 1.0, 0.75, 0.2, "yellow"),
+        BoxConfig("crate", 2.0, 2.0, 0.0, (0.3, 0.3, 0.3), 0.0, "red"),
+    )
+    (robot,) = world.robots
+    assert (robot.name, robot.marker, robot.x, robot.heading) == ("R2", 7, 2.5, 3.0)
+    assert astuple(world.physics) == pytest.approx((0.03, 0.1, pi / 4, 0.02))
+    assert (world.noise, world.dropouts) == pytest.approx((5.0, 0.02))
+
+
+def test_what_people_do_is_read(tmp_path: Path) -> None:
+    (anna,) = load(
+        tmp_path,
+        "people:\n"
+        "  - name: Anna\n"
+        "    at: [2 m, 0 m]\n"
+        "    facing: away\n"
+        "    acts:\n"
+        "      - {at: 5 s, turn: away}\n"
+        "      - {at: 6 s, turn: 1 rad}\n"
+        '      - {hears: hello, say: "Hello, robot!", nod: true}\n'
+        "      - {hears: anything, after: 2 s, leave: true}\n",
+    ).people
+    assert anna.facing == "away"
+    assert anna.acts == (
+        ActConfig(5.0, None, 0.6, "", nod=False, turn="away", leave=False),
+        ActConfig(6.0, None, 0.6, "", nod=False, turn=1.0, leave=False),
+        ActConfig(None, "hello", 0.6, "Hello, robot!", nod=True, turn=None, leave=False),
+        ActConfig(None, "", 2.0, "", nod=False, turn=None, leave=True),
+    )
+
+
+FLOOR = "size: [1 m, 1 m, 1 m]"
+WRONG = [
+    ("start: {at: [4.95 m, 0 m]}", "[4", "there is no room for the robot at [4.95 m, 0 m]"),
+    ("room: {length: 4 m, centre: [9 m, 0 m]}", "{length", "the room is x 7 m to 11 m, y -3 m to 3 m"),
+    ("people: [{name: Anna, at: [9 m, 0 m]}]", "[9", "Anna is outside the room at [9 m, 0 m]"),
+    ("people: [{name: Anna, at: [2 m, 0 m], walk: [[2 m, 4 m]]}]", "[2 m, 4", "Anna is outside the room"),
+    ("people: [{name: Anna, at: [0.3 m, 0 m]}]", "[0.3", "Anna is where the robot starts, at [0 m, 0 m]"),
+    ("people: [{name: Anna, look: ana, at: [2 m, 0 m]}]", "ana,", "did you mean 'anna'?"),
+    ("people: [{name: Anna, at: [2 m, 0 m], facing: camra}]", "camra", "'facing' needs an angle"),
+    ("walls: [{from: [2 m, -9 m], to: [2 m, 1 m]}]", "{from", "the wall is outside the room at [2 m, -9 m]"),
+    ("walls: [{from: [2 m, 1 m], to: [2 m, 1 m]}]", "{from", "the wall is only 0 m long"),
+    ("walls: [{from: [0.1 m, -1 m], to: [0.1 m, 1 m]}]", "{from", "the wall is where the robot starts"),
+    ("walls: [{from: [2 m, 1 m], to: [2 m, 2 m], height: 9 m}]", "9 m", "'height' must be at most 2.6 m"),
+    (f"furniture: [{{name: bed, at: [4.8 m, 0 m], {FLOOR}}}]", "bed", "'bed' is outside the room at [5.3 m"),
+    ("furniture: [{name: bed, at: [2 m, 0 m], size: [2 m, 1 m]}]", "[2 m, 1", "'size' needs three lengths"),
+    ("furniture: [{name: bed, at: [2 m, 0 m], size: [1 m, 1 m, 3 m]}]", "bed", "the room is 2.6 m high"),
+    ("furniture: [{name: bed, at: [2 m, 0 m], size: [1 m, 1 m, 0 mm]}]", "0 mm", "must be at least 0.01 m"),
+    (f"furniture: [{{name: bed, at: [0 m, 0 m], {FLOOR}}}]", "bed", "'bed' is where the robot starts"),
+    ("edges: [{at: [0.5 m, 0 m], size: [1 m, 1 m]}]", "{at", "give 'start' another place"),
+    ("edges: [{at: [2 m, 0 m], size: 1 m}]", "1 m}", "'size' needs a length and a width"),
+    (f"objects: [{{name: b, shape: box, colour: red, at: [2 m, 0 m, -1 m], {FLOOR}}}]", "-1", "at least 0 m"),
+    (f"objects: [{{name: b, shape: box, colour: red, at: [2 m], {FLOOR}}}]", "[2 m]", "'at' needs a place"),
+    (f"objects: [{{name: b, shape: cone, colour: red, at: [2 m, 0 m], {FLOOR}}}]", "cone", "known are: ball, box"),
+    ("objects: [{name: b, shape: cone, colour: red, at: [2 m, 0 m], size: 1 m}]", "cone", "known are: ball, box"),
+    ("objects: [{name: b, shape: ball, colour: rad, at: [2 m, 0 m], size: 1 m}]", "rad", "did you mean 'red'?"),
+    ("robots: [{name: R2, marker: 50, at: [2 m, 0 m]}]", "50", "'marker' must be at most 49"),
+    ("robots: [{name: R2, marker: 5, at: [2 m, 0 m], size: [0.1 m, 1 m, 1 m]}]", "[0.1", "room for its marker"),
+    ("light: [{at: 5 s, light: 50 %}, {at: 1 s, light: 1 %}]", "1 s", "stand in the order of time"),
+    ("light: 300 %", "300", "'light' must be at most 200 %"),
+    ("noise: 3\ncamera: {noise: 4}", "4}", "'noise' stands twice"),
+    ("camera: {noise: 4, dropout: 5 %}", "dropout", "did you mean 'dropouts'?"),
+    ("physics: {slip: 3}", "3}", "'slip' needs a share such as '20 %'"),
+    ("room: {height: 1 m}", "1 m", "'height' must be at least 2.2 m"),
+]
+
+
+@pytest.mark.parametrize(("text", "word", "said"), WRONG, ids=[said for _, _, said in WRONG])
+def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str, said: str) -> None:
+    fault = mistake(tmp_path, text)
+    assert fault.mark.line == 2 + text.count("\n")
+    assert fault.mark.column == text.splitlines()[-1].index(word) + 1
+    assert said in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        ("{turn: away}", "an act needs either 'at' or 'hears'"),
+        ("{at: 1 s, hears: hello, nod: true}", "an act needs either 'at' or 'hears'"),
+        ("{at: 1 s}", "nothing is done here"),
+        ("{at: 1 s, after: 2 s, nod: true}", "'after' is for what somebody hears"),
+        ("{at: 1 s, nods: true, nod: true}", "an act has no key 'nods'"),
+        ("{hears: [], nod: true}", "'hears' needs a text"),
+        ("{at: 1 s, turn: sideways}", "'turn' needs an angle"),
+    ],
+)
+def test_an_act_says_when_and_what(tmp_path: Path, act: str, message: str) -> None:
+    fault = mistake(tmp_path, f"people:\n  - {{name: Anna, at: [2 m, 0 m], acts: [{act}]}}\n")
+    assert fault.mark.line == 3
+    assert message in fault.message
+
+
+def test_nobody_stands_in_a_table_nor_walks_into_it(tmp_path: Path) -> None:
+    table = "furniture: [{name: table, at: [2 m, 0 m], size: [1 m, 1 m, 0.7 m], heading: 45 deg}]\n"
+    fault = mistake(tmp_path, f"{table}people: [{{name: Anna, at: [2 m, 0.6 m]}}]\n")
+    assert fault.message == "Anna cannot be at [2 m, 0.6 m]: 'table' is there"
+    fault = mistake(tmp_path, f"{table}people: [{{name: Anna, at: [3 m, 2 m], walk: [[2.1 m, 0 m]]}}]\n")
+    assert (fault.mark.line, fault.mark.column) == (3, 46)
+    load(tmp_path, f"{table}people: [{{name: Anna, at: [2.6 m, 0.6 m]}}]\n")
+
+
+def test_what_lies_on_a_table_may_be_where_the_table_is_and_over_the_robot(tmp_path: Path) -> None:
+    world = load(tmp_path, f"objects: [{{name: b, shape: box, colour: red, at: [0 m, 0 m, 1.5 m], {FLOOR}}}]\n")
+    assert [thing.bottom for thing in world.objects] == [1.5]
+
+
+def test_two_of_one_name_are_told_at_the_second(tmp_path: Path) -> None:
+    people = "people:\n  - {name: Eve, at: [2 m, 0 m]}\n  - {name: Eve, at: [3 m, 0 m]}\n"
+    fault = mistake(tmp_path, people)
+    assert (fault.mark.line, fault.mark.column) == (4, 12)
+    assert fault.message == "'Eve' is the name of another of the people already"
+
+
+def test_a_wrong_room_does_not_make_everything_in_it_wrong(tmp_path: Path) -> None:
+    fault = mistake(tmp_path, "room: {length: 1 m}\npeople: [{name: Anna, at: [4 m, 0 m]}]\n")
+    assert fault.message == "'length' must be at least 2 m"
+
+
+def test_pictures_are_lost_as_reports_are_unless_the_camera_says_else(tmp_path: Path) -> None:
+    both = load(tmp_path, "physics: {dropouts: 4 %}\n")
+    apart = load(tmp_path, "physics: {dropouts: 4 %}\ncamera: {dropouts: 1 %}\nnoise: 7\n")
+    assert (both.physics.dropouts, both.dropouts, both.noise) == pytest.approx((0.04, 0.04, 3.0))
+    assert (apart.physics.dropouts, apart.dropouts, apart.noise) == pytest.approx((0.04, 0.01, 7.0))
+
+
+@pytest.mark.parametrize("name", list(shipped("worlds")))
+def test_every_mark_of_a_broken_world_is_inside_the_file(name: str, tmp_path: Path) -> None:
+    """Each line of a shipped file is left out in turn: what then is wrong must be told without an accident."""
+    lines = shipped("worlds")[name].read_text(encoding="utf-8").splitlines()
+    file = tmp_path / "world.yaml"
+    for left_out in range(len(lines)):
+        file.write_text("\n".join(lines[:left_out] + lines[left_out + 1 :]), encoding="utf-8")
+        try:
+            load_world(file)
+        except InvalidFileError as error:
+            for fault in error.faults:
+                assert 1 <= fault.mark.line <= len(lines)

@@ -1,0 +1,339 @@
+"""What ``drivers.api.Base`` promises, kept by the Kobuki's driver over its wire and by its twin."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from math import inf, nan, pi
+
+import pytest
+
+from drivers.api import COMMAND_LIFE, Base, BaseState, Pose2D, Quality, Sides, Velocity
+from drivers.errors import BadRequest, NotConnected
+from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.limits import STILL
+from drivers.kobuki.wire import BAUD
+from drivers.link import Link
+from drivers.sim.body import NOTHING, RADIUS, Body
+from drivers.sim.twins.base import BaseTwin
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.terminal import Terminal
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+
+WALL = 0.5
+"""Where a wall stands across the way, in metres ahead."""
+
+
+class Room:
+    """A ``Ground`` with one wall."""
+
+    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+        del y, time
+        return (0.0,) if x + radius >= WALL else ()
+
+    def has_floor(self, x: float, y: float) -> bool:
+        del x, y
+        return True
+
+
+class BaseRig(Rig):
+    device: Base
+
+    @abstractmethod
+    def truth(self) -> Pose2D:
+        """Where the base really is."""
+
+    @abstractmethod
+    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+        """Make it feel this."""
+
+    @abstractmethod
+    def lift(self, *, up: bool) -> None:
+        """Take it off the floor, or put it back."""
+
+    def start(self) -> None:
+        self.device.open()
+        self.until(lambda: self.device.health().online and self.told("online"))
+
+    def state(self) -> BaseState:
+        value = self.device.state().value
+        assert value is not None
+        return value
+
+    def drive(self, linear: float, angular: float, holds: Callable[[], object]) -> None:
+        """Ask for a velocity again and again until something holds."""
+
+        def asked() -> bool:
+            self.device.drive(Velocity(linear, angular))
+            return bool(holds())
+
+        self.until(asked)
+
+    def stands(self) -> bool:
+        """Whether it stands still by its own account, which is fresh."""
+        return self.device.state().good and self.state().velocity == STILL
+
+    def comes_to_rest(self) -> None:
+        """Wait until it really moves no more."""
+        places = [self.truth()]
+
+        def rests() -> bool:
+            places.append(self.truth())
+            return len(places) > 10 and places[-10:] == [places[-1]] * 10
+
+        self.until(rests)
+
+
+class WireBase(InRealTime, BaseRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.kobuki = VirtualKobuki(ground=Room())
+        self.terminal = Terminal("kobuki", self.kobuki, self.clock)
+        self.terminal.open()
+        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
+        self.device = KobukiBase(link, self.clock, report=self.notices.append, changed=self.changed)
+
+    def truth(self) -> Pose2D:
+        return self.terminal.ask(lambda: self.kobuki.pose(self.clock.now()))
+
+    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+        self.kobuki.bumper, self.kobuki.cliff = bumper, cliff
+
+    def lift(self, *, up: bool) -> None:
+        self.kobuki.wheel_drop = Sides(left=up, right=up)
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.replug()
+
+    def close(self) -> None:
+        self.device.close()
+        self.terminal.close()
+
+
+class TwinBase(InSimulatedTime, BaseRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.twin = BaseTwin(
+            self.clock, report=self.notices.append, changed=self.changed, body=Body(ground=Room()), seed=3
+        )
+        self.device = self.twin
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+
+    def truth(self) -> Pose2D:
+        return self.twin.true_pose(self.clock.now())
+
+    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+        self.twin.press(bumper, cliff=cliff)
+
+    def lift(self, *, up: bool) -> None:
+        self.twin.lift(up=up)
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+@pytest.fixture(params=[real(WireBase), twin(TwinBase)])
+def rig(request: pytest.FixtureRequest) -> Iterator[BaseRig]:
+    rig: BaseRig = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def base(rig: BaseRig) -> BaseRig:
+    """A rig whose base is there."""
+    rig.start()
+    return rig
+
+
+def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: BaseRig) -> None:
+    health = rig.device.health()
+    assert (health.online, health.detail != "") == (False, True)
+    assert (rig.device.state().value, rig.device.state().quality) == (None, Quality.NONE)
+    assert rig.device.heading_at(rig.clock.now()) is None
+    with pytest.raises(NotConnected, match="base"):
+        rig.device.drive(Velocity(0.1, 0.0))
+    rig.device.stop()
+    rig.device.rest()
+    rig.device.close()
+
+
+def test_opened_it_comes_online_and_says_so_once(base: BaseRig) -> None:
+    health = base.device.health()
+    assert (health.online, health.detail, health.hint) == (True, "", "")
+    assert base.device.state().good
+    assert base.state().pose == Pose2D(0.0, 0.0, 0.0)
+    assert [notice.kind for notice in base.notices] == ["online"]
+    base.device.open()
+    base.wait(0.1)
+    assert [notice.kind for notice in base.notices] == ["online"]
+
+
+@pytest.mark.parametrize(
+    ("linear", "angular"), [(2.0, 1.0), (0.1, 9.0), (-3.0, 0.0), (0.2, -0.4), (0.0, -5.0), (0.0, 0.0)]
+)
+def test_what_is_asked_for_is_slowed_down_as_a_whole(base: BaseRig, linear: float, angular: float) -> None:
+    accepted = base.device.drive(Velocity(linear, angular))
+    excess = max(1.0, abs(linear) / 0.5, abs(angular) / 1.9)
+    assert (accepted.linear, accepted.angular) == pytest.approx((linear / excess, angular / excess))
+
+
+def test_forward_is_forward_and_left_is_anticlockwise(base: BaseRig) -> None:
+    base.drive(0.2, 0.0, lambda: base.state().pose.x > 0.05)
+    assert base.truth().x > 0.05
+    base.device.stop()
+    base.drive(0.0, 1.0, lambda: base.state().pose.heading > 0.3)
+    assert base.truth().heading > 0.3
+
+
+def test_it_gathers_speed_gently_and_keeps_it_while_asked(base: BaseRig) -> None:
+    base.device.drive(Velocity(-0.4, 0.0))
+    base.wait(0.05)
+    assert base.state().velocity.linear > -0.3
+    base.drive(-0.4, 0.0, lambda: base.state().velocity.linear < -0.35)
+
+
+def test_a_command_that_nobody_renews_ends_by_itself(base: BaseRig) -> None:
+    base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.25)
+    base.until(base.stands)
+    at_rest = base.truth()
+    base.wait(COMMAND_LIFE)
+    assert base.truth() == at_rest
+    assert base.state().velocity == STILL
+
+
+def test_stop_is_at_once_and_without_a_ramp(base: BaseRig) -> None:
+    base.drive(-0.4, 0.0, lambda: base.state().velocity.linear < -0.35)
+    base.device.stop()
+    base.device.stop()
+    before = base.truth().x
+    base.comes_to_rest()
+    # The ramp alone would take 13 cm; a loaded machine may take a moment to say so to the base.
+    assert abs(base.truth().x - before) < 0.1
+    base.wait(0.1)
+    assert base.stands()
+
+
+@pytest.mark.parametrize(
+    "wrong", [Velocity(nan, 0.0), Velocity(0.0, nan), Velocity(inf, 0.0), Velocity(0.1, -inf)], ids=str
+)
+def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing(base: BaseRig, wrong: Velocity) -> None:
+    with pytest.raises(BadRequest, match="base") as caught:
+        base.device.drive(wrong)
+    assert caught.value.hint
+    base.wait(0.1)
+    assert base.state().velocity == STILL
+
+
+def test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest(base: BaseRig) -> None:
+    base.drive(-0.2, 0.0, lambda: base.state().pose.x < -0.02)
+    base.unplug()
+    base.until(lambda: base.told("offline"))
+    (notice,) = [notice for notice in base.notices if notice.kind == "offline"]
+    assert (notice.device, notice.hint != "") == ("base", True)
+    health = base.device.health()
+    assert (health.online, health.detail != "", health.hint != "") == (False, True, True)
+    with pytest.raises(NotConnected, match="base") as caught:
+        base.device.drive(Velocity(0.1, 0.0))
+    assert caught.value.hint
+    base.device.stop()
+    base.comes_to_rest()
+    base.until(lambda: base.device.state().quality is Quality.STALE)
+    assert base.device.state().value is not None
+
+
+def test_plugged_in_again_it_is_back_at_rest_where_it_was(base: BaseRig) -> None:
+    base.drive(-0.2, 0.0, lambda: base.state().pose.x < -0.05)
+    base.unplug()
+    base.until(lambda: base.told("offline"))
+    seen = base.state().pose.x
+    base.comes_to_rest()
+    base.notices.clear()
+    base.plug_in()
+    base.until(lambda: base.told("online") and base.device.health().online and base.device.state().good)
+    here = base.truth()
+    base.wait(0.2)
+    assert base.truth() == here
+    assert base.state().pose.x == pytest.approx(seen, abs=0.03)
+    base.drive(-0.2, 0.0, lambda: base.state().pose.x < seen - 0.05)
+
+
+def test_a_past_heading_lies_between_those_measured_before_and_after(base: BaseRig) -> None:
+    began = base.device.state().stamp
+    base.drive(0.0, 1.5, lambda: base.state().pose.heading > 1.0)
+    newest = base.device.state()
+    assert newest.value is not None
+    headings = [base.device.heading_at(began + share / 20 * (newest.stamp - began)) for share in range(21)]
+    known = [heading for heading in headings if heading is not None]
+    assert len(known) == 21
+    assert known == sorted(known)
+    assert (known[0], known[-1]) == pytest.approx((0.0, newest.value.pose.heading), abs=1e-6)
+    assert 0.0 < known[15] < known[-1]
+    assert base.device.heading_at(began - 10.0) is None
+
+
+@pytest.mark.parametrize("contact", ["bumper", "cliff"])
+@pytest.mark.parametrize("side", ["left", "centre", "right"])
+def test_what_it_touches_forbids_forward_but_not_back_and_round(base: BaseRig, contact: str, side: str) -> None:
+    changes = base.changes
+    base.touch(**{contact: Sides(**{side: True})})
+    base.until(lambda: getattr(getattr(base.state(), contact), side))
+    base.until(lambda: base.changes > changes)
+    assert base.told("fault", f"cliff {side}") == (contact == "cliff")
+    assert base.device.drive(Velocity(0.2, 0.5)) == Velocity(0.0, 0.5)
+    assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.5)
+    base.touch()
+    base.until(lambda: not getattr(base.state(), contact))
+    assert base.device.drive(Velocity(0.2, 0.0)) == Velocity(0.2, 0.0)
+
+
+def test_a_cliff_ends_a_drive_forward_though_it_is_asked_for(base: BaseRig) -> None:
+    base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.1)
+    base.touch(cliff=Sides(centre=True))
+    base.drive(0.2, 0.0, lambda: base.state().velocity.linear == 0.0)
+
+
+def test_with_its_wheels_in_the_air_it_does_nothing(base: BaseRig) -> None:
+    base.lift(up=True)
+    base.until(lambda: base.state().wheel_drop)
+    assert base.told("fault", "wheel drop")
+    assert base.device.drive(Velocity(-0.2, 0.5)) == STILL
+    base.lift(up=False)
+    base.until(lambda: not base.state().wheel_drop)
+    assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.5)
+
+
+def test_a_wall_stops_it_and_it_can_back_off(base: BaseRig) -> None:
+    base.drive(0.5, 0.0, lambda: base.state().bumper)
+    assert base.state().bumper == Sides(centre=True)
+    assert base.truth().x == pytest.approx(WALL - RADIUS, abs=0.001)
+    assert base.device.drive(Velocity(0.5, 0.0)) == STILL
+    base.drive(-0.2, 0.0, lambda: not base.state().bumper)
+    assert base.truth().x < WALL - RADIUS
+
+
+def test_a_full_turn_goes_on_counting(base: BaseRig) -> None:
+    base.drive(0.0, 1.9, lambda: base.state().pose.heading > pi + 0.2)
+    assert base.truth().heading == pytest.approx(base.state().pose.heading, abs=0.2)
+
+
+def test_closed_it_stands_still_and_opened_again_it_drives(base: BaseRig) -> None:
+    base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.25)
+    base.device.close()
+    base.device.close()
+    base.comes_to_rest()
+    assert not base.device.health().online
+    assert not base.told("offline"), "it was closed on purpose"
+    with pytest.raises(NotConnected):
+        base.device.drive(Velocity(0.1, 0.0))
+    base.device.open()
+    base.until(lambda: base.device.health().online)
+    before = base.state().pose.x
+    base.drive(-0.2, 0.0, lambda: base.state().pose.x < before - 0.03)

@@ -1,0 +1,202 @@
+"""What ``drivers.api.Camera`` promises, kept by the driver's thread over a feed, by the renderer and by the twin."""
+
+from collections.abc import Iterator
+from math import radians
+from threading import Event
+
+import numpy as np
+import pytest
+
+from drivers.api import Camera, CameraFrame, Image
+from drivers.camera.threaded import ThreadedCamera
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.sim.rendered import RenderedCamera
+from drivers.sim.twins.camera import CameraTwin
+from drivers.sim.viewpoint import Viewpoint
+from drivers.sim.world import World
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+
+PERIOD = 0.02
+FIELD_OF_VIEW = radians(50)
+
+
+def picture(time: float) -> Image:
+    """A small picture that tells its time by its brightness."""
+    return np.full((12, 16, 3), 20 + round(100 * time) % 200, np.uint8)
+
+
+class Cable:
+    """A ``Feed`` of pictures that may be unplugged."""
+
+    what = "/dev/video9"
+    hint = "`ls -l /dev/video*` lists the cameras that are there"
+
+    def __init__(self, clock: Clock) -> None:
+        self.plugged = True
+        self._clock = clock
+
+    def start(self) -> float | None:
+        if not self.plugged:
+            raise NotConnected(f"camera: {self.what}: no such device", hint=self.hint)
+        return None
+
+    def grab(self) -> Image | None:
+        Event().wait(PERIOD)
+        return picture(self._clock.now()) if self.plugged else None
+
+    def stop(self) -> None:
+        """Hold nothing that would have to be let go."""
+
+
+class CameraRig(Rig):
+    device: Camera
+
+    def frame(self) -> CameraFrame:
+        """Wait for the next frame."""
+        found: list[CameraFrame] = []
+
+        def came() -> bool:
+            frame = self.device.read(0.0)
+            found.extend([] if frame is None else [frame])
+            return bool(found)
+
+        self.until(came)
+        return found[0]
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class ThreadedRig(InRealTime, CameraRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.cable = Cable(self.clock)
+        self.device = ThreadedCamera(
+            lambda: self.cable,
+            self.clock,
+            name="camera",
+            field_of_view=FIELD_OF_VIEW,
+            loop=False,
+            retry=0.05,
+            report=self.notices.append,
+        )
+
+    def unplug(self) -> None:
+        self.cable.plugged = False
+
+    def plug_in(self) -> None:
+        self.cable.plugged = True
+
+
+class RenderedRig(InRealTime, CameraRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.device = RenderedCamera(
+            World(), lambda _: Viewpoint(z=1.0), self.clock, rate=1 / PERIOD, size=(64, 48), field_of_view=FIELD_OF_VIEW
+        )
+
+    def unplug(self) -> None:
+        raise NotImplementedError("it has no plug")
+
+    def plug_in(self) -> None:
+        raise NotImplementedError("it has no plug")
+
+
+class TwinRig(InSimulatedTime, CameraRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.twin = CameraTwin(
+            picture, self.clock, rate=1 / PERIOD, field_of_view=FIELD_OF_VIEW, report=self.notices.append
+        )
+        self.device = self.twin
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+
+@pytest.fixture(params=[real(ThreadedRig, "threaded"), real(RenderedRig, "rendered"), twin(TwinRig)])
+def camera(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
+    rig: CameraRig = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture(params=[real(ThreadedRig, "threaded"), twin(TwinRig)])
+def plugged(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
+    """A camera with a plug, which is open and shows something."""
+    rig: CameraRig = request.param()
+    rig.device.open()
+    rig.frame()
+    yield rig
+    rig.close()
+
+
+def test_before_it_is_opened_it_says_so_and_gives_nothing(camera: CameraRig) -> None:
+    health = camera.device.health()
+    assert (health.online, health.detail != "") == (False, True)
+    assert camera.device.read(0.01) is None
+    assert camera.device.field_of_view == FIELD_OF_VIEW
+    camera.device.rest()
+    camera.device.close()
+
+
+def test_pictures_come_in_order_each_with_its_time(camera: CameraRig) -> None:
+    camera.device.open()
+    camera.device.open()
+    frames = [camera.frame() for _ in range(5)]
+    assert frames[0].number == 0
+    numbers, stamps = [frame.number for frame in frames], [frame.stamp for frame in frames]
+    assert numbers == sorted(set(numbers))
+    assert stamps == sorted(set(stamps))
+    assert camera.clock.now() - 1.0 < stamps[-1] <= camera.clock.now()
+    assert all(frame.image.ndim == 3 and frame.image.dtype == np.uint8 for frame in frames)
+    health = camera.device.health()
+    assert (health.online, health.detail, health.hint) == (True, "", "")
+    assert health.counters["frames"] >= 5
+
+
+def test_the_same_picture_is_not_given_twice(camera: CameraRig) -> None:
+    camera.device.open()
+    first = camera.frame()
+    second = camera.device.read(0.0)
+    assert second is None or second.number > first.number
+
+
+def test_the_newest_wins_and_those_that_nobody_read_are_dropped(camera: CameraRig) -> None:
+    camera.device.open()
+    first = camera.frame()
+    camera.wait(10 * PERIOD)
+    second = camera.frame()
+    assert second.number > first.number + 2
+    assert camera.clock.now() - second.stamp <= 5 * PERIOD
+    assert camera.device.health().counters["dropped"] >= 2
+
+
+def test_closed_it_gives_nothing_and_opened_again_it_counts_from_0(camera: CameraRig) -> None:
+    camera.device.open()
+    camera.frame()
+    camera.device.close()
+    camera.device.close()
+    assert camera.device.read(0.01) is None
+    assert not camera.device.health().online
+    camera.device.open()
+    assert camera.frame().number == 0
+
+
+def test_unplugged_it_says_why_and_plugged_in_again_it_goes_on(plugged: CameraRig) -> None:
+    assert [notice.kind for notice in plugged.notices] == ["online"]
+    plugged.unplug()
+    plugged.until(lambda: plugged.told("offline"))
+    health = plugged.device.health()
+    assert (health.online, health.detail != "", health.hint != "") == (False, True, True)
+    assert plugged.notices[-1].hint
+    plugged.notices.clear()
+    plugged.device.read(0.0)
+    assert plugged.device.read(0.01) is None
+    plugged.plug_in()
+    plugged.until(lambda: plugged.told("online"))
+    assert plugged.frame().image.any()

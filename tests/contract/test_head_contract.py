@@ -1,0 +1,375 @@
+"""What ``drivers.api.Head`` promises, kept by the Rodney head over its wire, a neck of Dynamixels, and both twins."""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from math import inf, nan, radians
+from typing import Protocol
+
+import pytest
+
+from drivers.api import HEAD_ACCELERATION, Head, HeadPose, Quality
+from drivers.arduino.axis import ServoAxis
+from drivers.arduino.board import Board
+from drivers.arduino.driver import ArduinoHead
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.head import DynamixelHead
+from drivers.dynamixel.joint import JointSpec
+from drivers.errors import BadRequest, NotConnected
+from drivers.joints_head import JointAxis
+from drivers.link import Link
+from drivers.pantilt import Trimmable
+from drivers.sim.twins.head import HeadTwin
+from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.neck import NeckTwin
+from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.terminal import Terminal
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.drivers.chains import chain
+
+PAN = ServoAxis(0, radians(-80), radians(80))
+TILT = ServoAxis(1, radians(-60), radians(20), flip=True)
+SPEED = radians(120)
+START = HeadPose(radians(10), radians(-5))
+DEGREE = radians(1)
+
+
+SPECS = {
+    "neck_pan": JointSpec(1, lower=radians(-90), upper=radians(90), speed=3.0),
+    "neck_tilt": JointSpec(2, lower=radians(-70), upper=radians(70), speed=3.0, direction=-1),
+}
+NECK = (JointAxis("neck_pan", PAN.lower, PAN.upper), JointAxis("neck_tilt", TILT.lower, TILT.upper))
+
+
+class TrimmableHead(Head, Trimmable, Protocol):
+    """What every head is."""
+
+
+class HeadRig(Rig):
+    device: TrimmableHead
+    awake = HeadPose(0.0, radians(-30))
+    """Where its servos stand when it is found: the sketch starts its second servo at 120 degrees, which is 30 up."""
+
+    @abstractmethod
+    def truth(self) -> HeadPose:
+        """Where its servos really stand."""
+
+    def start(self) -> None:
+        """Open it, and wait until it looks where it is to look at first."""
+        self.device.open()
+        self.until(lambda: self.device.health().online and self.told("online"))
+        self.until(lambda: self.looks(START))
+
+    def pose(self) -> HeadPose:
+        value = self.device.pose().value
+        assert value is not None
+        return value
+
+    def looks(self, pose: HeadPose) -> bool:
+        """Whether it looks there, by its own account and in truth, to a degree."""
+        truth = self.truth()
+        known = self.device.pose()
+        return known.good and all(
+            abs(place.pan - pose.pan) <= DEGREE and abs(place.tilt - pose.tilt) <= DEGREE
+            for place in (truth, known.value or truth)
+        )
+
+
+class WireHead(InRealTime, HeadRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.rodney = VirtualRodney()
+        self.terminal = Terminal("nano", self.rodney, self.clock)
+        self.terminal.open()
+        link = Link("head", self.terminal.path, 57600, retry=0.05, report=self.notices.append)
+        board = Board(link, self.clock, boot_delay=0.0, report=self.notices.append)
+        self.device = ArduinoHead(board, self.clock, pan=PAN, tilt=TILT, speed=SPEED, start=START, changed=self.changed)
+
+    def truth(self) -> HeadPose:
+        now = self.clock.now()
+        return HeadPose(PAN.to_radians(self.rodney.angle(0, now)), TILT.to_radians(self.rodney.angle(1, now)))
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.replug()
+
+    def close(self) -> None:
+        self.device.close()
+        self.terminal.close()
+
+
+class TwinHead(InSimulatedTime, HeadRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.twin = HeadTwin(
+            self.clock,
+            pan=PAN,
+            tilt=TILT,
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+        self.device = self.twin
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+
+    def truth(self) -> HeadPose:
+        return self.twin.true_pose(self.clock.now())
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class WireNeck(InRealTime, HeadRig):
+    awake = HeadPose(0.0, 0.0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.chain = chain(2)
+        self.terminal = Terminal("servos", self.chain, self.clock)
+        self.terminal.open()
+        self.joints = DynamixelJoints(Bus(self.terminal.path, self.clock, name="arm", patience=0.04), SPECS, self.clock)
+        self.joints.open()
+        self.device = DynamixelHead(
+            self.joints,
+            self.clock,
+            pan=NECK[0],
+            tilt=NECK[1],
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+
+    def truth(self) -> HeadPose:
+        pan, tilt = self.terminal.ask(lambda: (self.chain.servo(1).angle, self.chain.servo(2).angle))
+        return HeadPose(pan, -tilt)
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.replug()
+
+    def close(self) -> None:
+        self.device.close()
+        self.joints.close()
+        self.terminal.close()
+
+
+class TwinNeck(InSimulatedTime, HeadRig):
+    awake = HeadPose(0.0, 0.0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.joints = JointsTwin(SPECS, self.clock)
+        self.joints.open()
+        self.twin = NeckTwin(
+            self.joints,
+            self.clock,
+            pan=NECK[0],
+            tilt=NECK[1],
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+        self.device = self.twin
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+
+    def truth(self) -> HeadPose:
+        now = self.clock.now()
+        return HeadPose(self.joints.true_angle("neck_pan", now), self.joints.true_angle("neck_tilt", now))
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+        self.joints.close()
+
+
+@pytest.fixture(params=[real(WireHead), twin(TwinHead), real(WireNeck, "bus"), pytest.param(TwinNeck, id="neck twin")])
+def rig(request: pytest.FixtureRequest) -> Iterator[HeadRig]:
+    rig: HeadRig = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def head(rig: HeadRig) -> HeadRig:
+    """A rig whose head is there, and looks where it is to look at first."""
+    rig.start()
+    return rig
+
+
+def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: HeadRig) -> None:
+    health = rig.device.health()
+    assert (health.online, health.detail != "") == (False, True)
+    assert (rig.device.pose().value, rig.device.pose().quality) == (None, Quality.NONE)
+    assert rig.device.pose_at(rig.clock.now()) is None
+    with pytest.raises(NotConnected, match="head"):
+        rig.device.look(START)
+    rig.device.stop()
+    rig.device.rest()
+    rig.device.close()
+
+
+def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig: HeadRig) -> None:
+    rig.device.open()
+    rig.until(lambda: rig.device.pose().good)
+    found, way = rig.pose(), abs(START.tilt - rig.awake.tilt) + START.pan
+    assert abs(found.tilt - rig.awake.tilt) + abs(found.pan) < way - DEGREE
+    rig.until(lambda: rig.looks(START))
+    newest = rig.device.pose()
+    rig.until(lambda: rig.device.pose_at(newest.stamp) == newest.value)
+    health = rig.device.health()
+    assert (health.online, health.detail, health.hint) == (True, "", "")
+    assert {notice.kind for notice in rig.notices} == {"online"}
+
+
+def test_its_limits_are_those_of_the_axes(rig: HeadRig) -> None:
+    assert rig.device.limits.pan == PAN.range
+    assert rig.device.limits.tilt == TILT.range
+    assert (rig.device.limits.speed, rig.device.limits.acceleration) == (SPEED, HEAD_ACCELERATION)
+
+
+@pytest.mark.parametrize(("pan", "tilt"), [(30, 12), (-45.4, -20), (70.6, 20), (0, 0)])
+def test_it_goes_where_it_is_told(head: HeadRig, pan: float, tilt: float) -> None:
+    goal = HeadPose(radians(pan), radians(tilt))
+    assert head.device.look(goal) == goal
+    head.until(lambda: head.looks(goal))
+    head.wait(0.1)
+    assert head.looks(goal)
+
+
+def test_a_goal_beyond_its_limits_is_clamped(head: HeadRig) -> None:
+    accepted = head.device.look(HeadPose(3.0, -3.0))
+    assert accepted == HeadPose(PAN.upper, TILT.lower)
+    head.until(lambda: head.looks(accepted))
+
+
+@pytest.mark.parametrize("wrong", [HeadPose(nan, 0.0), HeadPose(0.0, inf)], ids=str)
+def test_a_goal_that_is_no_number_is_refused_and_changes_nothing(head: HeadRig, wrong: HeadPose) -> None:
+    with pytest.raises(BadRequest, match="head") as caught:
+        head.device.look(wrong)
+    assert caught.value.hint
+    head.wait(0.1)
+    assert head.looks(START)
+
+
+def test_it_turns_no_faster_than_its_speed_and_tells_of_every_degree(head: HeadRig) -> None:
+    began, changes = head.clock.now(), head.changes
+    head.device.look(HeadPose(START.pan - radians(60), START.tilt))
+    head.until(lambda: head.looks(HeadPose(START.pan - radians(60), START.tilt)))
+    assert head.clock.now() - began >= (radians(60) - 2 * DEGREE) / SPEED
+    assert head.changes - changes >= 5
+
+
+def test_stopped_it_brakes_and_holds(head: HeadRig) -> None:
+    head.device.look(HeadPose(radians(-70), START.tilt))
+    head.until(lambda: head.pose().pan < 0.0)
+    head.device.stop()
+    head.device.stop()
+    head.wait(SPEED / HEAD_ACCELERATION + 0.15)
+    held = head.pose()
+    assert held.pan > radians(-65)
+    head.wait(0.15)
+    assert head.looks(held)
+
+
+def test_trimmed_while_it_runs_it_looks_where_it_was_told_by_the_new_measure(head: HeadRig) -> None:
+    here = head.truth()
+    assert head.device.trim(pan=radians(6)) == (radians(6), 0.0)
+    head.until(lambda: abs(head.truth().pan - here.pan - radians(6)) <= DEGREE)
+    known = head.device.pose().value
+    assert known is not None
+    head.until(lambda: abs(head.pose().pan - START.pan) <= DEGREE)
+    assert head.truth().tilt == pytest.approx(here.tilt, abs=DEGREE)
+    assert head.device.trim() == (radians(6), 0.0)
+    assert head.device.trim(pan=0.0, tilt=0.0) == (0.0, 0.0)
+    head.until(lambda: head.looks(START))
+
+
+def test_a_trim_of_more_than_45_degrees_is_refused_and_changes_nothing(head: HeadRig) -> None:
+    for wrong in (radians(46), -1.0, nan):
+        with pytest.raises(BadRequest, match=r"head: .*not within -45..45 deg") as caught:
+            head.device.trim(pan=radians(3), tilt=wrong)
+        assert caught.value.hint
+    assert head.device.trim() == (0.0, 0.0)
+
+
+def test_a_past_pose_lies_between_those_before_and_after(head: HeadRig) -> None:
+    began = head.device.pose().stamp
+    head.device.look(HeadPose(radians(60), START.tilt))
+    head.until(lambda: head.looks(HeadPose(radians(60), START.tilt)))
+    ended = head.device.pose().stamp
+    poses = [head.device.pose_at(began + share / 20 * (ended - began)) for share in range(21)]
+    pans = [pose.pan for pose in poses if pose is not None]
+    assert len(pans) == 21
+    assert pans == sorted(pans)
+    assert (pans[0], pans[-1]) == pytest.approx((START.pan, radians(60)), abs=1.01 * DEGREE)
+    assert any(START.pan < pan < radians(60) for pan in pans)
+    assert head.device.pose_at(began - 10.0) is None
+
+
+def test_unplugged_it_says_why_and_refuses_goals(head: HeadRig) -> None:
+    head.unplug()
+    head.until(lambda: head.told("offline"))
+    (notice,) = [notice for notice in head.notices if notice.kind == "offline"]
+    assert (notice.device, notice.hint != "") == ("head", True)
+    health = head.device.health()
+    assert (health.online, health.detail != "", health.hint != "") == (False, True, True)
+    with pytest.raises(NotConnected, match="head") as caught:
+        head.device.look(START)
+    assert caught.value.hint
+    assert head.device.pose().quality is Quality.STALE
+    assert head.device.pose().value is not None
+    head.device.stop()
+
+
+def test_a_goal_does_not_survive_the_plug(head: HeadRig) -> None:
+    head.device.look(HeadPose(radians(-70), START.tilt))
+    head.until(lambda: head.pose().pan < 0.0)
+    head.unplug()
+    head.until(lambda: head.told("offline"))
+    head.notices.clear()
+    head.plug_in()
+    head.until(lambda: head.told("online") and head.device.pose().good)
+    here = head.pose()
+    assert here.pan > radians(-65)
+    head.wait(0.2)
+    assert head.looks(here)
+    head.device.look(START)
+    head.until(lambda: head.looks(START))
+
+
+def test_closed_it_holds_and_opened_again_it_goes_on(head: HeadRig) -> None:
+    head.device.look(HeadPose(radians(-70), START.tilt))
+    head.until(lambda: head.pose().pan < 0.0)
+    head.device.close()
+    head.device.close()
+    head.device.rest()
+    assert not head.device.health().online
+    assert not head.told("offline"), "it was closed on purpose"
+    head.wait(0.1)
+    held = head.truth()
+    head.wait(0.1)
+    assert head.truth() == held
+    with pytest.raises(NotConnected):
+        head.device.look(START)
+    head.device.open()
+    head.until(lambda: head.device.health().online)
+    head.device.look(START)
+    head.until(lambda: head.looks(START))

@@ -1,0 +1,354 @@
+"""What ``drivers.api.Joints`` promises, kept by the Dynamixel driver over its bus and by its twin."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from math import inf, nan
+from typing import Literal
+
+import pytest
+
+from drivers.api import Joints, JointState, Quality
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.driver import FRESH, DynamixelJoints
+from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.errors import BadRequest, NotConnected
+from drivers.sim.twins.joints import JointsTwin
+from drivers.virtual.terminal import Terminal
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.drivers.chains import chain
+
+TICK = MODELS["AX-12A"].tick
+SPECS = {
+    "wrist": JointSpec(3, lower=-1.0, upper=1.0, speed=4.0),
+    "elbow": JointSpec(2, direction=-1, zero=0.5, lower=-1.5, upper=1.5, speed=4.0),
+    "shoulder": JointSpec(1, speed=99.0),
+}
+
+
+class JointsRig(Rig):
+    device: DynamixelJoints | JointsTwin
+
+    @abstractmethod
+    def make(self, specs: Mapping[str, JointSpec]) -> object:
+        """Make another arm of its kind."""
+
+    @abstractmethod
+    def truth(self, joint: str) -> float:
+        """Where a joint really is, in radians."""
+
+    @abstractmethod
+    def overload(self, joint: str) -> None:
+        """Let the servo of a joint shut itself down."""
+
+    def start(self) -> None:
+        self.device.open()
+        self.until(lambda: self.device.health().online and self.told("online"))
+        self.until(lambda: all(reading.good for reading in self.device.states().values()))
+
+    def state(self, joint: str) -> JointState:
+        value = self.device.states()[joint].value
+        assert value is not None
+        return value
+
+    def at(self, joint: str, angle: float) -> bool:
+        """Whether it is there, by its own account and in truth."""
+        return abs(self.state(joint).position - angle) <= TICK and abs(self.truth(joint) - angle) <= TICK
+
+    def fresh(self, joint: str) -> JointState:
+        """Return what one joint feels after now."""
+        now = self.clock.now()
+        self.until(lambda: self.device.states()[joint].stamp > now)
+        return self.state(joint)
+
+
+class WireJoints(InRealTime, JointsRig):
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold") -> None:
+        super().__init__()
+        self.chain = chain(3)
+        self.chain.servo(2).turn_by_hand(SPECS["elbow"].zero)
+        self.terminal = Terminal("servos", self.chain, self.clock)
+        self.terminal.open()
+        bus = Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
+        self.device = DynamixelJoints(
+            bus, SPECS, self.clock, at_rest=at_rest, report=self.notices.append, changed=self.changed
+        )
+
+    def make(self, specs: Mapping[str, JointSpec]) -> DynamixelJoints:
+        return DynamixelJoints(Bus("nowhere", self.clock), specs, self.clock)
+
+    def truth(self, joint: str) -> float:
+        spec = SPECS[joint]
+        return (self.terminal.ask(lambda: self.chain.servo(spec.id).angle) - spec.zero) * spec.direction
+
+    def overload(self, joint: str) -> None:
+        self.chain.servo(SPECS[joint].id).overload()
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.replug()
+
+    def close(self) -> None:
+        self.device.close()
+        self.terminal.close()
+
+
+class TwinJoints(InSimulatedTime, JointsRig):
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold") -> None:
+        super().__init__()
+        self.device = JointsTwin(SPECS, self.clock, at_rest=at_rest, report=self.notices.append, changed=self.changed)
+        self.twin = self.device
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+
+    def make(self, specs: Mapping[str, JointSpec]) -> JointsTwin:
+        return JointsTwin(specs, self.clock)
+
+    def truth(self, joint: str) -> float:
+        return self.twin.true_angle(joint, self.clock.now())
+
+    def overload(self, joint: str) -> None:
+        self.twin.overload(joint)
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+RIGS = [real(WireJoints), twin(TwinJoints)]
+
+
+@pytest.fixture(params=RIGS)
+def rig(request: pytest.FixtureRequest) -> Iterator[JointsRig]:
+    rig: JointsRig = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def arm(rig: JointsRig) -> JointsRig:
+    """A rig whose arm is there."""
+    rig.start()
+    return rig
+
+
+def test_both_are_joints(rig: JointsRig) -> None:
+    device: Joints = rig.device
+    assert device.name == "arm"
+
+
+def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: JointsRig) -> None:
+    health = rig.device.health()
+    assert (health.online, health.detail != "") == (False, True)
+    assert {reading.quality for reading in rig.device.states().values()} == {Quality.NONE}
+    assert {reading.value for reading in rig.device.states().values()} == {None}
+    with pytest.raises(NotConnected, match="arm"):
+        rig.device.move({"elbow": 0.1})
+    rig.device.rest()
+    rig.device.close()
+    assert rig.notices == []
+
+
+def test_joints_that_cannot_be_are_told_all_at_once(rig: JointsRig) -> None:
+    specs = {"a": JointSpec(1, model="AX-99"), "b": JointSpec(1, speed=nan)}
+    with pytest.raises(BadRequest, match=r"AX-99.*nan.*servo 1 is a already"):
+        rig.make(specs)
+
+
+def test_its_limits_are_those_of_the_robot_file_in_its_order(rig: JointsRig) -> None:
+    limits = rig.device.limits
+    assert list(limits) == list(rig.device.states()) == ["wrist", "elbow", "shoulder"]
+    assert (limits["wrist"].lower, limits["wrist"].upper, limits["wrist"].speed) == (-1.0, 1.0, 4.0)
+    assert limits["shoulder"].speed == pytest.approx(1023 * MODELS["AX-12A"].speed_unit)
+
+
+def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
+    health = arm.device.health()
+    assert (health.online, health.detail, health.hint) == (True, "", "")
+    assert [notice.kind for notice in arm.notices] == ["online"]
+    state = arm.state("elbow")
+    assert (state.torque, state.goal, state.moving, state.velocity, state.load) == (False, None, False, 0.0, 0.0)
+    assert (state.voltage, state.temperature) == (12.0, 35.0)
+    assert state.position == pytest.approx(0.0, abs=TICK)
+    changes = arm.changes
+    arm.until(lambda: arm.changes > changes)
+
+
+def test_joints_go_together_where_they_are_told(arm: JointsRig) -> None:
+    goals = {"elbow": 0.8, "wrist": -0.6}
+    assert arm.device.move(goals) == goals
+    arm.until(lambda: all(arm.at(joint, goal) for joint, goal in goals.items()))
+    arm.until(lambda: not arm.state("elbow").moving)
+    assert arm.state("elbow").goal == 0.8
+    assert arm.state("elbow").torque
+    assert not arm.state("shoulder").torque
+    assert arm.at("shoulder", 0.0)
+
+
+def test_a_goal_beyond_the_limits_is_clamped(arm: JointsRig) -> None:
+    assert arm.device.move({"wrist": 2.0, "elbow": -9.0}) == {"wrist": 1.0, "elbow": -1.5}
+    arm.until(lambda: arm.at("wrist", 1.0) and arm.at("elbow", -1.5))
+
+
+def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> None:
+    began = arm.clock.now()
+    arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
+    arm.until(lambda: arm.state("elbow").moving)
+    state = arm.state("elbow")
+    assert state.velocity == pytest.approx(-1.0, abs=0.02)
+    assert -0.2 < state.load < 0.0
+    arm.until(lambda: arm.at("elbow", -0.5))
+    assert arm.clock.now() - began > 0.45
+
+
+@pytest.mark.parametrize(
+    ("goals", "speeds", "complaint"),
+    [
+        ({"knee": 0.1}, {}, "no joint 'knee'"),
+        ({"elbow": 0.1}, {"toe": 1.0}, "no joint 'toe'"),
+        ({"elbow": nan}, {}, "a goal of nan"),
+        ({"elbow": 0.1, "wrist": -inf}, {}, "a goal of -inf"),
+        ({"elbow": 0.1}, {"elbow": inf}, "a speed of inf"),
+    ],
+)
+def test_a_move_that_cannot_be_is_refused_as_a_whole(
+    arm: JointsRig, goals: dict[str, float], speeds: dict[str, float], complaint: str
+) -> None:
+    with pytest.raises(BadRequest, match=complaint):
+        arm.device.move(goals, speeds=speeds)
+    assert not arm.fresh("elbow").torque
+    assert arm.at("elbow", 0.0)
+
+
+def test_held_it_stands_still_and_stiff_where_it_is(arm: JointsRig) -> None:
+    arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
+    arm.until(lambda: arm.state("shoulder").position > 0.3)
+    arm.device.hold()
+    arm.until(lambda: not arm.fresh("shoulder").moving)
+    held = arm.truth("shoulder")
+    assert 0.25 < held < 1.5
+    arm.wait(0.1)
+    assert arm.truth("shoulder") == held
+    assert all(arm.state(joint).torque for joint in SPECS)
+
+
+def test_relaxed_it_has_no_torque_and_no_goal(arm: JointsRig) -> None:
+    arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
+    arm.until(lambda: arm.state("shoulder").position > 0.3)
+    arm.device.relax()
+    state = arm.fresh("shoulder")
+    assert (state.torque, state.goal) == (False, None)
+    there = arm.truth("shoulder")
+    arm.wait(0.1)
+    assert arm.truth("shoulder") == there
+
+
+@pytest.mark.parametrize("at_rest", ["hold", "relax"])
+@pytest.mark.parametrize("kind", RIGS)
+def test_at_rest_it_is_as_the_robot_file_asks(kind: type[WireJoints | TwinJoints], at_rest: str) -> None:
+    rig = kind(at_rest="hold" if at_rest == "hold" else "relax")
+    try:
+        rig.start()
+        rig.device.move({"elbow": 0.3})
+        rig.until(lambda: rig.at("elbow", 0.3))
+        rig.device.rest()
+        rig.device.rest()
+        assert rig.fresh("elbow").torque == (at_rest == "hold")
+        assert rig.at("elbow", 0.3)
+    finally:
+        rig.close()
+
+
+def test_unplugged_it_says_why_while_the_servos_finish_what_they_were_told(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 1.2}, speeds={"elbow": 2.0})
+    arm.until(lambda: arm.state("elbow").position > 0.1)
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    (notice,) = [notice for notice in arm.notices if notice.kind == "offline"]
+    assert (notice.device, notice.hint != "") == ("arm", True)
+    health = arm.device.health()
+    assert (health.online, health.detail != "", health.hint != "") == (False, True, True)
+    with pytest.raises(NotConnected, match="arm") as caught:
+        arm.device.move({"elbow": 0.1})
+    assert caught.value.hint
+    arm.until(lambda: abs(arm.truth("elbow") - 1.2) <= TICK)
+    arm.wait(FRESH)
+    readings = arm.device.states().values()
+    assert {reading.quality for reading in readings} == {Quality.STALE}
+    arm.device.hold()
+    arm.device.relax()
+
+
+def test_plugged_in_again_it_holds_where_it_is(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 1.2}, speeds={"elbow": 0.5})
+    arm.until(lambda: arm.state("elbow").position > 0.1)
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.notices.clear()
+    arm.plug_in()
+    arm.until(lambda: arm.told("online") and arm.device.states()["elbow"].good)
+    state = arm.fresh("elbow")
+    assert state.torque
+    assert state.goal is not None
+    assert 0.05 < state.goal < 1.15
+    assert not arm.state("shoulder").torque
+    arm.device.move({"elbow": 0.0})
+    arm.until(lambda: arm.at("elbow", 0.0))
+
+
+def test_a_servo_that_shuts_itself_down_is_told_of_and_left_out(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 0.3})
+    arm.until(lambda: arm.at("elbow", 0.3))
+    arm.overload("elbow")
+    arm.until(lambda: arm.told("fault", "elbow (servo 2) reports overload"))
+    arm.until(lambda: arm.told("fault", "elbow (servo 2) has shut down"))
+    assert all(notice.hint for notice in arm.notices if notice.kind == "fault")
+    health = arm.device.health()
+    assert (health.online, "elbow (servo 2) has shut down" in health.detail) == (True, True)
+    assert health.hint
+    assert not arm.fresh("elbow").torque
+    arm.device.move({"elbow": -0.3, "wrist": 0.2})
+    arm.until(lambda: arm.told("fault", "a move left elbow (servo 2) out: it has shut down"))
+    arm.until(lambda: arm.at("wrist", 0.2))
+    assert arm.at("elbow", 0.3)
+    arm.device.hold()
+    assert not arm.fresh("elbow").torque
+
+
+def test_a_servo_recovers_where_it_stands(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 0.3})
+    arm.until(lambda: arm.at("elbow", 0.3))
+    assert arm.device.recover() == ()
+    arm.overload("elbow")
+    arm.until(lambda: arm.told("fault", "has shut down"))
+    assert arm.device.recover() == ("elbow",)
+    assert arm.fresh("elbow").torque
+    assert arm.at("elbow", 0.3)
+    arm.device.move({"elbow": 0.0})
+    arm.until(lambda: arm.at("elbow", 0.0))
+    assert arm.device.health().detail == ""
+
+
+def test_closed_it_holds_and_opened_again_it_moves(arm: JointsRig) -> None:
+    arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
+    arm.until(lambda: arm.state("shoulder").position > 0.3)
+    arm.device.close()
+    arm.device.close()
+    arm.device.rest()
+    assert not arm.device.health().online
+    assert [notice.kind for notice in arm.notices] == ["online"]
+    arm.wait(0.05)
+    held = arm.truth("shoulder")
+    arm.wait(0.1)
+    assert arm.truth("shoulder") == held < 1.5
+    with pytest.raises(NotConnected):
+        arm.device.move({"shoulder": 0.0})
+    arm.start()
+    arm.device.move({"shoulder": 0.0})
+    arm.until(lambda: arm.at("shoulder", 0.0))

@@ -1,0 +1,262 @@
+"""The body of a base against walls, people and edges, in simulated time."""
+
+from collections.abc import Callable, Sequence
+from math import cos, degrees, hypot, pi, radians, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Pose2D, Sides, Velocity
+from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, RADIUS, Body, either
+from drivers.sim.wheels import Wheels
+
+WALL = 1.0
+"""Where the wall of ``Walled`` stands, in metres along x; all that is beyond is solid."""
+
+
+class Walled:
+    """A ``Ground`` with a wall across the x axis."""
+
+    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+        del y, time
+        return (0.0,) if x + radius >= WALL else ()
+
+    def has_floor(self, x: float, y: float) -> bool:
+        del x, y
+        return True
+
+
+class Felt:
+    """A ``Ground`` on which something is touched in a direction that the test chooses (degrees), or nothing."""
+
+    def __init__(self, *directions: float) -> None:
+        self.directions = [radians(direction) for direction in directions]
+
+    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+        del x, y, radius, time
+        return self.directions
+
+    def has_floor(self, x: float, y: float) -> bool:
+        del x, y
+        return True
+
+
+class Holed:
+    """A ``Ground`` whose floor is missing wherever ``hole`` says so."""
+
+    def __init__(self, hole: Callable[[float, float], bool]) -> None:
+        self.hole = hole
+
+    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
+        del x, y, radius, time
+        return ()
+
+    def has_floor(self, x: float, y: float) -> bool:
+        return not self.hole(x, y)
+
+
+def drive(body: Body, linear: float, angular: float, start: float, seconds: float) -> float:
+    """Renew a command every 20 ms, as the driver does; return the time at the end."""
+    for step in range(round(seconds / 0.02)):
+        body.command(linear, angular, start + step * 0.02)
+    body.advance(start + seconds)
+    return start + seconds
+
+
+def test_on_an_open_floor_it_goes_where_its_wheels_go() -> None:
+    body, wheels = Body(), Wheels()
+    body.command(0.3, 0.4, 0.0)
+    wheels.command(0.3, 0.4, 0.0)
+    pose, rolled = body.advance(0.4), wheels.advance(0.4)
+    assert (pose.x, pose.y, pose.heading) == pytest.approx((rolled.x, rolled.y, rolled.heading), abs=1e-6)
+    assert body.velocity == wheels.velocity
+    assert (body.bumper, body.cliff, body.wheel_drop) == (NOTHING, NOTHING, NOTHING)
+
+
+@given(
+    st.floats(-pi, pi),
+    st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(-3, 3), st.floats(0.02, 2.0)), min_size=1, max_size=8),
+)
+def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, float, float]]) -> None:
+    body = Body(wheels=Wheels(pose=Pose2D(0.5, 0.0, heading)), ground=Walled())
+    now = 0.0
+    for linear, angular, seconds in moves:
+        now = drive(body, linear, angular, now, seconds)
+        assert body.pose.x <= WALL - RADIUS + 0.001
+
+
+def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
+    body = Body(ground=Walled())
+    now = drive(body, 0.5, 0.0, 0.0, 4.0)
+    assert body.pose.x == pytest.approx(WALL - RADIUS, abs=0.001)
+    assert body.bumper == Sides(centre=True)
+    assert body.velocity == Velocity(0.0, 0.0)
+    now = drive(body, 0.0, 0.0, now, 2.0)
+    assert body.bumper == Sides(centre=True)
+    drive(body, -0.2, 0.0, now, 1.0)
+    assert body.bumper == NOTHING
+    assert body.pose.x == pytest.approx(WALL - RADIUS - 0.19, abs=0.01)
+
+
+def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
+    body = Body(ground=Walled())
+    now = drive(body, 0.5, 0.0, 0.0, 4.0)
+    left, right = body.encoders
+    before = body.pose
+    drive(body, 0.2, 0.5, now, 1.0)
+    assert (body.pose.x, body.pose.y) == (before.x, before.y)
+    assert body.pose.heading == pytest.approx(0.5, abs=0.1)
+    assert (body.velocity.linear, body.velocity.angular) == pytest.approx((0.0, 0.5))
+    assert body.encoders[0] > left + 1000
+    assert body.encoders[1] > right + 2000
+
+
+@given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=20))
+def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[float]) -> None:
+    body, now = Body(ground=Walled()), 0.0
+    for pause in pauses * 30:
+        now += pause
+        body.command(0.4, 0.0, now)
+        if now > 6.0:
+            break
+    drive(body, 0.4, 0.0, now, max(0.0, 6.0 - now))
+    assert body.pose.x == pytest.approx(WALL - RADIUS, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("direction", "felt"),
+    [
+        (0, Sides(centre=True)),
+        (24, Sides(centre=True)),
+        (-24, Sides(centre=True)),
+        (26, Sides(left=True)),
+        (89, Sides(left=True)),
+        (-26, Sides(right=True)),
+        (-89, Sides(right=True)),
+        (91, NOTHING),
+        (180, NOTHING),
+        (-91, NOTHING),
+    ],
+)
+@pytest.mark.parametrize("heading", [0.0, 170.0, -90.0, 720.0])
+def test_the_bumper_tells_the_side_by_the_direction_from_the_heading(
+    direction: float, felt: Sides, heading: float
+) -> None:
+    ground = Felt(direction + heading)
+    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=ground)
+    body.advance(0.0)
+    assert body.bumper == felt
+
+
+def test_two_things_press_two_parts_of_the_bumper() -> None:
+    body = Body(ground=Felt(-40.0, 10.0))
+    body.advance(0.0)
+    assert body.bumper == Sides(centre=True, right=True)
+
+
+def test_behind_it_nothing_is_felt_but_it_is_stopped_all_the_same() -> None:
+    body = Body(ground=Felt(180.0))
+    now = drive(body, -0.3, 0.0, 0.0, 1.0)
+    assert (body.pose.x, body.bumper) == (0.0, NOTHING)
+    drive(body, 0.3, 0.0, now, 1.0)
+    assert body.pose.x > 0.2
+
+
+@given(st.floats(-180, 180), st.floats(-180, 180))
+def test_one_can_leave_what_one_touches_but_not_enter_it(heading: float, direction: float) -> None:
+    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, radians(heading))), ground=Felt(direction))
+    drive(body, 0.4, 0.0, 0.0, 1.0)
+    away = cos(radians(direction - heading)) < -0.001
+    into = cos(radians(direction - heading)) > 0.001
+    assert (hypot(body.pose.x, body.pose.y) > 0.1) >= away
+    assert (body.pose.x, body.pose.y) == (0.0, 0.0) or not into
+
+
+def test_somebody_who_walks_into_it_is_felt_though_it_stands_still() -> None:
+    ground = Felt()
+    body = Body(ground=ground)
+    body.advance(1.0)
+    assert body.bumper == NOTHING
+    ground.directions = [radians(-30.0)]
+    body.advance(1.02)
+    assert body.bumper == Sides(right=True)
+    assert body.pose == Pose2D(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("spot", "felt"),
+    [((0.156, 0.0), Sides(centre=True)), ((0.087, 0.136), Sides(left=True)), ((0.087, -0.136), Sides(right=True))],
+)
+@pytest.mark.parametrize("heading", [0.0, 130.0])
+def test_each_floor_sensor_sees_the_hole_beneath_it(spot: tuple[float, float], felt: Sides, heading: float) -> None:
+    c, s = cos(radians(heading)), sin(radians(heading))
+    x, y = 2.0 + spot[0] * c - spot[1] * s, 3.0 + spot[0] * s + spot[1] * c
+    body = Body(
+        wheels=Wheels(pose=Pose2D(2.0, 3.0, radians(heading))),
+        ground=Holed(lambda at_x, at_y: hypot(at_x - x, at_y - y) < 0.02),
+    )
+    body.advance(0.0)
+    assert (body.cliff, body.wheel_drop) == (felt, NOTHING)
+
+
+def test_driven_over_an_edge_a_wheel_drops_and_it_hangs_there_until_put_down_elsewhere() -> None:
+    body = Body(ground=Holed(lambda x, _: x > 0.5))
+    now = drive(body, 0.3, 0.0, 0.0, 4.0)
+    assert body.cliff == Sides(left=True, centre=True, right=True)
+    assert body.wheel_drop == Sides(left=True, right=True)
+    assert body.pose.x == pytest.approx(0.5, abs=0.01)
+    assert body.velocity == Velocity(0.0, 0.0)
+    there = body.pose
+    now = drive(body, -0.3, 0.5, now, 1.0)
+    assert body.pose == there
+    body.wheels.pose = Pose2D(-1.0, 0.0, 0.0)
+    drive(body, 0.3, 0.0, now, 1.0)
+    assert (body.wheel_drop, body.cliff) == (NOTHING, NOTHING)
+    assert body.pose.x > -0.8
+
+
+def test_with_one_wheel_over_an_edge_that_wheel_drops() -> None:
+    body = Body(ground=Holed(lambda _, y: y > 0.1))
+    body.advance(0.0)
+    assert (body.wheel_drop, body.cliff) == (Sides(left=True), Sides(left=True))
+
+
+def test_lifted_it_turns_its_wheels_in_the_air() -> None:
+    body = Body()
+    body.lifted = True
+    now = drive(body, 0.3, 0.2, 0.0, 1.0)
+    assert body.wheel_drop == Sides(left=True, right=True)
+    assert (body.pose, body.velocity) == (Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
+    assert min(body.encoders) > 1000
+    body.lifted = False
+    drive(body, 0.3, 0.0, now, 1.0)
+    assert body.wheel_drop == NOTHING
+    assert body.pose.x > 0.2
+
+
+@given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=20))
+def test_without_a_new_command_it_comes_to_rest(pauses: list[float]) -> None:
+    body, now = Body(), 0.0
+    body.command(0.3, 0.0, 0.0)
+    for pause in pauses:
+        now += pause
+        body.advance(now)
+        moving = 0.0 < now <= COMMAND_TIMEOUT + 0.3 / 2.0
+        assert (body.velocity.linear > 0.0) == moving or now == pytest.approx(COMMAND_TIMEOUT + 0.15)
+    assert body.advance(now + 5.0) == body.advance(now + 6.0)
+    assert degrees(body.pose.heading) == 0.0
+    assert body.pose.x == pytest.approx(0.3 * COMMAND_TIMEOUT, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "both"),
+    [
+        (NOTHING, NOTHING, NOTHING),
+        (Sides(left=True), NOTHING, Sides(left=True)),
+        (NOTHING, Sides(centre=True), Sides(centre=True)),
+        (Sides(left=True), Sides(left=True, right=True), Sides(left=True, right=True)),
+    ],
+)
+def test_what_one_of_two_feels_is_felt(first: Sides, second: Sides, both: Sides) -> None:
+    assert either(first, second) == both

@@ -1,0 +1,140 @@
+"""The motion profile: never too fast, never too hard, never past its goal, and never later than it need be."""
+
+from itertools import pairwise
+from math import sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import HeadLimits
+from drivers.profile import LONGEST_STEP, Profile
+
+SPEED, ACCELERATION = 2.0, 7.0
+angles = st.floats(-3, 3)
+
+
+def profile(position: float = 0.0) -> Profile:
+    return Profile(position, SPEED, ACCELERATION)
+
+
+def seconds_to(goal: float, step: float) -> float:
+    """How long it takes from rest at 0 to rest at ``goal``, asked every ``step`` seconds."""
+    way, steps = profile(), 0
+    way.aim(goal, now=0.0)
+    while way.position != goal or way.velocity != 0.0:
+        steps += 1
+        way.advance(steps * step)
+        assert steps * step < 20.0
+    return steps * step
+
+
+@given(angles, st.lists(st.tuples(angles, st.floats(0, 0.5)), max_size=20))
+def test_a_profile_keeps_to_its_speed_and_its_acceleration_whatever_it_is_told(
+    start: float, moves: list[tuple[float, float]]
+) -> None:
+    way, now = profile(start), 0.0
+    for goal, seconds in moves:
+        way.aim(goal, now)
+        before, speed, now = way.position, way.velocity, now + seconds
+        after, time = way.advance(now), min(seconds, LONGEST_STEP)
+        assert abs(after - before) <= SPEED * time + 1e-9
+        assert abs(way.velocity) <= SPEED + 1e-9
+        assert abs(way.velocity - speed) <= ACCELERATION * time + 1e-6
+
+
+@given(angles, angles, st.floats(0.001, LONGEST_STEP))
+def test_from_rest_it_never_overshoots_and_never_turns_back(start: float, goal: float, step: float) -> None:
+    way = profile(start)
+    way.aim(goal, now=0.0)
+    positions = [way.advance(number * step) for number in range(1, 200)]
+    low, high = sorted((start, goal))
+    assert all(low - 1e-9 <= position <= high + 1e-9 for position in positions)
+    assert all((later - sooner) * (goal - start) >= -1e-12 for sooner, later in pairwise(positions))
+
+
+@given(angles.filter(lambda goal: abs(goal) > 1e-3), st.sampled_from([0.003, 0.02, 0.05]))
+def test_it_arrives_as_soon_as_speed_and_acceleration_allow(goal: float, step: float) -> None:
+    limits = HeadLimits((-3, 3), (-3, 3), SPEED, ACCELERATION)
+    assert seconds_to(goal, step) == pytest.approx(limits.time_for(goal), abs=step + 1e-6)
+
+
+@pytest.mark.parametrize(("angle", "seconds"), [(0.0, 0.0), (0.28, 0.4), (-0.28, 0.4), (2.0, 1.0 + 2.0 / 7.0)])
+def test_the_time_for_a_turn_is_that_of_the_trapezoid(angle: float, seconds: float) -> None:
+    assert HeadLimits((-3, 3), (-3, 3), SPEED, ACCELERATION).time_for(angle) == pytest.approx(seconds)
+
+
+@given(angles, angles, angles, st.floats(0.0, 1.0))
+def test_where_it_is_does_not_depend_on_how_often_it_was_asked(
+    start: float, goal: float, other: float, turned: float
+) -> None:
+    often, seldom = profile(start), profile(start)
+    for way in (often, seldom):
+        way.aim(goal, now=0.0)
+    for number in range(1, 401):
+        now = number / 200
+        if number == round(turned * 400):
+            for way in (often, seldom):
+                way.aim(other, now)
+        often.advance(now)
+        if number % 16 == 0:
+            assert seldom.advance(now) == pytest.approx(often.position, abs=1e-6)
+
+
+@given(angles, st.floats(0.05, 2.0))
+def test_braking_it_comes_to_rest_within_what_its_acceleration_needs(goal: float, after: float) -> None:
+    way = profile()
+    way.aim(goal, now=0.0)
+    steps = round(after / 0.01)
+    for number in range(steps):
+        way.advance(number * 0.01)
+    began, speed = way.position, way.velocity
+    now = way.stamp
+    way.brake(now)
+    for number in range(1, 101):
+        way.advance(now + number * 0.01)
+    assert way.velocity == 0.0
+    assert abs(way.position - began) == pytest.approx(speed**2 / (2 * ACCELERATION), abs=1e-9)
+
+
+def test_turned_round_in_full_motion_it_brakes_first() -> None:
+    way = profile()
+    way.aim(3.0, now=0.0)
+    for number in range(1, 11):
+        way.advance(number / 10)
+    assert way.velocity == pytest.approx(SPEED)
+    there = way.position
+    way.aim(0.0, now=1.0)
+    assert way.advance(1.1) > there
+    assert way.velocity == pytest.approx(SPEED - ACCELERATION * 0.1)
+
+
+def test_halted_it_stands_still_at_once_and_placed_it_goes_on_from_there() -> None:
+    way = profile()
+    way.aim(1.0, now=0.0)
+    way.advance(0.1)
+    way.halt()
+    assert way.advance(0.2) == pytest.approx(ACCELERATION * 0.01 / 2)
+    assert way.velocity == 0.0
+    way.aim(1.0, now=0.2)
+    way.place(-1.0, now=0.3)
+    assert way.goal == 1.0
+    assert -1.0 < way.advance(0.4) < -0.9
+
+
+def test_called_by_another_number_it_goes_on_as_smoothly() -> None:
+    way = profile()
+    way.aim(1.0, now=0.0)
+    way.advance(0.1)
+    speed = way.velocity
+    way.shift(0.5)
+    assert (way.velocity, way.goal) == (speed, 1.0)
+    assert way.position == pytest.approx(0.5 + ACCELERATION * 0.01 / 2)
+
+
+def test_a_thread_that_was_held_up_makes_no_jump() -> None:
+    way = profile()
+    way.aim(1.0, now=0.0)
+    assert way.advance(5.0) == pytest.approx(ACCELERATION * LONGEST_STEP**2 / 2)
+    assert way.advance(4.0) == way.position
+    assert sqrt(2 * way.position / ACCELERATION) == pytest.approx(LONGEST_STEP)

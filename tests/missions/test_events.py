@@ -1,0 +1,189 @@
+"""What listeners read of a run: every change of every node, true as of its moment, in one order with all the rest."""
+
+import threading
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from behaviours.basics import Fail, Pretend
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.run import Run
+from drivers.clock import ManualClock
+from missions.executive import events
+from missions.executive.composites import Composite, Selector, Sequence, adopt
+from missions.executive.events import Event, Logged, NodeChanged, Stream
+from missions.executive.executive import Executive
+
+OUTCOMES = st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1, max_size=4)
+
+
+class Grumble(Leaf):
+    """Fail for another reason at every tick."""
+
+    def update(self) -> Status:
+        return self.fail(f"tick {self.run.tick} is not my day")
+
+
+def tree(run: Run, composite: Composite, *leaves: Leaf) -> Composite:
+    """Put leaves into a composite, and the whole into a run."""
+    adopt(composite, leaves)
+    for place, node in enumerate((composite, *leaves)):
+        node.run, node.key, node.kind, node.line = run, f"1.{place}", type(node).__name__.lower(), place + 1
+    return composite
+
+
+def pretend(outcomes: list[Status]) -> Pretend:
+    leaf = Pretend("pretend")
+    leaf.outcomes = outcomes
+    return leaf
+
+
+def executive(stream: Stream, composite: Composite, *leaves: Leaf) -> tuple[Executive, ManualClock]:
+    clock = ManualClock()
+    run = Run(clock)
+    return Executive(tree(run, composite, *leaves), run, stream), clock
+
+
+def changes(heard: list[Event]) -> list[tuple[str, str, str]]:
+    return [(event.name, event.status, event.reason) for event in heard if isinstance(event, NodeChanged)]
+
+
+def log(text: str) -> Logged:
+    return Logged(0.0, "info", text)
+
+
+# --- complete and true -----------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(st.sampled_from([Sequence, Selector]), st.lists(OUTCOMES, min_size=1, max_size=4), st.integers(1, 6))
+def test_what_is_told_later_is_what_would_have_been_told_at_once(
+    kind: Callable[[str], Composite], outcomes: list[list[Status]], ticks: int
+) -> None:
+    at_once: list[Event] = []
+    later: list[Event] = []
+    kept = Stream([later.append])
+    kept.open()
+    for stream in (Stream([at_once.append]), kept):
+        runner, clock = executive(stream, kind("all"), *map(pretend, outcomes))
+        for _ in range(ticks):
+            clock.advance(0.1)
+            runner.root.advance()  # without the end of a tick, which would wake the stream's thread
+            runner.run.tick += 1
+        runner.root.halt()
+    kept.close()
+    assert later == at_once
+    assert len(later) > 0
+
+
+def test_a_change_is_told_as_it_was_though_the_node_has_changed_since() -> None:
+    heard: list[Event] = []
+    stream = Stream([heard.append])
+    stream.open()
+    runner, clock = executive(stream, Selector("s"), Grumble("a"))
+    for run_tick in (1, 2):
+        clock.advance(0.5)
+        runner.run.tick = run_tick
+        runner.root.advance()
+    assert heard == []  # nothing has come to wake the thread
+    stream.close()
+    assert heard == [
+        NodeChanged(0.5, 1, "1.1", "a", "grumble", 2, "failure", "tick 1 is not my day"),
+        NodeChanged(0.5, 1, "1.0", "s", "selector", 1, "failure", "tick 1 is not my day"),
+        NodeChanged(1.0, 2, "1.1", "a", "grumble", 2, "idle", ""),
+        NodeChanged(1.0, 2, "1.1", "a", "grumble", 2, "failure", "tick 2 is not my day"),
+    ]
+
+
+def test_changes_and_other_events_come_in_the_order_in_which_they_happened() -> None:
+    class Talk(Leaf):
+        """Say something."""
+
+        def update(self) -> Status:
+            stream.emit(log("hello"))
+            return SUCCESS
+
+    heard: list[Event] = []
+    stream = Stream([heard.append])
+    stream.open()
+    runner, _ = executive(stream, Sequence("s"), pretend([SUCCESS]), Talk("t"))
+    runner.tick()
+    stream.close()
+    assert [event.event for event in heard] == ["node_changed", "log", "node_changed", "node_changed", "tick"]
+
+
+def test_the_end_of_a_tick_brings_its_changes_to_the_listeners() -> None:
+    ticked = threading.Event()
+    heard: list[Event] = []
+
+    def listen(event: Event) -> None:
+        heard.append(event)
+        if event.event == "tick":
+            ticked.set()
+
+    stream = Stream([listen])
+    stream.open()
+    runner, _ = executive(stream, Sequence("s"), pretend([SUCCESS]))
+    runner.tick()
+    assert ticked.wait(5.0)
+    assert changes(heard) == [("pretend", "success", ""), ("s", "success", "")]
+    stream.close()
+
+
+def test_what_a_reset_makes_idle_is_told_node_by_node_from_the_leaves_up() -> None:
+    heard: list[Event] = []
+    runner, _ = executive(Stream([heard.append]), Selector("s"), Fail("a"), Fail("b"))
+    runner.tick()
+    heard.clear()
+    runner.root.reset()
+    runner.root.reset()
+    assert changes(heard) == [("a", "idle", ""), ("b", "idle", ""), ("s", "idle", "")]
+
+
+# --- listeners that are slow, broken or many -------------------------------------------------------------------------
+
+
+def test_a_listener_that_breaks_in_the_middle_of_a_reset_costs_the_others_nothing() -> None:
+    first: list[Event] = []
+    last: list[Event] = []
+
+    def breaks(event: Event) -> None:
+        if isinstance(event, NodeChanged) and event.status == "idle":
+            raise RuntimeError("I cannot draw that")
+
+    stream = Stream([first.append, breaks, last.append])
+    runner, _ = executive(stream, Selector("s"), Fail("a"), Fail("b"))
+    runner.tick()
+    runner.tick()
+    assert first == last
+    assert len(changes(first)) == 7
+    assert stream.lost == ["function: I cannot draw that"]
+
+
+def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(events, "MOST_WAITING", 3)
+    heard: list[Event] = []
+    stream = Stream([heard.append])
+    stream.open()
+    runner, _ = executive(stream, Sequence("s"), *(pretend([SUCCESS]) for _ in range(5)))
+    runner.root.advance()
+    stream.close()
+    assert len(heard) == 3
+    assert stream.dropped == 3  # two leaves and the sequence
+
+
+def test_a_stream_may_be_opened_and_closed_again_and_tells_at_once_in_between() -> None:
+    heard: list[Event] = []
+    stream = Stream([heard.append])
+    for text in ("one", "two"):
+        stream.open()
+        stream.open()
+        stream.emit(log(text))
+        stream.close()
+        stream.close()
+        stream.emit(log(f"after {text}"))
+        assert heard[-1] == log(f"after {text}")
+    assert [event.as_dict()["text"] for event in heard] == ["one", "after one", "two", "after two"]

@@ -1,0 +1,184 @@
+"""``mission head`` as its users meet it: by options, by arrow keys on a terminal, and its change to a robot file."""
+
+import json
+import os
+import pty
+import signal
+import termios
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from config.library import find
+from config.robot import load_robot
+from drivers.errors import BadRequest
+from missions.cli.keys import Keys
+from missions.cli.trimming import trim_by_hand
+from tests.missions.command import Outcome, command
+
+Mission = Callable[..., Outcome]
+
+SHIPPED = find("robots", "turtlebot2_arm")
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    """The command, run in a folder where ``mine.yaml`` is a robot of one's own."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(SHIPPED.read_text())
+    return lambda *arguments: command(capsys, "head", *arguments)
+
+
+def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission: Mission) -> None:
+    outcome = mission("look", "--pan", "100", "--tilt", "5")
+    assert (outcome.code, outcome.out) == (0, "looks at +80, +5 deg, the limit for +100, +5 deg\n")
+
+
+def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
+    outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
+    ahead = pytest.approx(0.0, abs=1.0)
+    assert json.loads(outcome.out) == {
+        "head_pan": {"from": -80.0, "to": 80.0, "trim": 0.0, "angle": ahead},
+        "head_tilt": {"from": -60.0, "to": 20.0, "trim": 0.0, "angle": ahead},
+    }
+
+
+def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(mission: Mission) -> None:
+    before = Path("mine.yaml").read_text()
+    outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5")
+    assert (outcome.code, Path("mine.yaml").read_text()) == (0, before)
+    assert "--keep writes them" in outcome.out
+    outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5", "--keep")
+    assert (outcome.code, outcome.out.splitlines()[-1]) == (
+        0,
+        "trimmed: pan +4 deg, tilt -3.5 deg; written into mine.yaml",
+    )
+    after = Path("mine.yaml").read_text()
+    assert after.replace("{trim: 4 deg, ", "{").replace("{trim: -3.5 deg, ", "{") == before != after
+    head = load_robot(Path("mine.yaml")).head
+    assert head is not None
+    assert (head.pan.trim, head.tilt.trim) == pytest.approx((radians(4), radians(-3.5)))
+
+
+def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission: Mission) -> None:
+    before = SHIPPED.read_bytes()
+    outcome = mission("trim", "--pan", "4", "--keep")
+    assert (outcome.code, SHIPPED.read_bytes()) == (2, before)
+    assert f"cp {SHIPPED} my_turtlebot2_arm.yaml" in outcome.err
+    assert "mission head trim --robot my_turtlebot2_arm.yaml --keep" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("trim",), 2, "the arrow keys need a terminal"),
+        (("trim", "--pan", "50"), 3, "not within -45..45 deg"),
+        (("look", "--pan", "nan"), 3, "not a finite number"),
+        (("look", "--port", "/dev/nano"), 2, "--port names a real port"),
+        (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_words(
+    mission: Mission, arguments: tuple[str, ...], code: int, words: str
+) -> None:
+    Path("bodiless.yaml").write_text("robot: bodiless\n")
+    outcome = mission(*arguments)
+    assert outcome.code == code
+    assert words in outcome.err
+
+
+# --- by hand ----------------------------------------------------------------------------------------------------------
+
+
+class Straightened:
+    """A head that keeps its trims."""
+
+    def __init__(self) -> None:
+        self.trims = (0.1, -0.1)
+
+    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
+        wanted = tuple(old if new is None else new for old, new in zip(self.trims, (pan, tilt), strict=True))
+        if max(map(abs, wanted)) > radians(45):
+            raise BadRequest("too much")
+        self.trims = (wanted[0], wanted[1])
+        return self.trims
+
+
+def by_hand(typed: bytes, head: Straightened, signs: tuple[int, int] = (1, 1)) -> tuple[bool, list[str]]:
+    """Type into a terminal at which the head is trimmed; return whether it was kept, and the lines shown."""
+    shown: list[str] = []
+    master, slave = pty.openpty()
+    try:
+        with Keys(slave) as keys:
+            os.write(master, typed)
+            return trim_by_hand(head, keys, signs, shown.append, lambda: ""), shown
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_arrows_turn_the_head_itself_whichever_way_its_servos_turn() -> None:
+    for signs in ((1, 1), (1, -1), (-1, 1)):
+        head = Straightened()
+        kept, shown = by_hand(b"\x1b[D\x1b[D\x1bOA\r", head, signs)
+        assert kept
+        assert head.trims == pytest.approx((0.1 + signs[0] * radians(2), -0.1 - signs[1] * radians(1)))
+    assert "step 1" in shown[0]
+
+
+def test_the_step_can_be_changed_and_the_trim_undone() -> None:
+    head = Straightened()
+    by_hand(b"0++\x1b[C-\x1b[B\r", head)
+    assert head.trims == pytest.approx((-radians(5), radians(2)))
+
+
+@pytest.mark.parametrize("ending", [b"q", b"\x1b", b"\x04"], ids=["q", "escape", "ctrl-d"])
+def test_who_thinks_better_of_it_gets_the_trims_back_as_they_were(ending: bytes) -> None:
+    head = Straightened()
+    kept, _ = by_hand(b"\x1b[D\x1b[A\x1b[1;2Cx" + ending, head)
+    assert (kept, head.trims) == (False, (0.1, -0.1))
+
+
+def test_a_trim_goes_as_far_as_it_may() -> None:
+    head = Straightened()
+    by_hand(b"++" + 20 * b"\x1b[D" + b"\r", head)
+    assert radians(40) < head.trims[0] <= radians(45)
+
+
+def test_the_terminal_is_as_before_whatever_ends_it() -> None:
+    master, slave = pty.openpty()
+    try:
+        before, handler = termios.tcgetattr(slave), signal.getsignal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            _hang_up_while_reading(slave)
+        assert termios.tcgetattr(slave) == before
+        assert signal.getsignal(signal.SIGTERM) == handler
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def _hang_up_while_reading(terminal: int) -> None:
+    before = termios.tcgetattr(terminal)
+    with Keys(terminal) as keys:
+        assert termios.tcgetattr(terminal) != before
+        assert keys.read(0.0) == ""
+        os.kill(os.getpid(), signal.SIGTERM)
+        keys.read(5.0)
+
+
+def test_an_arrow_that_comes_byte_by_byte_is_one_key_and_a_closed_terminal_is_the_end() -> None:
+    master, slave = pty.openpty()
+    try:
+        with Keys(slave) as keys:
+            os.write(master, b"\x1b")
+            assert keys._waiting(1.0)
+            os.write(master, b"[")
+            os.write(master, b"D")
+            assert keys.read(1.0) == "left"
+            os.close(master)
+            assert keys.read(1.0) == "end"
+    finally:
+        os.close(slave)

@@ -1,0 +1,176 @@
+"""Missions in simulated time: the same robot without waiting, alike from run to run."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import pytest
+from py_trees.common import Status
+
+import missions
+from behaviours.run import Run
+from config.library import find
+from config.world import load_world
+from drivers.clock import ManualClock
+from drivers.sim.timeline import Timeline
+from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
+from missions.executive.pace import Pace
+from missions.runner import Order, Runner
+from tests.missions.command import command
+
+
+def told(order: Order) -> list[Event]:
+    """Run ``order`` and return its events."""
+    events: list[Event] = []
+    Runner(order, listeners=[events.append]).run()
+    return events
+
+
+def fast(name: str, **options: object) -> Order:
+    return replace(Order(name, simulate="fast"), **options)  # type: ignore[arg-type] # options of many types
+
+
+@pytest.mark.parametrize("eyes", ["pixels", "truth"])
+def test_greet_succeeds_on_twins(eyes: str) -> None:
+    events = told(fast("greet", eyes=eyes))
+    assert [event.text for event in events if isinstance(event, Logged) and event.level == "voice"] == ["Hello!"]
+    assert any(isinstance(event, PerceptSeen) and event.faces for event in events)
+    assert events[-1].as_dict()["result"] == "success"
+
+
+def test_nobody_to_greet_is_a_failure_with_its_reason() -> None:
+    order = fast("greet", eyes="truth", world="empty", params={"patience": "5 s"})
+    result = Runner(order).run()
+    assert (result.result, result.reason) == ("failure", "no face found (timed out after 5 s)")
+    assert result.seconds == pytest.approx(5.0, abs=0.1)
+
+
+@pytest.mark.parametrize("options", [["--eyes", "truth"], ["--simulate", "fast"]])
+def test_two_processes_with_one_seed_tell_the_same_to_the_bit(tmp_path: Path, options: list[str]) -> None:
+    for number in ("1", "2"):
+        run = [sys.executable, "-m", "missions", "run", "greet", *options, "--seed", "3"]
+        surroundings = {**os.environ, "PYTHONHASHSEED": number}
+        subprocess.run([*run, "--events", str(tmp_path / number)], env=surroundings, check=True, capture_output=True)
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
+
+
+def test_another_seed_is_another_run() -> None:
+    one, other = (told(fast("greet", eyes="truth", seed=seed)) for seed in (1, 2))
+    assert [event.as_dict() for event in one] != [event.as_dict() for event in other]
+
+
+def test_a_world_may_be_given_as_a_value() -> None:
+    world = load_world(find("worlds", "living_room"))
+    far = replace(world, people=tuple(replace(person, x=4.9) for person in world.people))
+    result = Runner(fast("greet", eyes="truth", world=far, params={"patience": "8 s"})).run()
+    assert result.result == "failure"
+
+
+def test_every_time_is_on_the_simulated_clock() -> None:
+    events = told(fast("motions/square", eyes="truth"))
+    changes = [event for event in events if isinstance(event, NodeChanged)]
+    assert [event.t for event in events] == sorted(event.t for event in events)
+    assert changes[-1].t > 20.0
+
+
+class Wall:
+    """A wall clock that only waiting moves on."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.waited: list[float] = []
+
+    def wait(self, seconds: float) -> None:
+        self.waited.append(seconds)
+        self.clock.advance(seconds)
+
+
+def test_a_speed_is_kept_by_waiting() -> None:
+    wall, timeline = Wall(), Timeline()
+    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, speed=5.0, wait=wall.wait)
+    for _ in range(100):
+        pace(0.05)
+    assert timeline.clock.now() == pytest.approx(5.0)
+    assert wall.clock.now() == pytest.approx(1.0)
+
+
+def test_without_a_speed_nothing_waits() -> None:
+    wall, timeline = Wall(), Timeline()
+    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, wait=wall.wait)
+    pace(1000.0)
+    assert timeline.clock.now() == 1000.0
+    assert not wall.waited
+
+
+def test_what_wakes_the_executive_ends_the_wait() -> None:
+    timeline = Timeline()
+    run = Run(timeline.clock)
+    timeline.at(0.3, run.wake)
+    assert Pace(run, timeline)(1.0)
+    assert timeline.clock.now() == 0.3
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--simulate", "wire", "--eyes", "truth"], "add --simulate fast"),
+        (["--robot", "turtlebot2_arm", "--speed", "2"], "add --simulate fast"),
+        (["--simulate", "fast", "--camera", "0"], "--camera gives pictures in real time"),
+        (["--simulate", "--film", "x.mp4"], "add --simulate fast"),
+        (["--film", "/nowhere/x.mp4"], "no such folder"),
+        (["--speed", "0"], "--speed"),
+    ],
+)
+def test_what_cannot_be_together_is_refused(capsys: pytest.CaptureFixture[str], options: list[str], said: str) -> None:
+    outcome = command(capsys, "run", "greet", *options)
+    assert outcome.code == 2
+    assert said in outcome.err
+
+
+def test_the_level_of_the_simulation_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "run", "--simulate", "greet", "--eyes", "truth")  # wire, which has no eyes of this kind
+    assert outcome.code == 2
+    assert "add --simulate fast" in outcome.err
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.avi"])
+def test_a_run_can_be_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    outcome = command(capsys, "run", "motions/spin_left", "--film", str(tmp_path / name), "--json")
+    seconds = json.loads(outcome.out)["seconds"]
+    film = cv2.VideoCapture(str(tmp_path / name))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(12.5 * seconds, abs=2)
+    film.release()
+
+
+def test_a_film_may_be_a_folder_of_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command(capsys, "run", "motions/spin_left", "--film", str(tmp_path / "frames"))
+    pictures = sorted((tmp_path / "frames").iterdir())
+    assert pictures[0].name == "00000.jpg"
+    assert len(pictures) > 10
+    assert command(capsys, "run", "greet", "--film", str(tmp_path / "frames")).code == 2  # not over what is there
+
+
+def test_filming_changes_nothing_of_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, options in {"plain": [], "filmed": ["--film", str(tmp_path / "x.mp4")]}.items():
+        command(capsys, "run", "greet", "--eyes", "truth", "--events", str(tmp_path / name), *options)
+    assert (tmp_path / "plain").read_bytes() == (tmp_path / "filmed").read_bytes()
+
+
+def test_python_runs_missions_in_simulated_time_too() -> None:
+    assert missions.run("motions/forward", simulate="fast").result == "success"
+
+
+def test_a_mission_ticked_by_hand_takes_its_simulated_time_along() -> None:
+    with missions.load("motions/forward", robot="turtlebot2_arm", simulate="fast") as mission:
+        statuses = [mission.tick()]
+        while statuses[-1] is Status.RUNNING:
+            statuses.append(mission.tick())
+    assert statuses[-1] is Status.SUCCESS
+    assert 40 < len(statuses) < 400

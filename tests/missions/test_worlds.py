@@ -1,0 +1,203 @@
+"""From world files to worlds and drawings: what ships, what the docs show, and ``mission world show``."""
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import cv2
+import numpy as np
+import pytest
+
+from config import people as config_people
+from config import things as config_things
+from config.colours import COLOURS
+from config.layout import ROBOT
+from config.library import shipped
+from config.world import WorldConfig, load_world
+from drivers.api import Pose2D
+from drivers.sim import acts, people, things, topview
+from drivers.sim.looks import LOOKS
+from drivers.sim.things import Ball
+from drivers.sim.world import World
+from missions.assembly.worlds import build_world
+from missions.pictures.plan import METRE, plan
+from missions.pictures.words import lines_about
+from tests.missions.command import command
+
+DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
+WORLDS = list(shipped("worlds"))
+
+
+def config_of(name: str) -> WorldConfig:
+    return load_world(shipped("worlds")[name])
+
+
+def elements(svg: str) -> list[ET.Element]:
+    return list(ET.fromstring(svg).iter())  # noqa: S314 - our own drawing
+
+
+def texts(svg: str) -> list[str]:
+    return [element.text or "" for element in elements(svg) if element.tag.endswith("text")]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_every_world_that_ships_can_be_built_and_the_robot_stands_free_in_it(name: str) -> None:
+    world = build_world(config_of(name))
+    start = world.start
+    assert world.touched(start.x, start.y, ROBOT, 0.0) == []
+    assert world.has_floor(start.x, start.y)
+
+
+def test_files_and_simulation_mean_the_same() -> None:
+    assert set(config_people.LOOKS) == LOOKS.keys()
+    assert config_people.REACTION == acts.REACTION
+    assert config_people.BODY == people.BODY
+    assert config_things.THICKNESS == things.THICKNESS
+    assert config_things.MARKERS == things.MARKERS
+    assert pytest.approx(topview.ROBOT, abs=0.005) == ROBOT
+    assert config_things.RoverConfig("R", 1, 0, 0, 0, (0.35, 0.35, 0.42), "grey", (), 0.2, 0, loop=True).size == (
+        things.Rover("R", 1, 0.0, 0.0).size
+    )
+
+
+def test_a_world_is_built_as_its_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "hall.yaml"
+    file.write_text(
+        "world: hall\nstart: {at: [1 m, 1 m], heading: 90 deg}\nlight: [{at: 4 s, light: 50 %}]\n"
+        "walls: [{from: [3 m, -1 m], to: [3 m, 1 m]}]\nedges: [{at: [-2 m, 0 m], size: [1 m, 1 m]}]\n"
+        "furniture: [{name: bed, at: [2 m, -2 m], size: [2 m, 1 m, 0.5 m], colour: blue}]\n"
+        "objects: [{name: sun, shape: ball, colour: yellow, at: [2 m, -2 m, 0.5 m], size: 0.2 m}]\n"
+        "robots: [{name: R2, marker: 9, at: [4 m, 2 m], walk: [[4 m, 1 m]], speed: 1 m/s}]\n"
+        "people: [{name: Anna, at: [2 m, 2 m], acts: [{hears: hello, say: Hi}, {at: 2 s, turn: away}]}]\n",
+        encoding="utf-8",
+    )
+    world = build_world(load_world(file))
+    assert (world.start.x, world.start.y, world.start.heading) == pytest.approx((1.0, 1.0, np.pi / 2))
+    assert (world.light_at(3.9), world.light_at(4.0)) == (1.0, 0.5)
+    assert world.distance(0.0, 0.0, 0.0, 0.0) == pytest.approx(2.95)
+    assert not world.has_floor(-2.0, 0.0)
+    assert world.furniture[0].colour == COLOURS["blue"]
+    assert isinstance(world.objects[0], Ball)
+    assert (world.objects[0].bottom, world.objects[0].size) == (0.5, 0.2)
+    assert world.robots[0].solid(0.5).y == pytest.approx(1.5)
+    assert [reply.text for reply in world.hear("Hello Anna", 1.0)] == ["Hi"]
+    assert [who.shows_face(0.0, 0.0) for time in (1.0, 3.0) for who in world.people_at(time)] == [True, False]
+
+
+def test_two_worlds_of_one_file_do_not_hear_what_is_said_in_the_other() -> None:
+    one, other = build_world(config_of("party")), build_world(config_of("party"))
+    one.hear("goodbye", 1.0)
+    assert one.people_at(10.0) != other.people_at(10.0)
+    assert other.heard == ()
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_the_plan_of_each_world_is_well_formed_and_names_everything(name: str) -> None:
+    config = config_of(name)
+    svg = plan(config.name, build_world(config), config.summary)
+    written = texts(svg)
+    assert {config.name, config.summary, "start", "1 m"} <= set(written)
+    assert {f"{config.length:g} m", f"{config.width:g} m"} <= set(written)
+    names = [each.name for each in (*config.people, *config.furniture, *config.objects, *config.robots)]
+    assert all(any(text.startswith(name) for text in written) for name in names)
+
+
+def test_a_plan_keeps_the_measures_of_the_room() -> None:
+    config = config_of("obstacles")
+    drawn = elements(plan("obstacles", build_world(config)))
+    floor = next(element for element in drawn if element.get("class") == "floor")
+    corners = np.array([[float(value) for value in pair.split(",")] for pair in (floor.get("points") or "").split()])
+    assert np.ptp(corners, axis=0) == pytest.approx((config.length * METRE, config.width * METRE))
+
+
+def test_a_walk_is_a_dashed_line_for_each_leg_and_one_for_there_and_back() -> None:
+    world = build_world(config_of("party"))  # Emil goes to two places, Chidi to one and back
+    paths = [element for element in elements(plan("party", world)) if element.get("class") == "path"]
+    assert len(paths) == 3
+    assert plan("party", world) != plan("party", world, time=8.0)
+
+
+def test_a_name_that_means_something_in_xml_does_no_harm() -> None:
+    svg = plan('<b> & "c"', World(start=Pose2D(0.0, 0.0, 0.0)), "<!--")
+    assert {'<b> & "c"', "<!--"} <= set(texts(svg))
+
+
+def test_a_world_in_words_tells_of_everything_in_it() -> None:
+    words = "\n".join(lines_about(config_of("party")))
+    assert 'on hearing "hello": says "Hello, robot!", nods' in words
+    assert "after 20 s: turns away" in words
+    assert "Chidi (chidi) at [3.6 m, 1.6 m]; goes to [3.6 m, -1.8 m] and back at 0.5 m/s" in words
+    assert "15 % from 3 s (within 5 s)" in "\n".join(lines_about(config_of("dim")))
+    assert "R2 with marker 7 at [3.2 m, 0.3 m]" in "\n".join(lines_about(config_of("objects")))
+
+
+# mission world show
+
+
+def test_without_a_file_a_world_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "world", "show", "stairs")
+    assert outcome.code == 0
+    assert outcome.out.startswith("stairs: The floor ends")
+    assert "edge       no floor: 1.2 m by 2.4 m about [2.4 m, -0.3 m]" in outcome.out
+    assert outcome.out.endswith("To draw it: mission world show stairs -o stairs.svg\n")
+
+
+def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    svg, png, view = (str(tmp_path / name) for name in ("plan.svg", "plan.png", "view.png"))
+    assert command(capsys, "world", "show", "party", "-o", svg).code == 0
+    assert command(capsys, "world", "show", "party", "-o", png, "--at", "6 s").code == 0
+    assert command(capsys, "world", "show", "party", "--camera", "-o", view).code == 0
+    assert "Dora" in texts(Path(svg).read_text(encoding="utf-8"))
+    image, seen = cv2.imread(png), cv2.imread(view)
+    assert image is not None
+    assert seen is not None
+    assert image.shape[1] / image.shape[0] == pytest.approx(9.7 / 7.7, rel=0.01)
+    assert seen.shape == (480, 640, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("party", "-o", "party.gif"), "must end in .svg or .png"),
+        (("party", "--camera", "-o", "party.svg"), "must end in .png"),
+        (("party", "--camera"), "such as -o party.png"),
+        (("party", "--at", "5"), "has no unit"),
+        (("party", "-o", "no/such/folder/party.svg"), "cannot be written: No such file"),
+        (("prty",), "did you mean 'party'?"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+) -> None:
+    outcome = command(capsys, "world", "show", *arguments)
+    assert outcome.code == 2
+    assert said in outcome.err
+
+
+def test_a_world_that_is_wrong_is_shown_with_its_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "hall.yaml"
+    file.write_text("world: hall\npeople:\n  - {name: Anna, at: [9 m, 0 m]}\n", encoding="utf-8")
+    outcome = command(capsys, "world", "show", str(file))
+    assert outcome.code == 2
+    assert "hall.yaml:3:22: Anna is outside the room at [9 m, 0 m]\n" in outcome.err
+    assert "  the room is x -3 m to 5 m, y -3 m to 3 m" in outcome.err
+
+
+# The docs
+
+
+def test_every_world_of_the_docs_can_be_built(tmp_path: Path) -> None:
+    blocks = re.findall(r"^```yaml\n(.*?)^```$", DOCS.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    assert len(blocks) >= 2
+    for block in blocks:
+        file = tmp_path / "docs.yaml"
+        file.write_text(block, encoding="utf-8")
+        config = load_world(file)
+        assert len(build_world(config).people) == len(config.people) > 0
+
+
+def test_the_docs_name_every_colour_every_look_and_every_world() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    assert all(f"`{word}`" in text for word in (*COLOURS, *LOOKS, *WORLDS))

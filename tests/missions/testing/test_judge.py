@@ -1,0 +1,143 @@
+"""Each expectation, held against a run in which it came true and one in which it did not."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from config.faults import Mark
+from drivers.api import Pose2D
+from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged
+from missions.executive.executive import Result
+from missions.testing.expectations import Expectation, Item, Place
+from missions.testing.history import History
+from missions.testing.judge import CHECKS, judge
+from missions.testing.moments import Moment
+
+
+def node(time: float, name: str, status: str, reason: str = "", *, key: str = "1.1", kind: str = "leaf") -> Event:
+    return NodeChanged(time, 1, key, name, kind, 1, status, reason)
+
+
+EVENTS: Sequence[Event] = (
+    node(0.0, "look", "running", key="1.1"),
+    node(0.0, "tree", "running", key="1", kind="sequence"),
+    node(1.0, "look", "failure", "too far", key="1.1"),
+    node(1.0, "look", "running", key="1.1"),
+    node(2.0, "look", "success", key="1.1"),
+    node(2.0, "ask", "success", key="1.2"),
+    CommandSent(2.0, 1, "voice", "say (1.3)", {"say": "Hello, you"}),
+    Logged(2.0, "voice", "Hello, you"),
+    node(2.0, "say", "running", key="1.3", kind="say"),
+    FaultRaised(2.5, "arm", "offline", "the cable is out"),
+    node(3.0, "say", "idle", key="1.3", kind="say"),
+    node(3.0, "tree", "success", key="1", kind="sequence"),
+)
+
+
+@pytest.fixture
+def history() -> History:
+    found = History()
+    for event in EVENTS:
+        found(event)
+    found.result = Result("m", "failure", "nobody found", 3.0, 60)
+    found.pose = Pose2D(1.0, 2.0, 3.1)
+    found.returns = {"count": 2, "name": "Anna", "ready": True, "share": 0.1 + 0.2}
+    return found
+
+
+def misses(history: History, key: str, *values: object) -> list[str]:
+    items = tuple(Item(Mark(5, column), value) for column, value in enumerate(values, start=1))
+    return [text for _, text in judge([Expectation(key, Mark(5), items)], history)]
+
+
+CAME_TRUE: list[tuple[str, list[object]]] = [
+    ("result", ["failure"]),
+    ("reason", ["nobody"]),
+    ("within", [3.0]),
+    ("after", [3.0]),
+    ("said", ["Hello"]),
+    ("never_said", ["Bye", "hello"]),
+    ("ran", [("look", 2), ("leaf", None), ("sequence", 1), ("ask", 1), ("nod", 0)]),
+    ("never_ran", ["nod"]),
+    ("succeeded", ["look", "tree"]),
+    ("failed", ["look"]),
+    (
+        "order",
+        [Moment("look", "starts"), Moment("look", "fails"), Moment("look", "starts"), Moment("say", "halts")],
+    ),
+    ("order", [Moment("tree", "starts"), Moment("look", "starts")]),
+    ("order", [Moment("say", "starts"), Moment("robot", "says", "Hello"), Moment("arm", "disconnects")]),
+    ("faults", ["the cable"]),
+    ("base", ["stopped"]),
+    ("pose", [Place(1.05, 2.0), Place(1.0, 2.0, heading=-3.1)]),
+    ("returns", [("count", 2), ("name", "Anna"), ("ready", True), ("share", 0.3)]),
+]
+
+DID_NOT: list[tuple[str, list[object], str]] = [
+    ("result", ["success"], "the result was failure: nobody found"),
+    ("reason", ["somebody"], "the reason was 'nobody found'"),
+    ("within", [2.9], "it took 3.00 s"),
+    ("after", [3.1], "it took only 3.00 s"),
+    ("said", ["Bye"], 'it said "Hello, you"'),
+    ("said", ["Hello", "Hello"], 'it said "Hello, you"'),
+    ("said", [], 'it said "Hello, you"'),
+    ("never_said", ["Hello"], 'it said "Hello, you"'),
+    ("ran", [("nod", None)], "'nod' never ran"),
+    ("ran", [("look", 1)], "'look' started 2 times"),
+    ("ran", [("look", 0)], "'look' started 2 times"),
+    ("never_ran", ["look"], "'look' started 2 times, first at 0.00 s"),
+    ("succeeded", ["say"], "'say' started once, was halted once"),
+    ("failed", ["ask"], "'ask' started once, succeeded once"),
+    ("failed", ["nod"], "'nod' never ran"),
+    ("order", [Moment("nod", "starts")], "it never happened"),
+    ("order", [Moment("look", "succeeds"), Moment("look", "fails")], "happened only before, at 1.00 s"),
+    ("order", [Moment("ask", "succeeds"), Moment("nod", "starts")], "after 'ask succeeds' it never happened"),
+    ("faults", ["elbow"], "the notices were"),
+    ("faults", [], 'it was not to be told that "arm disconnects: the cable is out"'),
+    ("pose", [Place(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),
+    ("pose", [Place(1.0, 2.0, heading=1.0)], "the base was at"),
+    ("returns", [("count", 3)], "'count' was 2"),
+    ("returns", [("name", "Ben")], "'name' was Anna"),
+    ("returns", [("ready", False)], "'ready' was yes"),
+    ("returns", [("missing", 1)], "'missing' was nothing"),
+]
+
+
+@pytest.mark.parametrize(("key", "values"), CAME_TRUE)
+def test_what_came_true_is_no_miss(key: str, values: list[object], history: History) -> None:
+    assert misses(history, key, *values) == []
+
+
+@pytest.mark.parametrize(("key", "values", "seen"), DID_NOT)
+def test_what_did_not_come_true_is_told_with_what_was_seen(
+    key: str, values: list[object], seen: str, history: History
+) -> None:
+    assert seen in misses(history, key, *values)[0]
+
+
+def test_every_key_is_proved_to_come_true_and_to_fail() -> None:
+    assert {key for key, _ in CAME_TRUE} == CHECKS.keys()
+    assert {key for key, _, _ in DID_NOT} | {"base"} == CHECKS.keys(), "for the base, see below"
+
+
+def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(history: History) -> None:
+    history.moving = True
+    assert misses(history, "base", "stopped") == ["the base was still moving when the mission ended"]
+    history(CommandSent(2.9, 1, "base", "drive (1.4)", {"linear": 0.2, "angular": 0.0}))
+    assert misses(history, "base", "stopped")
+    history(CommandSent(3.0, 1, "base", "drive (1.4)", {"linear": 0.0, "angular": 0.0}))
+    assert misses(history, "base", "stopped") == []
+
+
+def test_misses_come_in_the_order_of_the_file(history: History) -> None:
+    expectations = [
+        Expectation("said", Mark(9), (Item(Mark(9), "Bye"),)),
+        Expectation("result", Mark(7), (Item(Mark(7), "success"),)),
+    ]
+    assert [mark.line for mark, _ in judge(expectations, history)] == [7, 9]
+
+
+def test_a_run_that_never_ended_is_an_error() -> None:
+    assert misses(History(), "result", "success") == ["the result was error: the run did not end"]
+    assert misses(History(), "within", 1.0)
+    assert misses(History(), "pose", Place(0.0, 0.0)) == ["the robot has no base"]

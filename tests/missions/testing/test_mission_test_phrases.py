@@ -1,0 +1,207 @@
+"""The small grammars of test files: mocks' scripts, mishaps and moments; each mistake at its word."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.faults import Fault, Mark, Source
+from config.marked import Scalar
+from missions.testing.mishaps import Mishap, read_mishap
+from missions.testing.moments import Moment, read_moment
+from missions.testing.phrases import Phrase
+from missions.testing.script import TOLD, Script, Turn, read_script
+
+RUNS = Turn("running", seconds=math.inf, ticks=math.inf)
+
+
+def phrase(text: str) -> tuple[Phrase, list[Fault]]:
+    faults: list[Fault] = []
+    return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
+
+
+def script(text: str) -> Script:
+    words, faults = phrase(text)
+    read = read_script(words)
+    assert not faults, faults[0]
+    return read
+
+
+def known(name: str) -> str:
+    return "" if name in {"gesture", "greet the person", "say"} else f"no '{name}'"
+
+
+def mishap(text: str) -> Mishap:
+    words, faults = phrase(text)
+    read = read_mishap(words, known)
+    assert not faults, faults[0]
+    return read
+
+
+def moment(text: str) -> Moment:
+    words, faults = phrase(text)
+    read = read_moment(words, known)
+    words.end()
+    assert not faults, faults[0]
+    return read
+
+
+@pytest.mark.parametrize(
+    ("text", "turns"),
+    [
+        ("succeeds", [Turn("success")]),
+        ("fails", [Turn("failure", reason=TOLD)]),
+        ("runs", [RUNS]),
+        ("fails twice, then succeeds", [Turn("failure", 2, reason=TOLD), Turn("success")]),
+        ("succeeds 3 times, then runs", [Turn("success", 3), RUNS]),
+        ('fails because "out of reach, alas"', [Turn("failure", reason="out of reach, alas")]),
+        ("succeeds after 2 s", [Turn("success", seconds=2.0)]),
+        ("succeeds after 500ms", [Turn("success", seconds=0.5)]),
+        ('fails once after 3 ticks because "x"', [Turn("failure", ticks=3, reason="x")]),
+        ("runs for 2 s, then fails", [Turn("failure", seconds=2.0, reason=TOLD)]),
+        (
+            "runs for 1 tick, then succeeds twice, then fails",
+            [Turn("success", 2, ticks=1), Turn("failure", reason=TOLD)],
+        ),
+        ("runs once, then succeeds", [RUNS, Turn("success")]),
+    ],
+)
+def test_a_script_reads_as_it_is_said(text: str, turns: list[Turn]) -> None:
+    assert script(text) == tuple(turns)
+
+
+def written(turn: Turn) -> str:
+    if turn.end == "running":
+        return f"runs {turn.times} times"
+    text = f"{'succeeds' if turn.end == 'success' else 'fails'} {turn.times} times"
+    if turn.ticks:
+        text += f" after {turn.ticks:.0f} ticks"
+    elif turn.seconds:
+        text += f" after {turn.seconds:g} s"
+    return text + (f' because "{turn.reason}"' if turn.end == "failure" else "")
+
+
+TIMES = st.integers(1, 99)
+WAITS = st.one_of(
+    st.just((0.0, 0.0)),
+    st.tuples(st.just(0.0), st.integers(1, 50).map(float)),
+    st.tuples(st.integers(1, 500).map(lambda tenths: tenths / 10), st.just(0.0)),
+)
+REASONS = st.text(st.characters(codec="utf-8", exclude_characters='"')).map(lambda text: " ".join(text.split()))
+TURNS = st.one_of(
+    TIMES.map(lambda times: Turn("running", times, math.inf, math.inf)),
+    st.builds(lambda times, wait: Turn("success", times, wait[0], wait[1]), TIMES, WAITS),
+    st.builds(lambda times, wait, reason: Turn("failure", times, wait[0], wait[1], reason), TIMES, WAITS, REASONS),
+)
+
+
+@given(st.lists(TURNS, min_size=1, max_size=5))
+def test_every_script_can_be_written_and_read_back(turns: list[Turn]) -> None:
+    assert script(", then ".join(map(written, turns))) == tuple(turns)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("camera frozen from 5 s to 8 s", Mishap("camera", "frozen", start=5.0, seconds=3.0)),
+        ("arm unplugged at 3 s", Mishap("arm", "unplugged", start=3.0)),
+        ("head unplugged for 2 s", Mishap("head", "unplugged", seconds=2.0)),
+        ("voice unplugged", Mishap("voice", "unplugged")),
+        ("base bumped", Mishap("base", "bumped", "centre")),
+        ("base cliff left at 1 s for 500 ms", Mishap("base", "cliff", "left", start=1.0, seconds=0.5)),
+        ("base lifted from 1 min", Mishap("base", "lifted", start=60.0)),
+        ("base battery at 10 % at 3 s", Mishap("base", "battery", amount=0.1, start=3.0)),
+        ("arm overloaded elbow at 3 s", Mishap("arm", "overloaded", "elbow", start=3.0)),
+        (
+            "base bumped right when greet the person starts for 1 s",
+            Mishap("base", "bumped", "right", seconds=1.0, moment=Moment("greet the person", "starts")),
+        ),
+        ('camera covered when says "Hello"', Mishap("camera", "covered", moment=Moment("robot", "says", "Hello"))),
+    ],
+)
+def test_a_mishap_reads_as_it_is_said(text: str, expected: Mishap) -> None:
+    assert mishap(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("gesture starts", Moment("gesture", "starts")),
+        ('"greet the person" halts', Moment("greet the person", "halts")),
+        ("say succeeds", Moment("say", "succeeds")),
+        ('say "Hello, you"', Moment("robot", "says", "Hello, you")),
+        ("base stops", Moment("base", "stops")),
+        ("base disconnects", Moment("base", "disconnects")),
+        ("arm complains", Moment("arm", "complains")),
+    ],
+)
+def test_a_moment_reads_as_it_is_said(text: str, expected: Moment) -> None:
+    assert moment(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "message"),
+    [
+        ("", 1, "what a mock does (such as 'fails twice, then succeeds') is missing here"),
+        ("fials", 1, "cannot be 'fials'"),
+        ("fails twice then succeeds", 13, "a comma is missing before 'then'"),
+        ("fails twice, succeeds", 14, "what follows a comma cannot be 'succeeds'"),
+        ("fails because stuck", 15, "'because' needs a text in double quotes"),
+        ('succeeds because "x"', 10, "'because' is not expected here"),
+        ("succeeds after 2", 16, "'2' has no unit"),
+        ("succeeds after -2 s", 16, "must be at least 0 s"),
+        ("fails 0 times", 7, "needs a whole number, got '0'"),
+        ("runs for 2 s", 13, "what comes after it has run is missing"),
+        ("runs for 2 s, then runs", 24, "it runs already"),
+        ("succeeds, then", 15, "is missing here"),
+    ],
+)
+def test_a_mistake_in_a_script_is_shown_at_its_word(text: str, column: int, message: str) -> None:
+    words, faults = phrase(text)
+    read_script(words)
+    (fault,) = faults
+    assert fault.mark.column == column
+    assert message in fault.message
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "message"),
+    [
+        ("wheel off", 1, "what something happens to cannot be 'wheel'"),
+        ("camera frozn", 8, "what happens to the camera cannot be 'frozn'"),
+        ("camera frozen from 5 to 8 s", 20, "'5' has no unit"),
+        ("camera frozen from 8 s to 5 s", 30, "it ends before it begins"),
+        ("camera frozen during lunch", 15, "'during' is not expected here"),
+        ("base battery 10 %", 14, "what follows 'battery' cannot be '10'"),
+        ("base battery at 110 %", 17, "must be at most 100 %"),
+        ("base battery at 10 % for 2 s", 29, "'battery' does not end by itself"),
+        ("arm overloaded at 3 s", 16, "which joint is overloaded is missing here"),
+        ("base lifted when nod starts", 18, "no 'nod'"),
+        ("base lifted when gesture begins", 26, "what 'gesture' does cannot be 'begins'"),
+        ("base lifted when arm moves", 22, "what 'arm' does cannot be 'moves'"),
+    ],
+)
+def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, message: str) -> None:
+    words, faults = phrase(text)
+    read_mishap(words, known)
+    (fault,) = faults
+    assert fault.mark.column == column
+    assert message in fault.message
+
+
+@given(st.text(st.characters(codec="utf-8"), max_size=60))
+def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
+    for read in (read_script, lambda words: read_mishap(words, known), lambda words: read_moment(words, known)):
+        words, faults = phrase(text)
+        read(words)
+        assert len(faults) <= 1, "what follows from a mistake is not told"
+        for fault in faults:
+            assert str(fault)
+
+
+def test_where_the_file_writes_a_text_otherwise_the_whole_of_it_is_marked() -> None:
+    faults: list[Fault] = []
+    node = Scalar(Mark(1, 1, 20), "camera frozn", "camera frozn", quoted=True)
+    read_mishap(Phrase(Source("a.yaml", '"camera \\x66rozn"'), node, faults), known)
+    assert faults[0].mark == Mark(1, 1, 20)

@@ -1,0 +1,113 @@
+"""Mocks, ticked by hand: they follow their scripts, claim what they stand for, and keep what they are told to."""
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.arm import Gesture
+from behaviours.basics import Set, Wait
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.sight import FindFace
+from config.faults import Fault, Mark, Source
+from config.marked import Scalar
+from missions.language.plan import Step
+from missions.testing.mocks import Cast, MockSpec
+from missions.testing.phrases import Phrase
+from missions.testing.recorders import Bench
+from missions.testing.script import read_script
+from perception.api import Face
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def spec(target: str, text: str, result: dict[str, object] | None = None) -> MockSpec:
+    faults: list[Fault] = []
+    script = read_script(Phrase(Source("a", text), Scalar(Mark(), text, text), faults))
+    assert not faults
+    return MockSpec(target, script, result)
+
+
+def step(leaf: type[Leaf], name: str = "") -> Step:
+    return Step(leaf.word, name or leaf.word, Mark(), Source("a", ""), leaf=leaf)
+
+
+def mocked(bench: Bench, text: str, leaf: type[Leaf] = Gesture, result: dict[str, object] | None = None) -> Leaf:
+    stand_in = Cast([spec(leaf.word, text, result)])(step(leaf), leaf(leaf.word))
+    assert type(stand_in) is not leaf
+    return bench.put(stand_in)
+
+
+def outcomes(bench: Bench, leaf: Leaf, ticks: int, *, after: float = 0.1) -> list[Status]:
+    return [bench.tick(leaf, after=after) for _ in range(ticks)]
+
+
+def test_a_mock_takes_its_turns_one_start_after_another_and_stays_with_the_last(bench: Bench) -> None:
+    leaf = mocked(bench, 'fails twice because "stuck", then succeeds')
+    assert outcomes(bench, leaf, 2) == [FAILURE, FAILURE]
+    assert leaf.reason == "stuck"
+    assert outcomes(bench, leaf, 3) == [SUCCESS] * 3
+
+
+def test_a_mock_runs_for_as_many_ticks_or_seconds_as_it_is_told(bench: Bench) -> None:
+    assert outcomes(bench, mocked(bench, "succeeds after 2 ticks"), 3) == [RUNNING, RUNNING, SUCCESS]
+    assert outcomes(bench, mocked(bench, "runs for 300 ms, then fails"), 4) == [RUNNING, RUNNING, RUNNING, FAILURE]
+
+
+def test_a_turn_that_was_halted_is_over(bench: Bench) -> None:
+    leaf = mocked(bench, "runs once, then succeeds")
+    assert outcomes(bench, leaf, 50) == [RUNNING] * 50
+    assert bench.halt(leaf)
+    assert outcomes(bench, leaf, 1) == [SUCCESS]
+
+
+def test_all_leaves_that_a_mock_stands_for_share_its_script(bench: Bench) -> None:
+    cast = Cast([spec("gesture", "fails, then succeeds")])
+    first, second = (bench.put(cast(step(Gesture), Gesture("gesture"))) for _ in range(2))
+    assert (bench.tick(first), bench.tick(second)) == (FAILURE, SUCCESS)
+
+
+def test_a_mock_may_be_for_one_leaf_by_its_name(bench: Bench) -> None:
+    cast = Cast([spec("wave", "fails")])
+    assert bench.tick(bench.put(cast(step(Gesture, "wave"), Gesture("wave")))) is FAILURE
+    other = Gesture("bow")
+    assert cast(step(Gesture, "bow"), other) is other
+
+
+def test_a_mock_claims_what_it_stands_for_and_moves_nothing(bench: Bench) -> None:
+    leaf = mocked(bench, "runs")
+    assert leaf.claims == {"arm"}
+    bench.tick(leaf)
+    assert leaf.acting
+    bench.halt(leaf)
+    assert bench.arm.commands == []
+
+
+def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: Bench) -> None:
+    leaf = mocked(bench, "succeeds", FindFace, {"id": 7, "yaw": 0.2})
+    leaf.keep_as = "person"
+    bench.tick(leaf)
+    face = bench.run.variables["person"]
+    assert isinstance(face, Face)
+    assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.now())
+
+
+def test_what_another_mock_keeps_is_what_it_was_told(bench: Bench) -> None:
+    leaf = mocked(bench, "fails, then succeeds", Wait, {"count": 3})
+    leaf.keep_as = "seen"
+    bench.tick(leaf)
+    assert "seen" not in bench.run.variables
+    bench.tick(leaf)
+    assert bench.run.variables["seen"] == {"count": 3}
+
+
+def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None:
+    def unknown() -> object:
+        raise LookupError("'x' is not set")
+
+    leaf = mocked(bench, "succeeds", Wait)
+    leaf.computed = {"duration": unknown}
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "duration: 'x' is not set"
+    assert mocked(bench, "succeeds", Set).open_ended

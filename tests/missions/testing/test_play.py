@@ -1,0 +1,129 @@
+"""Cases are played on twins: what is given happens, what must never be is noticed, and all runs of one case agree."""
+
+from pathlib import Path
+
+import pytest
+
+from behaviours.base import Drive
+from missions.executive.events import Ticked
+from missions.testing.history import History
+from missions.testing.play import play
+from missions.testing.recorders import Bench
+from missions.testing.stage import IN_PROCESS, Stage
+from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, WAITS, WAVES, cases, played, seen
+
+
+@pytest.mark.parametrize(
+    ("mission", "body"),
+    [
+        (DRIVES, "expect: {result: success, base: stopped, faults: [], pose: {near: [40 cm, 0 m], within: 2 cm}}"),
+        (DRIVES, "given: [base bumped], expect: {result: failure, reason: bumped into something}"),
+        (DRIVES, "given: [base bumped at 1 s], expect: {result: failure, after: 1 s, within: 1.2 s}"),
+        (DRIVES, "given: [base bumped when base moves for 100 ms], expect: {result: failure, reason: bumped}"),
+        (DRIVES, "given: [base cliff left when base moves], expect: {reason: a cliff ahead}"),
+        (DRIVES, "given: [base lifted from 1 s to 2 s], expect: {reason: a wheel has dropped}"),
+        (DRIVES, "given: [base unplugged at 1 s for 2 s], expect: {result: success, after: 3 s}"),
+        (DRIVES, "given: [base unplugged], expect: {result: error, reason: unplugged, never_ran: drive}"),
+        (DRIVES, "given: [{drive: succeeds after 2 s}], expect: {after: 2 s, pose: {near: [0 m, 0 m], within: 1 mm}}"),
+        (DRIVES, "given: [base cliff when base moves, base unplugged when base moves for 1 s], expect: {after: 1 s}"),
+        (LOOKS, "given: [head unplugged at 100 ms for 1 s], expect: {result: success, after: 1 s}"),
+        (SPEAKS, 'expect: {said: [One, Two], order: [say "One", say succeeds, say "Two"]}'),
+        (SPEAKS, 'given: [voice unplugged when say "One" for 3 s], expect: {said: [One, Two], after: 3 s}'),
+        (WAVES, "given: [arm overloaded elbow at 1500 ms], expect: {result: failure, reason: elbow, faults: [elbow]}"),
+        (WAVES, "given: [arm unplugged at 1 s for 1 s], expect: {order: [arm disconnects, arm reconnects]}"),
+        (BLINKS, "expect: {result: success}"),
+        (BLINKS, "given: [camera covered], expect: {result: failure, reason: no face in view}"),
+        (BLINKS, "given: [camera covered for 1 s], expect: {result: success}"),
+        (BLINKS, "given: [camera unplugged at 1 s], expect: {result: failure, faults: [camera]}"),
+        (BLINKS, "eyes: pixels, given: [camera frozen], expect: {result: failure, reason: no face in view}"),
+    ],
+)
+def test_what_is_given_happens_and_what_is_expected_comes_true(mission: str, body: str, tmp_path: Path) -> None:
+    verdict = played(tmp_path, mission, body)
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+
+
+def test_a_battery_can_be_low(tmp_path: Path) -> None:
+    mission = "mission: m\ntree: {sequence: [{wait: 1 s}, {fail: empty, if: battery.percent < 20}, stop]}\n"
+    assert played(tmp_path, mission, "expect: {result: success}").passed
+    assert played(tmp_path, mission, "given: [base battery at 10 %], expect: {reason: empty}").passed
+
+
+def test_a_verdict_shows_the_line_and_what_happened_last(tmp_path: Path) -> None:
+    verdict = played(tmp_path, SPEAKS, "expect: {said: Three}")
+    assert not verdict.passed
+    (miss,) = verdict.misses
+    assert str(miss).splitlines()[1].endswith("- {case: case 1, expect: {said: Three}}")
+    assert seen(verdict) == ['it said "One", "Two"']
+    assert len(verdict.last) <= 10
+    assert verdict.last[-1].endswith("m ends: success")
+    assert any('says "Two"' in line for line in verdict.last)
+
+
+def test_a_run_that_goes_on_is_ended_by_its_timeout(tmp_path: Path) -> None:
+    verdict = played(tmp_path, WAITS, "given: [{wait: runs}], timeout: 5 s, expect: {result: interrupted}")
+    assert seen(verdict) == ["still running after 5 s of simulated time"]
+    assert verdict.seconds == pytest.approx(5.0, abs=0.1)
+
+
+def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Path) -> None:
+    mission = "mission: m\ntree: {random_sequence: [{say: A}, {say: B}, {say: C}, {say: D}]}\n"
+    told = []
+    for case in cases(tmp_path, mission, *(f"seed: {seed}, expect: {{result: success}}" for seed in (1, 1, 2))):
+        stage = Stage(case, IN_PROCESS)
+        stage.run()
+        told.append([event.as_dict() for event in stage.history.events])
+    assert told[0] == told[1]
+    assert told[0] != told[2]
+
+
+def test_a_leaf_that_breaks_fails_and_a_fault_of_our_own_is_an_error(tmp_path: Path) -> None:
+    (case,) = cases(tmp_path, WAITS, "expect: {result: success}")
+    Path(case.mission).unlink()
+    verdict = play(case, limits=IN_PROCESS)
+    assert not verdict.passed
+    assert "Traceback" in verdict.error
+    Path(case.mission).write_text("mission: m\ntree: nonsense\n", encoding="utf-8")
+    assert seen(play(case, limits=IN_PROCESS)) == ["unknown behaviour 'nonsense'"]
+
+
+def test_what_became_of_every_node_is_told_for_coverage(tmp_path: Path) -> None:
+    mission = "mission: m\ntree:\n  selector:\n    - wait: 1 s\n      timeout: 500 ms\n    - say: Late\n    - fail\n"
+    verdict = played(tmp_path, mission, "expect: {result: success}")
+    told = {(node.key, node.kind, node.line): (dict(node.statuses), node.reasons) for node in verdict.nodes}
+    assert told == {
+        ("1", "selector", 3): ({"running": 1, "success": 1}, ()),
+        ("1.1", "timeout", 5): ({"running": 1, "failure": 1}, ("wait timed out after 0.5 s",)),
+        ("1.1.1", "wait", 4): ({"running": 1, "idle": 1}, ()),
+        ("1.2", "say", 6): ({"running": 1, "success": 1}, ()),
+        ("1.3", "fail", 7): ({}, ()),
+    }
+    assert {Path(node.file).name for node in verdict.nodes} == {"m.yaml"}
+
+
+def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
+    bench = Bench()
+    root = bench.put(Drive("root"), distance=1.0)
+    other = bench.put(Drive("other"), distance=1.0)
+    history = History()
+    history.watch(root)
+    history._leaves.append(other)
+    bench.tick(root)
+    history(Ticked(1.0, 1, "running"))
+    assert history.claimed == "", "the other has not begun"
+    bench.tick(other)
+    history(Ticked(2.0, 2, "running"))
+    assert history.claimed == "at 2.00 s root and other both drive the base"
+
+
+def test_an_event_that_was_not_heard_is_no_reason_to_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(History, "_tick", lambda *_: 1 / 0)
+    verdict = played(tmp_path, WAITS, "expect: {result: success}")
+    assert "not all events were heard: History: division by zero" in verdict.error
+
+
+def test_a_node_starts_before_what_is_inside_it(tmp_path: Path) -> None:
+    mission = "mission: m\ntree: {sequence: [{say: One}], name: talk}\n"
+    order = '[talk starts, say starts, say "One", say succeeds, talk succeeds]'
+    assert played(tmp_path, mission, f"expect: {{order: {order}}}").passed
+    assert not played(tmp_path, mission, "expect: {order: [say starts, talk starts]}").passed

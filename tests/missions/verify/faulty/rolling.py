@@ -1,0 +1,33 @@
+"""Leaves of the faulty missions."""
+
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, Leaf
+from drivers.api import Velocity
+
+
+class RollAway(Leaf):
+    """Roll, and never say stop.
+
+    Running until it fails for want of floor.
+    """
+
+    word = "roll_away"
+    needs = frozenset({"base"})
+    drives = frozenset({"base"})
+    ends = frozenset({"failure"})
+
+    def update(self) -> Status:
+        self.robot.base.drive(Velocity(0.1, 0.0))
+        return RUNNING
+
+
+class RollOn(RollAway):
+    """Roll until halted."""
+
+    word = "roll_on"
+    ends = frozenset()
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self.robot.base.stop()

@@ -1,0 +1,83 @@
+"""Missions with a planted fault each: what is found, at which line, and how short the run is that shows it."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import ManualClock
+from missions.library import load_mission, shipped_missions
+from missions.verify.verdicts import PROVED, REFUTED, Report
+from missions.verify.verify import verify
+from missions.vocabulary import vocabulary
+
+FOLDER = Path(__file__).parent / "faulty"
+
+ENDS, REACHED, CLEAN = "it can end", "each of its", "after every halt"
+
+FAULTS: dict[str, tuple[str, int, str, int | None]] = {
+    "retry_what_always_fails": (ENDS, 11, "'retry' goes on for ever", 1),
+    "once_remembers_a_failure": (ENDS, 6, "'retry' goes on for ever", 1),
+    "waits_for_what_never_comes": (ENDS, 6, "'pretend' goes on for ever", 0),
+    "stuck_after_a_bump": (ENDS, 11, "'retry' goes on for ever", 1),
+    "delay_longer_than_timeout": (REACHED, 5, "'say' is never reached", None),
+    "second_try_out_of_time": (REACHED, 7, "'say' is never reached", None),
+    "race_with_a_question": (REACHED, 6, "'look' is never reached", None),
+    "case_that_never_comes": (REACHED, 13, "'say' is never reached", None),
+    "left_rolling": (CLEAN, 6, "the base still moves: roll_away (line 6) has no terminate", 2),
+    "gesture_while_driving": (
+        "never: gesture while drive",
+        12,
+        "gesture (line 10) starts while drive (line 7) runs",
+        1,
+    ),
+    "greets_nobody": ("never: gesture before find_face", 9, "find_face has not succeeded", 1),
+    "drives_after_goodbye": ("never: drive after say", 9, "drive (line 5) starts, and say has succeeded before", 2),
+    "speaks_without_moving": ("never: say without gesture", 8, "nothing of gesture does", 1),
+    "never_stops": ("always eventually: base stopped", 8, "from here on it goes on moving", 1),
+    "silent_end": ("always eventually: say", 9, "from here on say does not run", 1),
+    "cannot_fail": ("can: fail", 9, "no run ends with failure", None),
+    "holds_too_long": ("can: succeed", 8, "no run ends with success", None),
+}
+"""Of each file: the rule that is refuted, the line, words of the message, and the ticks of a shortest run, if any."""
+
+ALSO = {"never_stops": {ENDS}}
+"""Rules that a fault breaks besides the one it was planted for."""
+
+
+@cache
+def report(name: str) -> Report:
+    leaves = vocabulary([FOLDER / "rolling.py"])
+    return verify(load_mission(str(FOLDER / f"{name}.yaml"), leaves=leaves), ManualClock())
+
+
+def test_every_faulty_mission_is_in_the_table() -> None:
+    assert {path.stem for path in FOLDER.glob("*.yaml")} == FAULTS.keys()
+    assert len(FAULTS) >= 12
+
+
+@pytest.mark.parametrize("name", list(FAULTS))
+def test_the_planted_fault_is_found_at_its_line_with_a_shortest_run(name: str) -> None:
+    rule, line, message, ticks = FAULTS[name]
+    (verdict,) = (each for each in report(name).verdicts if each.rule.startswith(rule))
+    assert verdict.outcome == REFUTED
+    (finding,) = verdict.findings
+    assert finding.fault.mark.line == line
+    assert message in finding.fault.message
+    assert (None if finding.run is None else len(finding.run)) == ticks
+
+
+@pytest.mark.parametrize("name", list(FAULTS))
+def test_nothing_else_is_found_in_it(name: str) -> None:
+    refuted = [each.rule for each in report(name).verdicts if each.outcome != PROVED]
+    expected = {FAULTS[name][0], *ALSO.get(name, ())}
+    assert len(refuted) == len(expected)
+    assert all(any(rule.startswith(start) for start in expected) for rule in refuted)
+
+
+@pytest.mark.parametrize("name", list(shipped_missions()))
+def test_every_shipped_mission_is_proved(name: str) -> None:
+    proved = verify(load_mission(name), ManualClock())
+    assert [each for each in proved.verdicts if each.outcome != PROVED] == []
+    assert proved.left_out == ""
+    assert proved.states > 3

@@ -1,0 +1,234 @@
+"""What the model checker concludes: time, counts, conditions, halts, endless missions, and where it gives up."""
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, Leaf
+from missions.verify.verdicts import PROVED, REFUTED, UNDECIDED
+from tests.missions.verify.exploring import explored, outcome, outcomes
+
+CAN_END = "it can end from every state"
+
+
+# Time: what can be over before what
+
+
+def test_the_longer_of_two_timeouts_around_one_node_never_passes() -> None:
+    tree = """
+selector:
+  - selector:
+      - pretend: running
+        timeout: 5 s
+      - say: the inner one
+    timeout: 6 s
+  - say: the outer one
+"""
+    assert outcome(tree, "always eventually: say") == PROVED
+
+
+def test_timeouts_one_after_another_add_up() -> None:
+    tree = """
+selector:
+  - pretend: running
+    timeout: 3 s
+  - pretend: running
+    timeout: 3 s
+  - say: too late
+timeout: 5 s
+"""
+    found = explored(tree)
+    assert [finding.fault.mark.line for finding in found.verdicts[1].findings] == [9]
+    assert (
+        outcomes(explored(tree.replace("timeout: 5 s", "timeout: 7 s")))["each of its 7 nodes can be reached"] == PROVED
+    )
+
+
+def test_a_timeout_may_pass_or_not_while_a_leaf_takes_its_time() -> None:
+    tree = "sequence: [{look: 0 deg}, {say: Hi, name: greet}]\ntimeout: 1 s"
+    assert outcome(tree, "can: succeed") == PROVED
+    assert outcome(tree, "can: fail") == PROVED
+
+
+def test_a_cooldown_fails_until_it_is_over_and_not_longer() -> None:
+    tree = "log: beat\ncooldown: 10 s\nrepeat: 2"
+    assert outcome(tree, "can: fail") == PROVED
+    assert outcome(tree, "can: succeed") == PROVED
+
+
+def test_a_hold_needs_its_time() -> None:
+    assert outcome("face_centred: 5 deg\nhold: 2 s\ntimeout: 3 s", "can: succeed") == PROVED
+    assert outcome("face_centred: 5 deg\nhold: 3 s\ntimeout: 2 s", "can: succeed") == REFUTED
+
+
+def test_many_short_times_in_a_long_one_do_not_fill_the_memory() -> None:
+    found = explored("sequence:\n  - pretend: running\n    timeout: 100 ms\n    retry: forever\ntimeout: 600 s")
+    assert found.outcome == PROVED
+    assert found.states < 100
+
+
+# Counts, orders and conditions
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 50, 1000])
+def test_a_count_ends_however_large_it_is(count: int) -> None:
+    found = explored(f"drive: 1 m\nrepeat: {count}", "can: succeed")
+    assert found.outcome == PROVED
+    assert found.states < 20
+
+
+def test_a_third_attempt_is_the_last_of_three() -> None:
+    found = explored("drive: 1 m\nretry: 3", "can: fail")
+    assert found.depth == 3
+
+
+@pytest.mark.parametrize("kind", ["random_sequence", "random_selector"])
+def test_every_order_of_a_random_composite_is_tried(kind: str) -> None:
+    tree = f"{kind}: [{{look: 0 deg}}, {{say: Hi}}, {{drive: 1 m}}]"
+    for first in ("look", "say", "drive"):
+        for second in {"look", "say", "drive"} - {first}:
+            assert outcome(tree, f"never: {first} after {second}") == (REFUTED if kind == "random_sequence" else PROVED)
+
+
+def test_a_random_composite_with_many_children_proves_nothing() -> None:
+    tree = "random_sequence: [look: 0 deg, say: a, drive: 1 m, log: b, wait: 1 s, stop]"
+    tree = tree.replace("[", "[{").replace(", ", "}, {").replace("]", "}]").replace("{stop}", "stop")
+    found = explored(tree)
+    assert found.outcome == UNDECIDED
+    assert "order" in found.left_out
+
+
+def test_a_condition_on_the_robot_may_be_true_or_false_at_every_tick() -> None:
+    found = explored("drive: 1 m\nwhile: battery.percent > 20", "can: succeed", "can: fail")
+    assert found.outcome == PROVED
+
+
+def test_a_condition_that_params_decide_is_no_choice() -> None:
+    found = explored("sequence: [{say: a}, {drive: 1 m, if: 1 > 2}]")
+    (finding,) = found.verdicts[1].findings
+    assert finding.fault.message == "'drive' is never reached"
+    assert finding.fault.suggestion == "'if' (line 4): its condition is never true"
+
+
+def test_what_a_leaf_has_found_is_unknown_and_what_follows_from_constants_is_not() -> None:
+    stored = "sequence: [{face_seen: 1 s, as: who}, {say: far, if: who.distance > 2}, {log: b, if: who.id == 1}]"
+    assert explored(stored).outcome == PROVED
+    counted = "sequence: [{set: {n: 1}}, {set: {n: '${n + 1}'}}, {say: two, if: n == 2}, {drive: 1 m, if: n == 3}]"
+    found = explored(counted)
+    assert [finding.fault.message for finding in found.verdicts[1].findings] == ["'drive' is never reached"]
+
+
+def test_a_mission_that_counts_without_end_is_explored_all_the_same() -> None:
+    tree = "sequence:\n  - set: {n: 0}\n  - set: {n: '${n + 1}'}\n    repeat: forever\n    until: face.seen"
+    assert explored(tree).outcome == PROVED
+
+
+def test_an_expression_that_cannot_be_calculated_is_one_of_the_ways() -> None:
+    assert outcome("say: Hi\nif: base.x > 1", "can: fail") == PROVED
+    tree = "sequence: [{log: a, if: base.x > 1}]\n"
+    assert outcome(tree, "can: fail") == PROVED
+    assert outcome(tree.replace("base.x > 1", "face.seen"), "can: fail") == REFUTED
+
+
+# Endless missions
+
+
+def test_a_mission_that_repeats_for_ever_runs_until_it_is_stopped_and_that_is_no_fault() -> None:
+    found = explored("sequence: [{drive: 1 m, on_failure: succeed}, {wait: 1 s}]\nrepeat: forever")
+    assert found.outcome == PROVED
+    assert found.verdicts[0].rule == "it runs until it is stopped"
+
+
+def test_a_round_that_cannot_come_to_its_end_is_a_trap_in_an_endless_mission_too() -> None:
+    found = explored("sequence: [{wait: 1 s}, {pretend: running}]\nrepeat: forever")
+    assert found.verdicts[0].outcome == REFUTED
+    assert found.verdicts[0].findings[0].fault.message.endswith("'pretend' goes on for ever")
+
+
+# Halts
+
+
+class Careful(Leaf):
+    """Take a while to stop.
+
+    Running until it succeeds.
+    """
+
+    word = "careful"
+    drives = frozenset({"base"})
+
+    def halting(self) -> bool:
+        return True
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self.robot.base.stop()
+
+    def update(self) -> Status:
+        return RUNNING
+
+
+def test_a_leaf_that_takes_its_time_to_stop_is_waited_for_before_another_drives() -> None:
+    tree = """
+reactive_selector:
+  - sequence:
+      - face_seen
+      - drive: 1 m
+  - careful
+"""
+    found = explored(tree, "never: drive while careful", leaves=[Careful])
+    assert found.outcome == PROVED
+    assert found.states > 8
+
+
+# Properties that hold
+
+
+@pytest.mark.parametrize(
+    ("tree", "promise"),
+    [
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: gesture while drive"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: gesture before drive"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: drive after gesture"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: base while arm"),
+        ("race: [{track_face: {}}, {sequence: [{gesture: hello}, {say: Hi}]}]", "never: say without track_face"),
+        ("sequence: [{drive: 1 m}, {wait: 1 s}]\nrepeat: forever", "always eventually: base stopped"),
+        ("sequence: [{say: Hi}, {drive: 1 m}]", "always eventually: say"),
+        ("parallel: [{say: Hi}, {drive: 1 m}]", "never: say after say"),
+        ("sequence: [{drive: 1 m, name: go on}, {say: Hi}]", "never: say before go on"),
+    ],
+)
+def test_a_property_that_holds_is_proved(tree: str, promise: str) -> None:
+    assert outcome(tree, promise) == PROVED
+
+
+def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> None:
+    tree = "reactive_selector:\n  - sequence: [face_seen, {say: Hi}]\n  - drive: 1 m\n"
+    assert outcome(tree, "never: say while drive") == PROVED
+    assert outcome(tree, "never: say after drive") == PROVED  # a drive that has succeeded ends the whole
+    assert outcome(tree, "always eventually: say") == REFUTED
+
+
+# Bounds
+
+
+def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
+    tree = "sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3"
+    found = explored(tree, "never: say while drive", "can: succeed", bound=2)
+    assert found.outcome == UNDECIDED
+    assert outcomes(found)[CAN_END] == UNDECIDED
+    assert outcomes(found)["never: say while drive"] == UNDECIDED
+    assert "try --bound 20" in found.left_out
+    assert "not everything was explored" in str(found)
+
+
+def test_many_leaves_at_once_do_not_take_for_ever() -> None:
+    many = ", ".join("scene_uniform" for _ in range(12))
+    found = explored(f"parallel: [{many}]", bound=10)
+    assert found.outcome == UNDECIDED
+    assert found.transitions == 400
+
+
+def test_a_fault_within_the_bound_is_refuted_even_where_the_rest_is_not_explored() -> None:
+    found = explored("parallel: [{drive: 1 m}, {gesture: hello}]\nrepeat: 3", "never: gesture while drive", bound=2)
+    assert outcomes(found)["never: gesture while drive"] == REFUTED
+    assert outcomes(found)[CAN_END] == UNDECIDED
