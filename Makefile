@@ -21,7 +21,7 @@ demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets i
 	$(BIN)/mission run greet
 
 test: check ## what CI runs: the checks, then every test
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto --dist worksteal
 
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .

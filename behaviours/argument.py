@@ -12,10 +12,10 @@ REQUIRED: Any = object()
 class Argument:
     """One argument of a leaf.
 
-    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "name", "value"
-    (anything), "outcomes" (a list of statuses), or "gesture" or "controller" (looked up by name). ``span`` asks for
-    two values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without
-    its name.
+    ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "value" (anything),
+    "outcomes" (a list of statuses), or "gesture", "controller" or "object" (looked up by name). ``span`` asks for two
+    values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its
+    name.
     """
 
     name: str

@@ -8,11 +8,15 @@ from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.head import Look, LookAt
 from behaviours.head_motion import Nod, ShakeHead, SweepHead
 from behaviours.leaf import Leaf
+from behaviours.objects import FindObject, ObjectSeen
+from behaviours.robots import FindRobot, RobotSeen
 from behaviours.scan import Scan
-from behaviours.scene import SceneUniform
-from behaviours.sight import FaceCentred, FaceSeen, FindFace
+from behaviours.scene import Dark, MotionSeen, SceneUniform
+from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
 from behaviours.tracking.follow_person import FollowPerson
 from behaviours.tracking.track_face import TrackFace
+from behaviours.tracking.track_object import TrackObject
+from behaviours.tracking.track_robot import TrackRobot
 from behaviours.voice import Say
 
 LEAVES: Mapping[str, type[Leaf]] = {
@@ -20,10 +24,19 @@ LEAVES: Mapping[str, type[Leaf]] = {
     for leaf in (
         FaceSeen,
         FaceCentred,
+        FacesAtLeast,
         FindFace,
+        ObjectSeen,
+        FindObject,
+        RobotSeen,
+        FindRobot,
         TrackFace,
+        TrackObject,
+        TrackRobot,
         FollowPerson,
         SceneUniform,
+        Dark,
+        MotionSeen,
         Look,
         LookAt,
         Scan,

@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from behaviours.head import ARRIVED, Arrival, apart, shown
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.sight import serpentine
+from behaviours.search import serpentine
 from drivers.api import HeadPose
 
 LONGEST_STEP = 0.1

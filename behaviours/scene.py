@@ -1,11 +1,33 @@
-"""A leaf that asks whether the camera shows anything at all."""
+"""Leaves that ask what the picture shows as a whole: whether it is blank, whether it is dark, whether it moves."""
+
+from abc import abstractmethod
 
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
+from perception.api import Scene
 
 
-class SceneUniform(Leaf):
+class _OfPicture(Leaf):
+    """Waits for a picture that is new enough, and judges it."""
+
+    needs = frozenset({"camera"})
+    senses = frozenset()
+    within: float
+
+    def update(self) -> Status:
+        scene = self.robot.sight.scene()
+        oldest = self.run.now() - max(self.within, self.elapsed)
+        if scene is None or scene.stamp < oldest:
+            return self.wait("waiting for a picture from the camera")
+        return self.judge(scene)
+
+    @abstractmethod
+    def judge(self, scene: Scene) -> Status:
+        """Succeed or fail by what the picture shows."""
+
+
+class SceneUniform(_OfPicture):
     """Does the camera show nothing but one even surface: a blank wall, or a covered lens?
 
     Succeeds when the newest picture has no edges, fails when it has. Running only until there is a picture that is
@@ -13,8 +35,6 @@ class SceneUniform(Leaf):
     """
 
     word = "scene_uniform"
-    needs = frozenset({"camera"})
-    senses = frozenset()
     within: float = argument(
         "duration", "how old the picture may be; 0 s waits for one from now on", default=0.5, principal=True, low=0.0
     )
@@ -22,12 +42,49 @@ class SceneUniform(Leaf):
         "number", "grey levels (of 255) that neighbouring spots may differ by", default=6.0, low=0.0, high=255.0
     )
 
-    def update(self) -> Status:
-        scene = self.robot.sight.scene()
-        oldest = self.run.now() - max(self.within, self.elapsed)
-        if scene is None or scene.stamp < oldest:
-            return self.wait("waiting for a picture from the camera")
+    def judge(self, scene: Scene) -> Status:
         if scene.contrast <= self.contrast:
             self.feedback_message = f"the picture is uniform, with a brightness of {scene.brightness:.0f} of 255"
             return SUCCESS
         return self.fail(f"the picture shows something: its contrast is {scene.contrast:.0f}")
+
+
+class Dark(_OfPicture):
+    """Is it dark?
+
+    Succeeds when the newest picture is darker than that, as a whole, fails when not. Running only until there is a
+    picture that is new enough.
+    """
+
+    word = "dark"
+    below: float = argument(
+        "share", "how bright the picture may be, 100 % being white", default=0.2, principal=True, low=0.0, high=1.0
+    )
+    within: float = argument("duration", "how old the picture may be; 0 s waits for one", default=0.5, low=0.0)
+
+    def judge(self, scene: Scene) -> Status:
+        share = scene.brightness / 255
+        self.feedback_message = f"the picture has a brightness of {share:.0%}"
+        return SUCCESS if share < self.below else self.fail(self.feedback_message)
+
+
+class MotionSeen(_OfPicture):
+    """Does something move?
+
+    Succeeds when that share of the newest picture has changed since the one before, fails when not. That the camera
+    turns is taken off, but for a rest of 1 %: ask for `2 %` while the robot moves. Running only until there is a
+    picture that is new enough.
+    """
+
+    word = "motion_seen"
+    senses = frozenset({"motion"})
+    share: float = argument(
+        "share", "how much must have changed; somebody who walks by at 2 m: 1 %", default=0.005, principal=True, low=0.0
+    )
+    within: float = argument("duration", "how old the picture may be; 0 s waits for one", default=0.5, low=0.0)
+
+    def judge(self, scene: Scene) -> Status:
+        if scene.motion is None:
+            return self.fail("the eyes do not look for motion")
+        self.feedback_message = f"{scene.motion:.1%} of the picture moves"
+        return SUCCESS if scene.motion >= self.share else self.fail(self.feedback_message)

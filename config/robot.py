@@ -52,6 +52,19 @@ class ArmConfig:
     joints: Mapping[str, JointConfig]
 
 
+MARKER_FAMILIES = ["4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11"]
+"""The families of markers, as perception knows them: a test holds the two together."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkersConfig:
+    """The markers that other robots wear: their family, the side of the black frame in metres, and whose is which."""
+
+    family: str
+    size: float
+    robots: Mapping[int, str]
+
+
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
     """A camera: an index, a device, a file, a URL or a folder; its view and where it sits.
@@ -59,7 +72,7 @@ class CameraConfig:
     ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead.
     ``centre`` is where the optical axis meets the picture, as shares of its sides; ``distortion`` is empty, or k1, k2,
     p1, p2, k3 as calibration finds them. ``detector`` of faces is ``haar`` or ``yunet``, ``model`` the file of the
-    latter, empty for where `mission models fetch` puts it.
+    latter, empty for where `mission models fetch` puts it. ``markers`` are what other robots wear.
     """
 
     source: str
@@ -71,6 +84,7 @@ class CameraConfig:
     distortion: tuple[float, ...] = ()
     detector: str = "haar"
     model: str = ""
+    markers: MarkersConfig | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,9 +229,30 @@ def _camera(fields: Fields | None) -> CameraConfig | None:
         distortion=_distortion(fields.section("distortion")),
         detector=fields.choice("detector", ["haar", "yunet"], "haar"),
         model=fields.text("model", ""),
+        markers=_markers(fields.section("markers")),
     )
     fields.done()
     return camera
+
+
+def _markers(fields: Fields | None) -> MarkersConfig | None:
+    if fields is None:
+        return None
+    robots: dict[int, str] = {}
+    section = fields.section("robots")
+    if section is not None:
+        for key, _ in section.entries():
+            if key.text.isdigit():
+                robots[int(key.text)] = section.text(key.text)
+            else:
+                section.fault(key.mark, f"'{key.text}' is no marker's number", "robots: {7: R2}")
+    markers = MarkersConfig(
+        family=fields.choice("family", MARKER_FAMILIES, MARKER_FAMILIES[0]),
+        size=fields.quantity("size", "length", 0.15, low=0.01, high=2.0),
+        robots=robots,
+    )
+    fields.done()
+    return markers
 
 
 def _distortion(fields: Fields | None) -> tuple[float, ...]:

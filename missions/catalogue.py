@@ -13,6 +13,7 @@ WRITTEN: dict[str, object] = {
     "flag": True,
     "value": 1,
     "outcomes": ["running", "success"],
+    "object": "red ball",
 }
 """A value of each kind that has no unit, as a mission writes it."""
 

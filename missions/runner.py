@@ -22,6 +22,7 @@ from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
 from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.assembly.assembled import Assembled
+from missions.assembly.interests import interests_of
 from missions.assembly.twins import Twins, twin_robot
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.commands import robot_for
@@ -142,7 +143,7 @@ class Runner:
 
     def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
         world = None if order.simulation is None else _world(order)
-        wishes = Wishes(world, order.camera, order.ports, order.seed, self.plan.tree.senses)
+        wishes = Wishes(world, order.camera, order.ports, order.seed, interests_of(self.plan.tree, config.camera))
         return assemble(config, self._chosen, self._context.clock, wishes, self._ears)
 
     def _twins(self, config: RobotConfig, order: Order, timeline: Timeline) -> tuple[Twins, Assembled]:
@@ -152,7 +153,7 @@ class Runner:
             timeline,
             _world(order),
             self._ears,
-            senses=self.plan.tree.senses,
+            interests=interests_of(self.plan.tree, config.camera),
             seed=order.seed,
             truth=order.eyes == "truth",
         )

@@ -49,9 +49,10 @@ def unreported(trouble: Exception) -> None:
 class Vision:
     """Searches the frames that it is given and keeps the newest result ready: a ``Sight``.
 
-    ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view`` is the
-    camera's, in radians. ``now`` tells the time, to measure the effort. From whichever thread hands in the frames, and
-    to return at once: ``on_view(view)`` after each frame, ``changed`` after that, ``on_trouble`` for an error.
+    ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
+    ``centre`` and ``distortion`` are the camera's, as ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
+    to measure the effort. From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after
+    each frame, ``changed`` after that, ``on_trouble`` for an error.
     """
 
     def __init__(
@@ -59,6 +60,8 @@ class Vision:
         gaze: Callable[[float], Gaze | None],
         *,
         field_of_view: float,
+        centre: tuple[float, float] = (0.5, 0.5),
+        distortion: tuple[float, ...] = (),
         senses: Senses,
         now: Callable[[], float],
         changed: Callable[[], None] = unheard,
@@ -66,7 +69,7 @@ class Vision:
         on_trouble: Callable[[Exception], None] = unreported,
     ) -> None:
         self._gaze = gaze
-        self._field_of_view = field_of_view
+        self._lens = field_of_view, centre, distortion
         self._senses = senses
         self._now = now
         self._changed = changed
@@ -123,7 +126,7 @@ class Vision:
     def _search(self, frame: Frame) -> None:
         began = self._now()
         height, width = frame.image.shape[:2]
-        camera, gaze, senses = Pinhole(width, height, self._field_of_view), self._gaze(frame.stamp), self._senses
+        camera, gaze, senses = Pinhole(width, height, *self._lens), self._gaze(frame.stamp), self._senses
         view = View(
             looked=frame.stamp,
             faces=() if senses.faces is None else senses.faces.sense(frame, camera, gaze),

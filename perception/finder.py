@@ -1,79 +1,113 @@
-"""Finding faces in frame after frame, for a tenth of what a full search of each would cost.
+"""Finding faces in frame after frame, for a small part of what a full search of each would cost.
 
-The whole picture is searched until there is a face. From then on optical flow carries its box from frame to frame, and
-every few frames a search of the region around it confirms that it still is one. Now and then the whole picture is
+The whole picture is searched until there is a face: in one frame for those that are close, in the next for those
+farther away. From then on optical flow carries its box from frame to frame, and now and then a search of the region
+around it confirms that it still is one: the more seldom, the better both agree. Now and then the whole picture is
 searched again, for newcomers.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 from perception.api import Box, Detection, Image
 from perception.flow import carry
-from perception.light import Grey, grey
+from perception.light import Grey, check
 from perception.sighting import Sighting
 
 SAME = 0.3
 """Overlap from which on two boxes are one face."""
 
+SURE = 0.6
+"""Overlap from which on the detector agrees with the flow: a Haar box jitters by a tenth of its width."""
+
+CLOSE = 0.09
+"""Width of a close face, as a share of the picture's longer side: 1.7 m away, for an angle of view of 60 degrees."""
+
+RETRY = 5
+"""Frames from a search that missed a face to the next."""
+
+MISSING = 25
+"""Frames for which the whole picture is searched that often too, after a face was lost."""
+
 
 class FaceDetector(Protocol):
     """What the finder needs: a search of a whole picture, and one around a known face."""
 
-    def detect(self, image: Grey) -> Sequence[Detection]:
-        """Return the faces anywhere in the picture."""
+    def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> Sequence[Detection]:
+        """Return the faces anywhere in the picture, those at least whose width is ``smallest``..``largest`` pixels."""
         ...
 
-    def near(self, image: Grey, box: Box) -> Detection | None:
+    def near(self, image: Image | Grey, box: Box) -> Detection | None:
         """Return the face about where ``box`` is, None when there is none."""
         ...
 
 
 @dataclass(slots=True)
 class _Known:
-    """A face that is followed: ``times`` it was found, ``misses`` since, frames until its search is ``due``."""
+    """A face that is followed: ``times`` it was found, ``misses`` since, frames until its search is ``due``.
+
+    ``rest`` is from one search to the next, in frames.
+    """
 
     detection: Detection
     found: bool = True
     times: int = 1
     misses: int = 0
     due: int = 1
+    rest: int = 1
 
-    def accept(self, detection: Detection, every: int) -> None:
+    def accept(self, detection: Detection, longest: int) -> None:
         """The detector has found it again."""
+        agrees = self.detection.box.overlap(detection.box) > SURE
+        self.rest = min(2 * self.rest, longest) if agrees else 1
         self.detection, self.found = detection, True
-        self.times, self.misses, self.due = self.times + 1, 0, every
+        self.times, self.misses, self.due = self.times + 1, 0, self.rest
+
+    def miss(self) -> None:
+        """The detector has not found it where the flow has carried it."""
+        self.misses += 1
+        self.rest, self.due = 1, RETRY
 
 
 class FaceFinder:
     """Finds and follows faces through the frames of one camera or film. For one thread at a time.
 
-    ``every``: frames from one search of a face's region to the next. ``patience``: searches in a row that may miss
-    before a face is given up while flow still carries it (it has turned aside; or it never was one). ``newcomers``:
-    frames from one search of the whole picture to the next while a face is known.
+    ``every``: frames from one search of a face's region to the next, once it is sure. ``patience``: searches in a row
+    that may miss before a face is given up while flow still carries it (it has turned aside; or it never was one).
+    ``newcomers``: frames from one search of the whole picture to the next while a face is known.
     A new face is searched for again in the very next frame, and given up at the first miss: most false ones flicker.
     """
 
-    def __init__(self, detector: FaceDetector, *, every: int = 5, patience: int = 3, newcomers: int = 45) -> None:
+    def __init__(self, detector: FaceDetector, *, every: int = 10, patience: int = 3, newcomers: int = 40) -> None:
         self._detector = detector
         self._every = every
         self._patience = patience
         self._newcomers = newcomers
         self._known: list[_Known] = []
-        self._before: Grey | None = None
+        self._before: Image | Grey | None = None
         self._since_whole = 0
+        self._close_next = True
+        self._missing = 0  # frames for which a face that was lost is still looked for
 
     def find(self, image: Image | Grey) -> list[Sighting]:
         """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
-        picture = grey(image)
-        before, self._before = self._before, picture
+        check(image)
+        before, self._before = self._before, image
+        followed = self._known
         if before is not None:
-            self._known = [known for known in self._known if self._follow(known, before, picture)]
+            self._known = [known for known in followed if self._follow(known, before, image)]
+        if followed and not self._known:
+            self._expect(followed[0], image)
         self._since_whole += 1
-        if not self._known or self._since_whole >= self._newcomers:
-            self._search_whole(picture)
+        if not self._known or self._since_whole >= (RETRY if self._missing > 0 else self._newcomers):
+            self._search_whole(image)
         self._drop_doubles()
+        self._missing -= 1
+        for known in followed:
+            if known.times > 2 and all(known is not other for other in self._known):
+                self._expect(known, image)
         found = [Sighting(known.detection, known.found) for known in self._known]
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
@@ -81,33 +115,45 @@ class FaceFinder:
         """Forget everything: another film begins."""
         self._known.clear()
         self._before = None
+        self._since_whole, self._close_next, self._missing = 0, True, 0
 
-    def _follow(self, known: _Known, before: Grey, picture: Grey) -> bool:
+    def _expect(self, lost: _Known, image: Image | Grey) -> None:
+        """Look for a lost face again soon, among those of its size: somebody may just have walked past it."""
+        self._missing = MISSING
+        self._close_next = lost.detection.box.width >= CLOSE * max(image.shape)
+
+    def _follow(self, known: _Known, before: Image | Grey, image: Image | Grey) -> bool:
         """Bring a face to the new frame; False when it is gone."""
-        carried = carry(before, picture, known.detection.box)
+        carried = carry(before, image, known.detection.box)
         known.found = False
         known.due -= 1
         if carried is not None:
             known.detection = Detection(carried, known.detection.score)
             if known.due > 0:
                 return True
-        again = self._detector.near(picture, known.detection.box)
+        again = self._detector.near(image, known.detection.box)
         if again is not None:
             known.accept(again, self._every)
             return True
-        known.misses += 1
-        known.due = self._every
+        known.miss()
         return carried is not None and known.times > 1 and known.misses < self._patience
 
-    def _search_whole(self, picture: Grey) -> None:
-        """Look for newcomers, and meet those already known."""
+    def _search_whole(self, image: Image | Grey) -> None:
+        """Look for newcomers, in turns for those that are close and those that are not; meet those already known."""
         self._since_whole = 0
-        for detection in self._detector.detect(picture):
+        close = self._close_next
+        if self._missing <= 0 or not self._known:
+            self._close_next = not close
+        limit = CLOSE * max(image.shape)
+        detect = self._detector.detect
+        found = detect(image, smallest=limit) if close else detect(image, largest=1.2 * limit)
+        for detection in found:
             known = max(self._known, key=lambda k: k.detection.box.overlap(detection.box), default=None)
             if known is not None and known.detection.box.overlap(detection.box) > SAME:
                 known.accept(detection, self._every)
             else:
                 self._known.append(_Known(detection))
+                self._missing = 0
 
     def _drop_doubles(self) -> None:
         """Where two boxes have come to lie on one face, keep the one known for longer."""

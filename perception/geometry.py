@@ -17,6 +17,9 @@ Measured on three portraits as the box's width over the distance between the pup
 0.178 and 0.144 m. Expect a distance formed with it to be off by 20 %.
 """
 
+UNBENDING = 12
+"""Iterations that undo the distortion: to a hundredth of a pixel in the corners of a webcam's picture."""
+
 
 def wrap(angle: float) -> float:
     """Return the same direction within -pi..pi."""
@@ -25,20 +28,29 @@ def wrap(angle: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pinhole:
-    """A camera without distortion: its picture in pixels, and the horizontal angle of view in radians.
+    """A camera: its picture in pixels, and the horizontal angle of view in radians that its focal length makes.
 
-    Raises ValueError for a picture without pixels or an angle that is not between 0 and pi.
+    ``centre`` is where the optical axis meets the picture, as shares of width and height. ``distortion`` is nothing,
+    or (k1, k2, p1, p2, k3) as OpenCV's calibration gives them: Brown's model, radial and tangential.
+    Raises ValueError for a picture without pixels, an angle that is not between 0 and pi, a centre outside the
+    picture, another number of coefficients.
     """
 
     width: int
     height: int
     field_of_view: float
+    centre: tuple[float, float] = (0.5, 0.5)
+    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.width <= 0 or self.height <= 0:
             raise ValueError(f"camera: a picture of {self.width}x{self.height} pixels cannot be")
         if not 0 < self.field_of_view < pi:
             raise ValueError(f"camera: the angle of view must be between 0 and pi rad, not {self.field_of_view}")
+        if not all(0 < share < 1 for share in self.centre):
+            raise ValueError(f"camera: the centre must lie in the picture, not at {self.centre} of its sides")
+        if len(self.distortion) not in (0, 5):
+            raise ValueError(f"camera: the distortion is k1, k2, p1, p2, k3, not {len(self.distortion)} numbers")
 
     @property
     def focal(self) -> float:
@@ -47,8 +59,11 @@ class Pinhole:
 
     def angles(self, x: float, y: float) -> tuple[float, float]:
         """Return the (bearing, drop) of a pixel from the optical axis, in radians, left and down positive."""
-        left, down = self.width / 2 - x, y - self.height / 2
-        return atan2(left, self.focal), atan2(down, hypot(left, self.focal))
+        right = (x - self.centre[0] * self.width) / self.focal
+        down = (y - self.centre[1] * self.height) / self.focal
+        if self.distortion:
+            right, down = self._straight(right, down)
+        return atan2(-right, 1.0), atan2(down, hypot(right, 1.0))
 
     def pixel(self, bearing: float, drop: float) -> tuple[float, float]:
         """Return the pixel (x, y) of a direction; it may lie outside the picture.
@@ -57,8 +72,29 @@ class Pinhole:
         """
         if not (abs(bearing) < pi / 2 and abs(drop) < pi / 2):
             raise ValueError(f"camera: {bearing:.3f} rad left, {drop:.3f} rad down is not in front of it")
-        left = self.focal * tan(bearing)
-        return self.width / 2 - left, self.height / 2 + tan(drop) * hypot(left, self.focal)
+        right = -tan(bearing)
+        down = tan(drop) * hypot(right, 1.0)
+        if self.distortion:
+            right, down = self._bent(right, down)
+        return self.centre[0] * self.width + self.focal * right, self.centre[1] * self.height + self.focal * down
+
+    def _bent(self, x: float, y: float) -> tuple[float, float]:
+        """Return where the lens shows a point of the plane one focal length ahead, both in focal lengths."""
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        )
+
+    def _straight(self, x: float, y: float) -> tuple[float, float]:
+        """Undo ``_bent`` by fixed-point iteration: a lens bends little enough for it to settle."""
+        true_x, true_y = x, y
+        for _ in range(UNBENDING):
+            bent_x, bent_y = self._bent(true_x, true_y)
+            true_x, true_y = true_x + x - bent_x, true_y + y - bent_y
+        return true_x, true_y
 
     def distance(self, face: Box) -> float:
         """Guess how far away a face is, in metres, from the width of its Haar box. Raises ValueError for no width."""

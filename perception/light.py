@@ -12,15 +12,18 @@ Grey = npt.NDArray[np.uint8]
 """A picture without colour: shape (height, width), dtype uint8."""
 
 
-def grey(image: Image | Grey) -> Grey:
-    """Return ``image`` without its colours; a grey one as it is. Raises ValueError for anything else."""
+def check(image: Image | Grey) -> None:
+    """Raise ValueError for what is not a picture, in colour or grey, of 8 bits a channel."""
     if image.dtype != np.uint8 or image.size == 0:
         raise ValueError(f"picture: expected 8 bits a channel and at least one pixel, got {image.dtype} {image.shape}")
-    if image.ndim == 2:
-        return image
-    if image.ndim == 3 and image.shape[2] == 3:
-        return cast(Grey, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-    raise ValueError(f"picture: expected (height, width, 3) or (height, width), got {image.shape}")
+    if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
+        raise ValueError(f"picture: expected (height, width, 3) or (height, width), got {image.shape}")
+
+
+def grey(image: Image | Grey) -> Grey:
+    """Return ``image`` without its colours; a grey one as it is. Raises ValueError for anything else."""
+    check(image)
+    return image if image.ndim == 2 else cast(Grey, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
 def even_out(picture: Grey, *, tiles: int) -> Grey:
@@ -32,10 +35,10 @@ def even_out(picture: Grey, *, tiles: int) -> Grey:
 
 
 def resized(picture: Grey, scale: float) -> Grey:
-    """Return the picture ``scale`` times as large: averaged when it shrinks, interpolated when it grows."""
+    """Return the picture ``scale`` times as large: averaged when it shrinks to less than half, else interpolated."""
     if scale == 1.0:
         return picture
-    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    how = cv2.INTER_AREA if scale < 0.5 else cv2.INTER_LINEAR
     size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
     return cast(Grey, cv2.resize(picture, size, interpolation=how))
 

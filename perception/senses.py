@@ -39,7 +39,7 @@ class Finder(Protocol):
 class FaceSense:
     """Faces, found by ``finder`` and followed by ``tracker``."""
 
-    def __init__(self, finder: Finder, tracker: Tracker) -> None:
+    def __init__(self, finder: Finder, tracker: Tracker[Face]) -> None:
         self._finder = finder
         self._tracker = tracker
 

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-from perception.api import Detection
+from perception.api import Box, Detection, Face, Percept
+from perception.geometry import Pinhole
+from perception.tracks import common
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,3 +13,21 @@ class Sighting:
 
     detection: Detection
     found: bool
+
+    @property
+    def box(self) -> Box:
+        """Where in the frame."""
+        return self.detection.box
+
+    @property
+    def kind(self) -> str:
+        """What it can be followed as: any face may be that of anybody."""
+        return "face"
+
+    def distance(self, camera: Pinhole) -> float:
+        """Guess how far away it is, in metres."""
+        return camera.distance(self.box)
+
+    def percept(self, followed: Percept) -> Face:
+        """Return what others are told of it."""
+        return Face(**common(followed))

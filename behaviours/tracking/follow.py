@@ -1,21 +1,20 @@
-"""Following a face with head and base: from where it will be to the next commands, by fuzzy rules. Pure arithmetic.
+"""Following a target with head and base: from where it will be to the next commands, by rules. Pure arithmetic.
 
 The head is told positions. The rules say how fast its aim should turn, and the follower adds that up into a goal; it
-aims at where the face will be when the command acts, so neither a walking person nor a turning base makes the head lag.
-The base turns by the head's pan: the head leads, the base follows.
+aims at where the target will be when the command acts, so neither a walking person nor a turning base makes the head
+lag. The base turns by the head's pan: the head leads, the base follows. A base without a head turns by the target.
 """
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from behaviours.tracking.fuzzy import Controller
+from behaviours.tracking.ahead import Ahead, Turning
+from behaviours.tracking.offset import Expected, Shown, View
+from behaviours.tracking.rules import EDGE, ERROR, PAN, RATE, Law, RuleBases
 from drivers.api import HeadLimits, HeadPose
-from perception.api import Face
+from perception.api import Face, Percept
 
-Surface = Callable[..., float]
-"""A controller or its table: one number out of one for each input."""
+__all__ = ["Command", "Follower", "RuleBases", "Turning"]
 
 LONGEST_STEP = 0.1
 """Seconds: a step counts for no longer, so that a late tick makes no leap."""
@@ -23,32 +22,14 @@ LONGEST_STEP = 0.1
 PAUSE = 0.5
 """Seconds without a step after which the follower starts afresh: someone else may have moved the head."""
 
+HEAD_LAG = 0.005
+"""Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
 
-@dataclass(frozen=True, slots=True)
-class RuleBases:
-    """The rules to follow by, each worked out to a surface.
+BASE_LAG = 0.01
+"""Seconds, on the average, until a base's driver passes a command on: it does so 50 times a second."""
 
-    ``pan`` and ``tilt`` give the aim's rate (rad/s) from its error (radians) and the face's rate (rad/s), both in the
-    robot's frame; ``base`` gives the base's turn (rad/s) from the head's pan (radians).
-    """
-
-    pan: Surface
-    tilt: Surface
-    base: Surface
-
-    @classmethod
-    def from_mapping(cls, mapping: Mapping[str, Any]) -> "RuleBases":
-        """Make them of plain SI values: ``pan`` and ``tilt`` with inputs error and rate, ``base`` with input pan.
-
-        Raises ValueError for what ``Controller.from_mapping`` refuses, other inputs, or a rule base of another name.
-        """
-        if unknown := mapping.keys() - {"pan", "tilt", "base"}:
-            raise ValueError(f"'{min(unknown)}' is none of the rule bases pan, tilt and base")
-        return cls(
-            pan=_surface(mapping, "pan", ("error", "rate")),
-            tilt=_surface(mapping, "tilt", ("error", "rate")),
-            base=_surface(mapping, "base", ("pan",)),
-        )
+TURN_ACCELERATION = 3.5
+"""rad/s^2: how quickly a base changes its turn, unless told otherwise; the 200 degrees/s^2 of the robot files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,59 +41,108 @@ class Command:
 
 
 class Follower:
-    """Follows one face. Call ``step`` at every tick for as long as there is one.
+    """Follows one target. Call ``step`` at every tick for as long as there is one.
 
-    ``max_turn`` in rad/s, 0 for a robot without a base; ``latency`` in seconds from giving a command to its effect.
+    ``limits`` are the head's, None for a robot without one; ``max_turn`` in rad/s, 0 for a robot without a base.
+    ``lag`` is how many seconds the base takes to begin what it is told, ``acceleration`` (rad/s^2) how quickly it then
+    changes its turn.
     """
 
-    def __init__(self, rules: RuleBases, *, limits: HeadLimits, max_turn: float, latency: float = 0.0) -> None:
+    def __init__(
+        self,
+        rules: RuleBases,
+        *,
+        limits: HeadLimits | None,
+        max_turn: float,
+        lag: float = 0.0,
+        acceleration: float = TURN_ACCELERATION,
+    ) -> None:
         self._rules = rules
         self._limits = limits
         self._max_turn = max_turn
-        self._latency = latency
+        self._lag = lag + BASE_LAG
+        self._ahead = Ahead(lag=self._lag, acceleration=acceleration)
+        self._view: View = Expected()
+        self._by_edge = any(law is not None and EDGE in law.inputs for law in (rules.pan, rules.base, rules.turn))
         self._goal = HeadPose(0.0, 0.0)
         self._last = -math.inf
 
-    def step(self, now: float, face: Face, *, head: HeadPose, heading: float, turning: float) -> Command:
-        """Return what to command now, to follow ``face``.
+    def step(self, now: float, target: Percept, *, head: HeadPose, base: Turning) -> Command:
+        """Return what to command now, to follow ``target``.
 
-        ``head`` is the pose last commanded, and matters for a first step, or one after a pause; ``heading`` (radians)
-        and ``turning`` (rad/s) are the base's, in the odometry frame of the face. Raises ValueError for a face or a
+        ``head`` is the pose last commanded, and matters for a first step, or one after a pause. ``base`` is how the
+        base was last known to stand and turn, in the odometry frame of the target. Raises ValueError for a target or a
         base with a value that is not finite; the goal stays as it was.
         """
-        yaw, pitch = face.predict(now + self._latency)
-        if not all(map(math.isfinite, (yaw, pitch, heading, turning))):
-            raise ValueError(f"follow: not finite: face at {yaw}, {pitch}; base at {heading}, turning {turning}")
+        yaw, pitch = target.predict(now)
+        if not all(map(math.isfinite, (yaw, pitch, target.bearing, target.drop, base.heading, base.rate))):
+            raise ValueError(
+                f"follow: not finite: target at {yaw}, {pitch}; base at {base.heading}, turning {base.rate}"
+            )
         elapsed = now - self._last
         if elapsed > PAUSE:
-            self._goal = self._limits.clamp(head)
+            self._begin(head)
         span = min(max(elapsed, 0.0), LONGEST_STEP)
         self._last = max(now, self._last)
-        # The remainder takes the shorter way round to a face behind.
-        bearing = math.remainder(yaw - heading - turning * self._latency, math.tau)
-        goal = HeadPose(
-            pan=self._goal.pan + self._stride(self._rules.pan, bearing - self._goal.pan, face.yaw_rate - turning, span),
-            tilt=self._goal.tilt + self._stride(self._rules.tilt, pitch - self._goal.tilt, face.pitch_rate, span),
-        )
-        self._goal = self._limits.clamp(goal)
-        turn = self._rules.base(self._goal.pan)
-        return Command(self._goal, min(max(turn, -self._max_turn), self._max_turn))
+        known = {EDGE: target.box.x} if isinstance(target, Face) else {}
+        if EDGE not in known and self._by_edge:
+            raise ValueError(f"follow: the rules go by '{EDGE}', which is not known of this {type(target).__name__}")
+        if self._limits is None:
+            turn = self._turn(now, target, base, span, known)
+        else:
+            turn = self._look(now, target, base, span, known, self._limits)
+        turn = min(max(turn, -self._max_turn), self._max_turn)
+        self._ahead.tell(now, turn)
+        return Command(self._goal, turn)
 
-    def _stride(self, surface: Surface, error: float, rate: float, span: float) -> float:
-        """Return how far the aim moves in ``span`` seconds: never past where the face will be at their end.
+    def _begin(self, head: HeadPose) -> None:
+        """Start afresh from where the head looks."""
+        self._goal = HeadPose(0.0, 0.0) if self._limits is None else self._limits.clamp(head)
+        self._ahead.forget()
+        self._view = Expected() if self._rules.predict else Shown()
 
-        That keeps any rules from swinging about the face, however steep they are and however slow the ticks.
+    def _turn(self, now: float, target: Percept, base: Turning, span: float, known: dict[str, float]) -> float:
+        """Return how fast a base without a head should turn."""
+        # A turn rate is in force until the next one: what counts is the middle of that time.
+        time = now + self._lag + span / 2
+        off = self._view.off(target, time=time, base=self._ahead.at(time, base), aim=self._goal)
+        # The rate is the target's own: the base is to take it up, not to take itself for a target.
+        rate = target.yaw_rate if self._rules.predict else off.left_rate
+        return _asked(self._rules.turn, {**known, ERROR: off.left, RATE: rate})
+
+    def _look(
+        self, now: float, target: Percept, base: Turning, span: float, known: dict[str, float], limits: HeadLimits
+    ) -> float:
+        """Move the head's goal on; return how fast the base should turn after it."""
+        rules, goal = self._rules, self._goal
+        # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
+        time = now + HEAD_LAG - span / 2
+        off = self._view.off(target, time=time, base=self._ahead.at(time, base), aim=goal)
+        across = {**known, ERROR: off.left + _trail(off.left_rate, limits), RATE: off.left_rate}
+        down = {ERROR: off.down + _trail(off.down_rate, limits), RATE: off.down_rate}
+        if not rules.predict:
+            across[ERROR], down[ERROR] = off.left, off.down
+        pan, tilt = self._stride(rules.pan, across, span, limits), self._stride(rules.tilt, down, span, limits)
+        self._goal = limits.clamp(HeadPose(goal.pan + pan, goal.tilt + tilt))
+        return _asked(rules.base, {**across, PAN: self._goal.pan})
+
+    def _stride(self, law: Law | None, known: dict[str, float], span: float, limits: HeadLimits) -> float:
+        """Return how far the aim moves in ``span`` seconds: never past where the target will be at their end.
+
+        That keeps any rules from swinging about a target that is foreseen, however steep they are and slow the ticks.
         """
-        speed = self._limits.speed
-        stride = min(max(surface(error, rate), -speed), speed) * span
-        reach = error + rate * span
+        stride = min(max(_asked(law, known), -limits.speed), limits.speed) * span
+        if not self._rules.predict:
+            return stride
+        reach = known[ERROR] + known[RATE] * span
         return min(max(stride, min(reach, 0.0)), max(reach, 0.0))
 
 
-def _surface(mapping: Mapping[str, Any], name: str, inputs: tuple[str, ...]) -> Surface:
-    found = mapping.get(name)
-    controller = Controller.from_mapping(name, found if isinstance(found, Mapping) else {})
-    names = tuple(variable.name for variable in controller.inputs)
-    if names != inputs:
-        raise ValueError(f"{name}: its inputs must be {', '.join(inputs)}, not {', '.join(names)}")
-    return controller.tabulate()
+def _asked(law: Law | None, known: dict[str, float]) -> float:
+    """Return what a law asks for; nothing, where there is none."""
+    return 0.0 if law is None else law(known)
+
+
+def _trail(rate: float, limits: HeadLimits) -> float:
+    """Return how far a head trails a goal that moves at ``rate``: by the way in which it would brake for it."""
+    return rate * abs(rate) / (2 * limits.acceleration)

@@ -5,7 +5,7 @@ import math
 from behaviours.base import obstacle
 from behaviours.leaf import argument
 from behaviours.tracking.track_face import TrackFace
-from perception.api import Face
+from perception.api import Percept
 
 EAGERNESS = 0.8
 """Speed in m/s for each metre too far: with a Kobuki's dead time of 0.25 s it arrives without overshooting."""
@@ -33,8 +33,8 @@ class FollowPerson(TrackFace):
         state = self.robot.base.state().value
         return "" if state is None else obstacle(state, forward=True)
 
-    def forward(self, face: Face, pan: float) -> float:
-        too_far = face.distance - self.distance - SLACK
+    def forward(self, target: Percept, pan: float) -> float:
+        too_far = target.distance - self.distance - SLACK
         # Without fresh reports neither an obstacle nor the way gone is known.
         if not too_far > 0.0 or abs(pan) >= AHEAD or not self.robot.base.state().good:  # nor does it drive by a NaN
             return 0.0

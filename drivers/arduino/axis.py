@@ -12,6 +12,10 @@ MIDDLE = 90
 FULL = 180
 """The largest angle in degrees; from 544 on the Servo library would take the number for microseconds."""
 
+TRAILING = 0.0125
+"""Seconds by which the servos are behind the pose that is told of a past time: that is a straight line between what
+they were sent 50 times a second, while they stay where they are until sent on, and then need their time."""
+
 STARTS = (90, 120, 90, 90)
 """Degrees to which the Rodney sketch sends servos 0 to 3 when it starts."""
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, unheard
-from drivers.arduino.axis import ServoAxis
+from drivers.arduino.axis import TRAILING, ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
@@ -78,8 +78,8 @@ class ArduinoHead:
         return newest if self.board.ready else replace(newest, quality=Quality.STALE)
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the servos had been sent at a past time, interpolated; None when that is not known."""
-        values = self._history.at(stamp)
+        """Where the servos stood at a past time, by what they were sent, interpolated; None when that is not known."""
+        values = self._history.at(stamp - TRAILING)
         return None if values is None else HeadPose(*values)
 
     def stop(self) -> None:

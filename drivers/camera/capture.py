@@ -4,6 +4,7 @@ from threading import Condition, Event, Thread
 
 from drivers.api import CameraFrame, Health, Image, Notice, Report
 from drivers.camera.feed import Feed
+from drivers.camera.freshness import Freshness
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -32,6 +33,7 @@ class Capture:
         self._loop = loop
         self._retry = retry
         self._report = guarded(report)
+        self._freshness = Freshness(name, self._report)
         self._arrived = Condition()
         self._frame: CameraFrame | None = None
         self._given = -1
@@ -63,20 +65,30 @@ class Capture:
             if frame is not None:
                 self._dropped += frame.number - self._given - 1
                 self._given = frame.number
-            return frame
+                return frame
+            silent = None if self._ending.is_set() else self._silent()
+        if silent is not None:  # the camera's own thread may be stuck in its driver
+            self._lost(silent)
+        return None
 
     def health(self) -> Health:
         """Say whether pictures arrive, and if not, why."""
         with self._arrived:
             counters = {"frames": self._frames, "dropped": self._dropped, "starts": self._starts}
-            trouble = self._trouble
-            if self._online and self._frame is not None:
-                silent = self._clock.now() - self._frame.stamp
-                if silent <= self._silence:
-                    return Health(online=True, counters=counters)
-                detail = f"{self._name}: {self._feed.what}: no picture for {silent:.1f} s"
-                trouble = NotConnected(detail, hint=self._feed.hint)
+            trouble = self._silent() if self._online else self._trouble
+            detail, hint = self._freshness.trouble
+        if trouble is None:
+            return Health(online=True, detail=detail, hint=hint, counters=counters)
         return Health(online=False, detail=str(trouble), hint=trouble.hint, counters=counters)
+
+    def _silent(self) -> NotConnected | None:
+        """Return what to say of a camera that counts as online, and yet gives nothing; None while it gives pictures."""
+        if not self._online or self._frame is None:
+            return None
+        silent = self._clock.now() - self._frame.stamp
+        if silent <= self._silence:
+            return None
+        return NotConnected(f"{self._name}: {self._feed.what}: no picture for {silent:.1f} s", hint=self._feed.hint)
 
     def _newest(self) -> CameraFrame | None:
         return self._frame if self._frame is not None and self._frame.number > self._given else None
@@ -97,12 +109,15 @@ class Capture:
         """Pass pictures on until there are no more; return what is the matter then, None to start at once again."""
         period = self._feed.start()
         self._starts += 1
+        self._freshness.restart()
         before = self._frames
         self._silence = max(_SILENCE, 3 * (period or 0.0))
         while (image := self._feed.grab()) is not None:
             if self._ending.is_set() or (period is not None and not self._paced(period)):
                 return None
             self._offer(image)
+            if period is None:  # a recording may well hold still
+                self._freshness.take(image, self._clock.now())
         who, shown = f"{self._name}: {self._feed.what}", self._frames - before
         if shown == 0:
             return NotConnected(f"{who}: gives no picture that can be decoded", hint=self._feed.hint)

@@ -13,6 +13,8 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest
 from missions.assembly import parts
 from missions.assembly.assembled import Assembled
+from missions.assembly.detectors import face_detector
+from missions.assembly.interests import Interests
 from missions.assembly.simulation import Simulation
 from perception.api import Gaze, View
 from perception.eyes import Eyes
@@ -29,15 +31,15 @@ class Wishes:
     """What the caller asks for beyond the robot file.
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
-    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``senses`` are what the
-    mission looks for.
+    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
+    what the mission looks for.
     """
 
     world: WorldConfig | None = None
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
-    senses: frozenset[str] = frozenset()
+    interests: Interests = field(default_factory=Interests)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,9 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
         sight = parts.vision(
             lambda stamp: gaze(stamp, base, head),
             clock,
-            senses=wishes.senses,
+            interests=wishes.interests,
+            detector=face_detector(config.camera),
+            lens=config.camera if simulation is None else None,
             field_of_view=camera.field_of_view,
             report=ears.report,
             seen=ears.seen,

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Literal
 
+from config.colours import COLOURS
 from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
 from config.robot import ArmConfig, BaseConfig, CameraConfig, JointConfig, RobotConfig
 from drivers.api import Camera, Joints, Notice, Report, Voice
@@ -21,11 +22,14 @@ from drivers.link import Link
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.synthesiser import find_synthesiser
+from missions.assembly.interests import Interests
 from perception.api import Gaze, View
+from perception.change import MotionSense
 from perception.eyes import Vision
-from perception.faces import HaarFaces
-from perception.finder import FaceFinder
+from perception.finder import FaceDetector, FaceFinder
+from perception.markers import MarkerSense
 from perception.senses import FaceSense, Senses
+from perception.things import ThingSense
 from perception.tracks import Tracker
 
 
@@ -123,16 +127,29 @@ def vision(
     gaze: Callable[[float], Gaze | None],
     clock: Clock,
     *,
-    senses: frozenset[str],
+    interests: Interests,
+    detector: FaceDetector,
     field_of_view: float,
+    lens: CameraConfig | None,
     report: Report,
     seen: Callable[[View], None],
 ) -> Vision:
-    """Return what searches the pictures of a camera, with those of its ``senses`` that somebody listens to."""
+    """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
+
+    ``lens`` is what calibration found of it, None for an ideal one.
+    """
+    senses = Senses(
+        faces=FaceSense(FaceFinder(detector), Tracker()) if interests.faces else None,
+        things=ThingSense(interests.wanted, COLOURS) if interests.wanted else None,
+        markers=None if interests.markers is None else MarkerSense(interests.markers),
+        scene=MotionSense() if interests.motion else None,
+    )
     return Vision(
         gaze,
         field_of_view=field_of_view,
-        senses=Senses(faces=FaceSense(FaceFinder(HaarFaces()), Tracker()) if "faces" in senses else None),
+        centre=(0.5, 0.5) if lens is None else lens.centre,
+        distortion=() if lens is None else lens.distortion,
+        senses=senses,
         now=clock.now,
         on_view=seen,
         on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),

@@ -1,26 +1,26 @@
 """Eyes in simulated time: a picture is taken when it is due, and what it shows is known a little later."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Generic, TypeVar
 
-from drivers.sim.people import Presence
+from config.colours import COLOURS
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from perception.api import Box, Detection, Face, Gaze, Marker, Scene, Thing, View
-from perception.geometry import FACE_WIDTH, Pinhole
+from missions.assembly.interests import Interests
+from missions.assembly.truth import Flaws, Truth
+from perception.api import Face, Gaze, Marker, Scene, Thing, View
+from perception.geometry import Pinhole
+from perception.markers import MarkerSighting
 from perception.sighting import Sighting
+from perception.things import ThingSighting
 from perception.tracks import Tracker
 
+__all__ = ["Flaws", "Glimpse", "SteppedEyes", "TrueSight"]
+
 T = TypeVar("T")
-
-FACE_DROP = 0.03
-"""Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
-
-SMALLEST = 28.0
-"""Pixels of a face's width below which the detector does not see it either (``perception.faces``)."""
 
 DARKEST = 0.08
 """The share of daylight below which it sees nothing."""
@@ -74,16 +74,10 @@ class Glimpse:
     """What a perfect detector would find in the picture taken at ``stamp``."""
 
     stamp: float
-    sightings: tuple[Sighting, ...]
     scene: Scene
-
-
-@dataclass(frozen=True, slots=True)
-class Flaws:
-    """What true eyes lack: the share of faces missed in each picture, and pixels of noise (one sigma) in each box."""
-
-    missed: float = 0.02
-    noise: float = 1.0
+    faces: tuple[Sighting, ...] = ()
+    things: tuple[ThingSighting, ...] = ()
+    markers: tuple[MarkerSighting, ...] = ()
 
 
 class TrueSight:
@@ -102,16 +96,18 @@ class TrueSight:
         flaws: Flaws,
         seed: int,
         on_view: Callable[[View], None],
+        interests: Interests | None = None,
     ) -> None:
         self._world = world
         self._viewpoint = viewpoint
         self._gaze = gaze
         self._lens = lens
-        self._flaws = flaws
-        self._random = Random(seed)  # noqa: S311 - noise is no secret
-        self._tracker = Tracker()
+        self._interests = interests or Interests()
+        self._truth = Truth(world, lens, flaws, Random(seed))  # noqa: S311 - noise is no secret
+        self._faces, self._things, self._markers = Tracker[Face](), Tracker[Thing](), Tracker[Marker]()
         self._on_view = on_view
         self._view = View()
+        self._glimpsed: float | None = None
 
     def faces(self) -> tuple[Face, ...]:
         """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
@@ -137,37 +133,31 @@ class TrueSight:
         """Return what a picture taken at ``now`` would show; nothing through a covered lens, which is ``dark``."""
         light = 0.0 if dark else self._world.light_at(now)
         scene = Scene(now, brightness=min(255.0, 150.0 * light), contrast=40.0 * min(1.0, light))
+        interests, before = self._interests, self._glimpsed
+        self._glimpsed = now
+        if interests.motion:
+            scene = replace(scene, motion=0.0)
         if light < DARKEST:
-            return Glimpse(now, (), scene)
-        view = self._viewpoint(now)
-        found = [box for presence in self._world.people_at(now) if (box := self._box(presence, view, now)) is not None]
-        found.sort(key=lambda box: -box.width)
-        return Glimpse(now, tuple(Sighting(Detection(box, 5.0), found=True) for box in found), scene)
-
-    def _box(self, presence: Presence, view: Viewpoint, now: float) -> Box | None:
-        """Return where a face is in the picture; None where it is not to be seen, or is missed this time."""
-        if not presence.shows_face(view.x, view.y):
-            return None
-        height = presence.eyes - FACE_DROP
-        right, down, ahead = view.sees(presence.x, presence.y, height)
-        if ahead <= 0:
-            return None
-        lens, flaws, random = self._lens, self._flaws, self._random
-        width = FACE_WIDTH * lens.focal / ahead
-        x = lens.width / 2 + lens.focal * right / ahead + random.gauss(0.0, flaws.noise)
-        y = lens.height / 2 + lens.focal * down / ahead + random.gauss(0.0, flaws.noise)
-        half = width / 2
-        inside = half <= x <= lens.width - half and half <= y <= lens.height - half
-        if not inside or width < SMALLEST or random.random() < flaws.missed:
-            return None
-        if not self._world.visible((view.x, view.y, view.z), (presence.x, presence.y, height), now):
-            return None
-        return Box(x - half, y - half, width, width)
+            return Glimpse(now, scene)
+        view, truth = self._viewpoint(now), self._truth
+        if interests.motion and before is not None:
+            scene = replace(scene, motion=truth.motion(view, before, now))
+        return Glimpse(
+            now,
+            scene,
+            truth.faces(view, now) if interests.faces else (),
+            truth.things(view, now, interests.wanted, COLOURS) if interests.wanted else (),
+            () if interests.markers is None else truth.markers(view, now, interests.markers),
+        )
 
     def see(self, glimpse: Glimpse) -> None:
         """Take in what was glimpsed."""
-        faces = self._tracker.update(
-            glimpse.sightings, camera=self._lens, gaze=self._gaze(glimpse.stamp), stamp=glimpse.stamp
+        camera, gaze, stamp = self._lens, self._gaze(glimpse.stamp), glimpse.stamp
+        self._view = View(
+            looked=stamp,
+            faces=self._faces.update(glimpse.faces, camera=camera, gaze=gaze, stamp=stamp),
+            things=self._things.update(glimpse.things, camera=camera, gaze=gaze, stamp=stamp),
+            markers=self._markers.update(glimpse.markers, camera=camera, gaze=gaze, stamp=stamp),
+            scene=glimpse.scene,
         )
-        self._view = View(looked=glimpse.stamp, faces=faces, scene=glimpse.scene)
         self._on_view(self._view)

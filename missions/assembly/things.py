@@ -1,4 +1,4 @@
-"""What missions name and the library holds: gestures and controllers, as leaves take them."""
+"""What missions name and the library holds: gestures, controllers and objects, as leaves take them."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -6,10 +6,13 @@ from typing import TypeVar
 
 from behaviours.tracking.follow import RuleBases
 from config.controller import load_controller
-from config.faults import InvalidFileError
+from config.faults import InvalidFileError, did_you_mean
 from config.gesture import load_gesture
-from config.library import UnknownNameError, find
+from config.library import UnknownNameError, find, shipped
+from config.object import ObjectConfig, load_object, read_phrase
 from drivers.api import Gesture, Keyframe
+from missions.language.plan import Step
+from perception.wanted import Wanted
 
 T = TypeVar("T")
 
@@ -29,7 +32,30 @@ def controller(name: str) -> RuleBases:
         raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
 
 
-THINGS: Mapping[str, Callable[[str], object]] = {"gesture": gesture, "controller": controller}
+def wanted(name: str) -> Wanted:
+    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``gesture`` does."""
+    found = _object(name)
+    return Wanted(found.name, found.colour, found.shape, found.size)
+
+
+def _object(name: str) -> ObjectConfig:
+    if name in shipped("objects") or Path(name).suffix in (".yaml", ".yml"):
+        return _load(load_object, "objects", name)
+    try:
+        return read_phrase(name)
+    except ValueError as error:
+        # One word is a name more likely than a colour with a slip in it.
+        close = "" if " " in name.strip() else did_you_mean(name, shipped("objects"))
+        raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
+
+
+def looked_for(tree: Step) -> tuple[Wanted, ...]:
+    """Return the objects that a mission names, each once: what its sense for things is to look for."""
+    values = (value.constant for step in tree.walk() for value in step.arguments.values())
+    return tuple(dict.fromkeys(value for value in values if isinstance(value, Wanted)))
+
+
+THINGS: Mapping[str, Callable[[str], object]] = {"gesture": gesture, "controller": controller, "object": wanted}
 """How each kind of thing is found."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from behaviours.robot import Robot
 from config.head import HeadConfig, NeckConfig
-from config.robot import ArmConfig, BaseConfig, RobotConfig
+from config.robot import ArmConfig, BaseConfig, CameraConfig, RobotConfig
 from config.world import WorldConfig
 from drivers.api import CameraFrame, Device, Image, Pose2D
 from drivers.sim.acts import Reply
@@ -29,6 +29,8 @@ from drivers.sim.world import World
 from missions.assembly import parts
 from missions.assembly.assemble import Ears, gaze, with_carriers
 from missions.assembly.assembled import Assembled, Looking
+from missions.assembly.detectors import face_detector
+from missions.assembly.interests import Interests
 from missions.assembly.seeing import Flaws, Glimpse, SteppedEyes, TrueSight
 from missions.assembly.worlds import build_world
 from perception.api import Gaze
@@ -92,7 +94,7 @@ def twin_robot(
     world: WorldConfig,
     ears: Ears,
     *,
-    senses: frozenset[str],
+    interests: Interests,
     seed: int,
     truth: bool,
 ) -> tuple[Twins, Assembled]:
@@ -102,7 +104,7 @@ def twin_robot(
     """
     chosen = with_carriers(config, chosen)
     twins = Twins(timeline, build_world(world))
-    make = _Maker(twins, world, ears, senses, seed)
+    make = _Maker(twins, world, config.camera, ears, interests, seed)
     if config.base is not None and "base" in chosen:
         twins.base = make.base(config.base)
     if config.arm is not None and "arm" in chosen:
@@ -137,12 +139,21 @@ def twin_robot(
 class _Maker:
     """Makes the twins of one robot."""
 
-    def __init__(self, twins: Twins, world: WorldConfig, ears: Ears, senses: frozenset[str], seed: int) -> None:
+    def __init__(
+        self,
+        twins: Twins,
+        world: WorldConfig,
+        camera: CameraConfig | None,
+        ears: Ears,
+        interests: Interests,
+        seed: int,
+    ) -> None:
         self._twins = twins
         self._clock = twins.timeline.clock
         self._world = world
         self._ears = ears
-        self._senses = senses
+        self._interests = interests
+        self._camera = camera
         self._seed = seed
 
     def base(self, config: BaseConfig) -> BaseTwin:
@@ -222,7 +233,9 @@ class _Maker:
         vision = parts.vision(
             self._gaze,
             self._clock,
-            senses=self._senses,
+            interests=self._interests,
+            detector=face_detector(self._camera),
+            lens=None,  # what draws the pictures is ideal
             field_of_view=twins.lens.field_of_view,
             report=ears.report,
             seen=ears.seen,
@@ -247,6 +260,7 @@ class _Maker:
             flaws=Flaws(),
             seed=self._seed,
             on_view=self._ears.seen,
+            interests=self._interests,
         )
         newest = sight.glimpse(0.0, dark=True)
 

@@ -8,11 +8,12 @@ import click
 from config.controller import load_controller
 from config.gesture import load_gesture
 from config.library import shipped
+from config.object import load_object
 from config.robot import load_robot
 from config.world import load_world
 from missions.library import load_mission, shipped_missions
 
-KINDS = ("missions", "robots", "worlds", "gestures", "controllers")
+KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 
 
 @click.command()
@@ -39,4 +40,5 @@ _SUMMARIES: dict[str, Callable[[Path], str]] = {
     "worlds": lambda path: load_world(path).summary,
     "gestures": lambda path: load_gesture(path).summary,
     "controllers": lambda path: load_controller(path).summary,
+    "objects": lambda path: load_object(path).summary,
 }

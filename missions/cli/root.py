@@ -19,15 +19,20 @@ COMMANDS = {
     "motion": "Run one of the eight motions of the TurtleBot course, by number.",
     "check": "Check missions without running them.",
     "test": "Play the tests of missions, in simulated time.",
+    "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
     "verify": "Prove that missions can end, stop cleanly and keep their promises.",
     "show": "Draw a mission's tree.",
-    "list": "List the missions, robots, worlds, gestures and controllers there are.",
+    "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",
     "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
     "behaviours": "Say what a mission can be made of.",
     "schema": "Write the JSON Schema of missions, for editors.",
     "simulate": "Run a robot's virtual devices alone, for other programs to use.",
     "head": "Move the head by hand: look, center, where, and trim it straight.",
-    "see": "Look for faces in pictures, folders and videos.",
+    "controller": "Show how behaviours track, and compare controllers side by side.",
+    "tune": "Find better numbers for a controller, in simulation.",
+    "see": "Look for faces, things and markers in pictures, folders and videos.",
+    "camera": "List cameras, and calibrate them.",
+    "models": "List trained models that can be fetched, and fetch them.",
 }
 """The subcommands: each is ``command`` in a module of its name, imported only when it is used."""
 

@@ -1,88 +1,130 @@
 """``mission see``: what perception finds in pictures and videos, as text, as JSON, and drawn."""
 
-import itertools
 import json
 from collections.abc import Iterator
+from math import degrees, isfinite
 from pathlib import Path
 
 import click
-import cv2
 
+from config.library import find
+from config.robot import load_robot
 from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
+from missions.assembly.things import wanted
+from missions.cli.drawings import Drawings
+from missions.cli.looking import Looker, Seen, SeenFace
 from perception.annotate import annotate
-from perception.api import Box, Image
-from perception.faces import HaarFaces
-from perception.finder import FaceFinder
+from perception.api import Box, Marker, Thing
+from perception.markers import DICTIONARIES
+from perception.wanted import Wanted
+
+EYES = ("", ", one eye", ", both eyes")
+
+
+def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> tuple[Wanted, ...]:
+    try:
+        return tuple(wanted(value) for value in values)
+    except LookupError as error:
+        raise click.BadParameter(str(error.args[0]), ctx=ctx, param=option) from error
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
+@click.option(
+    "--things", multiple=True, metavar='"red ball"', callback=_objects, help="Look for an object too. Repeat for more."
+)
+@click.option(
+    "--markers",
+    is_flag=False,
+    flag_value="4x4_50",
+    type=click.Choice(list(DICTIONARIES)),
+    metavar="[FAMILY]",
+    help="Look for markers too: 4x4_50, apriltag_36h11...",
+)
+@click.option("--robot", metavar="NAME", help="Whose camera: its lens, for distances, and its detector of faces.")
 @click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
-@click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw the faces, into OUT.")
-def command(files: tuple[str, ...], as_json: bool, folder: Path | None) -> int:
-    """Look for faces in pictures, videos and folders of them."""
+@click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw it all, into OUT.")
+def command(
+    files: tuple[str, ...],
+    things: tuple[Wanted, ...],
+    markers: str | None,
+    robot: str | None,
+    as_json: bool,
+    folder: Path | None,
+) -> int:
+    """Look for faces, and for more, in pictures, videos and folders of them."""
+    looker = Looker(None if robot is None else load_robot(find("robots", robot)).camera, things, markers)
     drawn = None if folder is None else Drawings(folder, files)
     try:
-        for path, number, image, boxes in _seen(files):
-            if as_json:
-                faces = [[round(value) for value in (box.x, box.y, box.width, box.height)] for box in boxes]
-                click.echo(json.dumps({"file": str(path), "frame": number, "faces": faces}))
-            else:
-                click.echo(f"{path} frame {number}: {_words(boxes)}")
+        for path, number, image in pictures(files):
+            seen = looker.look(path, number, image)
+            click.echo(json.dumps(_data(path, number, seen)) if as_json else f"{path} frame {number}: {_words(seen)}")
             if drawn is not None:
-                drawn.write(path, number, annotate(image, ((box, "face") for box in boxes)))
+                drawn.write(path, number, annotate(image, _marks(seen)))
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
+    except FileNotFoundError as error:  # of a detector
+        raise click.UsageError(f"{error}") from error
     return 0
 
 
-def _seen(files: tuple[str, ...]) -> Iterator[tuple[Path, int, Image, list[Box]]]:
-    """Search a picture for itself, a video from frame to frame."""
-    detector, finder, video = HaarFaces(), None, None
-    for path, number, image in pictures(files):
-        if kind_of(path) is Kind.PICTURE:
-            yield path, number, image, [found.box for found in detector.detect(image)]
-            continue
-        if finder is None or path != video or number == 0:
-            finder, video = FaceFinder(detector), path
-        yield path, number, image, [sighting.detection.box for sighting in finder.find(image)]
+def _data(path: Path, number: int, seen: Seen) -> dict[str, object]:
+    """Return what a frame shows for JSON."""
+    return {
+        "file": str(path),
+        "frame": number,
+        "faces": [_numbers(face.box) for face in seen.faces],
+        "eyes": [[_numbers(eye) for eye in face.eyes] for face in seen.faces],
+        "things": [
+            {"name": each.name, "shape": each.shape, "box": _numbers(each.box), "distance": _metres(each.distance)}
+            for each in seen.things
+        ],
+        "markers": [
+            {"number": each.number, "box": _numbers(each.box), "distance": _metres(each.distance),
+             "heading": round(each.heading, 3)}
+            for each in seen.markers
+        ],
+        "brightness": round(seen.scene.brightness, 1),
+        "contrast": round(seen.scene.contrast, 1),
+    }  # fmt: skip
 
 
-class Drawings:
-    """Pictures with faces drawn in, in a folder; never over what was looked at, nor one over another."""
-
-    def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise click.BadParameter(f"{folder}: {error.strerror}", param_hint="--annotate") from error
-        self._folder = folder
-        self._inputs = [Path(name) for name in inputs]
-        self._names: dict[Path, str] = {}
-
-    def write(self, path: Path, number: int, image: Image) -> None:
-        """Write one picture."""
-        stem = self._stem(path)
-        target = self._folder / (f"{stem}.png" if kind_of(path) is Kind.PICTURE else f"{stem}_{number:05d}.png")
-        looked_at = (path, *self._inputs)
-        if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
-            raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
-        if not cv2.imwrite(str(target), image):
-            raise click.ClickException(f"{target}: cannot be written")
-
-    def _stem(self, path: Path) -> str:
-        """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""
-        if path not in self._names:
-            taken = set(self._names.values())
-            tries = (path.stem if n == 1 else f"{path.stem}-{n}" for n in itertools.count(1))
-            self._names[path] = next(name for name in tries if name not in taken)
-        return self._names[path]
+def _numbers(box: Box) -> list[int]:
+    return [round(value) for value in (box.x, box.y, box.width, box.height)]
 
 
-def _words(boxes: list[Box]) -> str:
-    if not boxes:
-        return "no face"
-    places = "; ".join(f"{box.width:.0f} x {box.height:.0f} at ({box.x:.0f}, {box.y:.0f})" for box in boxes)
-    return f"{len(boxes)} face{'s' if len(boxes) > 1 else ''}: {places}"
+def _metres(distance: float) -> float | None:
+    return round(distance, 2) if isfinite(distance) else None
+
+
+def _words(seen: Seen) -> str:
+    """Say what a frame shows."""
+    count = len(seen.faces)
+    faces = f"{count} face{'s' if count > 1 else ''}" if count else "no face"
+    places = [f"{_size(face.box)}{EYES[len(face.eyes)]}" for face in seen.faces]
+    others = [f"{each.name} {_size(each.box)}{_away(each)}" for each in seen.things]
+    others += [f"marker {each.number} {_size(each.box)}{_away(each)}, {_turned(each)}" for each in seen.markers]
+    scene = f"brightness {seen.scene.brightness:.0f}, contrast {seen.scene.contrast:.0f}"
+    return "; ".join([faces + (": " + places[0] if places else ""), *places[1:], *others, scene])
+
+
+def _size(box: Box) -> str:
+    return f"{box.width:.0f} x {box.height:.0f} at ({box.x:.0f}, {box.y:.0f})"
+
+
+def _away(what: Thing | Marker | SeenFace) -> str:
+    return f", {what.distance:.1f} m" if isfinite(what.distance) else ""
+
+
+def _turned(marker: Marker) -> str:
+    return f"turned {degrees(marker.heading):+.0f} deg"
+
+
+def _marks(seen: Seen) -> Iterator[tuple[Box, str]]:
+    """Yield what is drawn: boxes with their labels."""
+    for face in seen.faces:
+        yield face.box, f"face{_away(face)}"
+        yield from ((eye, "") for eye in face.eyes)
+    yield from ((each.box, f"{each.name}{_away(each)}") for each in seen.things)
+    yield from ((each.box, f"{each.number}{_away(each)}") for each in seen.markers)

@@ -106,6 +106,9 @@ def _plain(argument: Argument) -> Schema:
     match argument.kind:
         case "text":
             return {"type": SCALAR, "errorMessage": "needs a text"}
+        case "object":
+            message = "needs an object, such as red ball or big blue box, or the name of one"
+            return {"type": "string", "pattern": r"\S", "errorMessage": message}
         case "number":
             message = "needs a number" + (f", {limits}" if limits else "")
             return {"type": ["number", "string"], "pattern": HOLE, **limited, "errorMessage": message}

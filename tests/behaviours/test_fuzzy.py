@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.fuzzy import Controller, Membership, Rule, Singletons, Variable
+from behaviours.tracking.fuzzy import Controller, Rule
+from behaviours.tracking.outputs import Sets, Singletons
+from behaviours.tracking.table import Table
+from behaviours.tracking.terms import Membership, Variable
 
 ERROR = {"right": -10.0, "centred": 0.0, "left": 20.0}
 RATE = {"rightward": -5.0, "leftward": 5.0}
@@ -150,6 +153,54 @@ def test_no_number_is_not_an_input() -> None:
         surface.tabulate()(0.0, math.nan)
 
 
+# --- Mamdani's method -------------------------------------------------------------------------------------------------
+
+
+SETS = Sets("speed", {"back": Membership(-2, -1, -1, 0), "stay": Membership(-1, 0, 1, 2), "on": Membership(1, 2, 2, 3)})
+
+
+@pytest.mark.parametrize(
+    ("fired", "centroid"),
+    [
+        ([("stay", 1.0)], 0.5),
+        ([("stay", 0.3)], 0.5),
+        ([("back", 0.5)], -1.0),
+        ([("back", 0.5), ("back", 0.2), ("on", 0.0)], -1.0),
+        # A triangle of area 1 about -1 and a trapezoid of area 2 about 0.5, less the triangle of area 1/4 about -0.5
+        # that they share: (-1 + 1 + 0.125) / 2.75.
+        ([("back", 1.0), ("stay", 1.0)], 0.125 / 2.75),
+    ],
+)
+def test_mamdani_takes_the_centroid_of_what_the_rules_leave(fired: list[tuple[str, float]], centroid: float) -> None:
+    assert SETS.combine(fired) == pytest.approx(centroid)
+
+
+def test_mamdani_joins_conditions_by_the_least_and_conclusions_of_two_rules_by_the_greatest() -> None:
+    surface = controller(method="mamdani")
+    # error 5: centred 0.75, left 0.25; rate 0: half each. "on" follows from (centred, leftward): 0.5, and from
+    # (left, rightward): 0.25.
+    output = surface.output
+    assert surface(5.0, 0.0) == output.combine([("back", 0.5), ("on", 0.5), ("rush", 0.25)])
+
+
+def test_sets_of_one_peak_each_mean_their_peak_where_these_are_evenly_apart() -> None:
+    sets = Sets.from_points("pan", {"back": -2.0, "stay": 0.0, "on": 2.0})
+    assert [sets.combine([(term, 0.7)]) for term in sets.terms] == pytest.approx([-2.0, 0.0, 2.0])
+    shoulder = Sets.from_points("pan", {"stay": [0.0, 1.0, 2.0], "on": [1.0, 2.0]})
+    assert shoulder.combine([("on", 1.0)]) == pytest.approx(1.0 + 2 / 3)
+
+
+def test_no_rule_that_fires_is_no_answer() -> None:
+    for output in (SETS, Singletons("pan", PAN)):
+        with pytest.raises(ValueError, match="no rule fires"):
+            output.combine([(next(iter(output.terms)), 0.0)])
+
+
+@given(values, values)
+def test_mamdani_stays_within_its_sets(error: float, rate: float) -> None:
+    assert PAN["back"] - 1e-9 <= controller(method="mamdani")(error, rate) <= PAN["rush"] + 1e-9
+
+
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
@@ -174,6 +225,31 @@ def test_on_single_peaks_with_the_product_a_table_of_the_corners_is_exact(
 ) -> None:
     place = at[: len(surface.inputs)]
     assert surface.tabulate(pieces)(*place) == pytest.approx(surface(*place), abs=1e-9)
+
+
+def test_a_surface_that_bends_at_the_corners_only_needs_no_finer_table() -> None:
+    surface = controller()
+    assert surface.multilinear
+    assert surface.tabulate() == surface.tabulate(1)
+    for other in (controller(method="mamdani"), controller(**{"and": "min"})):
+        assert not other.multilinear
+        assert other.tabulate() == other.tabulate(8)
+
+
+@given(st.tuples(values, values))
+def test_two_axes_are_read_as_three_are(at: tuple[float, float]) -> None:
+    flat = controller().tabulate()
+    deep = Table((*flat.axes, (0.0, 1.0)), tuple(height for height in flat.heights for _ in range(2)))
+    assert flat(*at) == pytest.approx(deep(*at, 0.5))
+    assert flat(-math.inf, math.inf) == flat(-1e6, 1e6)
+
+
+def test_a_table_that_is_no_grid_is_refused() -> None:
+    for axes, heights in (((), ()), (((0.0,),), (1.0,)), (((0.0, 1.0),), (1.0,))):
+        with pytest.raises(ValueError, match="cannot have"):
+            Table(axes, heights)
+    with pytest.raises(TypeError, match="2 axes cannot be read at 1"):
+        controller().tabulate()(1.0)
 
 
 def test_with_min_a_table_comes_close_and_a_finer_one_closer() -> None:
@@ -211,6 +287,9 @@ def test_with_min_a_table_comes_close_and_a_finer_one_closer() -> None:
         ),
         ({"rules": [{"if": "error is left"}]}, "pan: rule 1 .*: write it as"),
         ({"and": "or"}, "pan: 'and' is one of product, min, not 'or'"),
+        ({"method": "magic"}, "pan: 'method' is one of sugeno, mamdani, not 'magic'"),
+        ({"methd": "mamdani"}, "pan: has no 'methd'; known are: inputs, output, rules, and, method"),
+        ({"method": "mamdani", "output": {"pan": {}}}, "pan: pan: needs terms, has none"),
         ({"output": {"pan": {}}}, "pan: pan: needs terms with one finite number each, has none"),
         (
             {"output": {"pan": PAN | {"on": math.inf}}},

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.sight import FaceCentred, FaceSeen, FindFace, serpentine
+from behaviours.search import serpentine
+from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
 from drivers.api import HeadPose, Reading
 from drivers.errors import DeviceFault
 from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
@@ -47,7 +48,7 @@ def test_nobody_there_is_a_failure_with_its_reason(kind: Callable[[str], Leaf]) 
 @pytest.mark.parametrize(("age", "status"), [(0.3, SUCCESS), (0.9, FAILURE)])
 def test_a_face_seen_too_long_ago_does_not_count(kind: Callable[[str], Leaf], age: float, status: object) -> None:
     bench = Bench()
-    leaf = bench.put(kind("see"), max_age=0.5)
+    leaf = bench.put(kind("see"))
     seen(bench, age=age)
     assert bench.tick(leaf) is status
 
@@ -87,6 +88,35 @@ def test_a_face_off_the_middle_says_how_far() -> None:
     seen(bench, bearing=math.radians(12), drop=math.radians(-7))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "the face is +12, -7 deg off"
+
+
+@pytest.mark.parametrize(
+    ("ages", "status", "reason"),
+    [
+        ([0.1, 0.2, 0.3], SUCCESS, ""),
+        ([0.1, 0.2], SUCCESS, ""),
+        ([0.1, 0.9], FAILURE, "1 of 2 faces in view"),
+        ([0.9, 0.9], FAILURE, "no face in view"),
+        ([], FAILURE, "no face in view"),
+    ],
+)
+def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status: object, reason: str) -> None:
+    bench = Bench()
+    leaf = bench.put(FacesAtLeast("faces_at_least"), number=2, keep_as="people")
+    now = bench.clock.now()
+    bench.sight.seen = [face(now - age, number=number) for number, age in enumerate(ages)]
+    assert bench.tick(leaf) is status
+    assert leaf.reason == reason
+    assert bench.run.variables.get("people") == (bench.sight.seen if status is SUCCESS else None)
+
+
+def test_within_says_how_long_ago_a_face_still_counts() -> None:
+    bench = Bench()
+    leaf = bench.put(FaceSeen("face_seen"), within=2.0)
+    seen(bench, age=1.8)
+    assert bench.tick(leaf) is SUCCESS
+    bench.clock.advance(1.0)
+    assert bench.tick(leaf) is FAILURE
 
 
 # --- the search ------------------------------------------------------------------------------------------------------

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from config.controller import ControllerConfig, load_controller
-from config.faults import Fault, InvalidFileError
+from config.controller import ControllerConfig, figures, load_controller, parse_controller, renamed, rewritten
+from config.faults import Fault, InvalidFileError, Source
 
 
 @pytest.fixture
@@ -61,3 +61,51 @@ def test_a_table_whose_head_is_no_list_is_told_once(file: Path) -> None:
 def test_a_controller_needs_a_name(file: Path) -> None:
     (fault,) = mistakes(file, "pan: {}\n")
     assert fault.message == "a controller file needs 'controller'"
+
+
+# --- the numbers in them ----------------------------------------------------------------------------------------------
+
+TEXT = """\
+# A comment.
+controller: small    # its name
+summary: For 5 tests.
+pan: &same
+  inputs: {error: {left: [-4 deg, 0 deg], right: 1.5e1 deg}}
+  rules: ["if error is left then turn is 7"]
+turn: *same
+tilt: {p: 4, d: .5, most: 120 deg/s}
+"""
+SMALL = Source("small.yaml", TEXT)
+
+
+def test_the_numbers_of_the_rule_bases_are_known_with_their_units_each_once() -> None:
+    found = [(figure.keys, figure.number, figure.unit) for figure in figures(SMALL)]
+    assert found == [
+        (("pan", "inputs", "error", "left"), -4.0, "deg"),
+        (("pan", "inputs", "error", "left"), 0.0, "deg"),
+        (("pan", "inputs", "error", "right"), 15.0, "deg"),
+        (("tilt", "p"), 4.0, ""),
+        (("tilt", "d"), 0.5, ""),
+    ]
+
+
+def test_a_file_is_rewritten_in_place_and_keeps_all_else() -> None:
+    first, _, third, *_ = figures(SMALL)
+    text = rewritten(SMALL, {first.mark: "-12.25 deg", third.mark: "9 deg"})
+    assert text == TEXT.replace("-4 deg", "-12.25 deg").replace("1.5e1 deg", "9 deg")
+    assert rewritten(SMALL, {}) == TEXT
+
+
+def test_a_file_gets_another_name_and_summary_whatever_is_in_them() -> None:
+    text = rewritten(SMALL, renamed(SMALL, "new one", 'Says: "no" # twice.'))
+    config = parse_controller(Source("new.yaml", text))
+    assert (config.name, config.summary) == ("new one", 'Says: "no" # twice.')
+    assert config.values == parse_controller(SMALL).values
+    assert "# A comment." in text
+    assert "# its name" in text
+
+
+def test_a_summary_of_several_lines_is_left_as_it_is() -> None:
+    source = Source("long.yaml", TEXT.replace("For 5 tests.", "For 5\n  tests."))
+    text = rewritten(source, renamed(source, "new", "Short."))
+    assert parse_controller(Source("new.yaml", text)).summary == "For 5 tests."

@@ -232,8 +232,7 @@ def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig
     found, way = rig.pose(), abs(START.tilt - rig.awake.tilt) + START.pan
     assert abs(found.tilt - rig.awake.tilt) + abs(found.pan) < way - DEGREE
     rig.until(lambda: rig.looks(START))
-    newest = rig.device.pose()
-    rig.until(lambda: rig.device.pose_at(newest.stamp) == newest.value)
+    rig.until(lambda: rig.device.pose_at(rig.clock.now()) == rig.device.pose().value)
     health = rig.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
     assert {notice.kind for notice in rig.notices} == {"online"}
@@ -319,7 +318,8 @@ def test_a_past_pose_lies_between_those_before_and_after(head: HeadRig) -> None:
     pans = [pose.pan for pose in poses if pose is not None]
     assert len(pans) == 21
     assert pans == sorted(pans)
-    assert (pans[0], pans[-1]) == pytest.approx((START.pan, radians(60)), abs=1.01 * DEGREE)
+    # A degree that was not sent yet, and one that the servos still have to go.
+    assert (pans[0], pans[-1]) == pytest.approx((START.pan, radians(60)), abs=2.01 * DEGREE)
     assert any(START.pan < pan < radians(60) for pan in pans)
     assert head.device.pose_at(began - 10.0) is None
 

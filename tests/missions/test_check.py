@@ -89,7 +89,7 @@ def test_a_whole_mission_becomes_a_plan() -> None:
     assert plan.tree.claims == {"head", "base", "arm", "voice"}
     assert plan.tree.needs == {"camera", "head", "arm", "voice"}
     named = [step for step in plan.tree.walk() if step.name == "greet the person"]  # and what wraps it
-    assert [(step.kind, step.mark.line) for step in named] == [("timeout", 22), ("parallel", 18)]
+    assert [(step.kind, step.mark.line) for step in named] == [("timeout", 23), ("parallel", 19)]
 
 
 @pytest.mark.parametrize("form", ["- say: Hi", "- say: {text: Hi}", "- {say: Hi}", "- {say: {text: 'Hi'}}"])

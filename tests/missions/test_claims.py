@@ -104,9 +104,9 @@ def test_greet_says_everything_that_a_bare_base_lacks() -> None:
         (11, "'find_face' needs a head"),
         (14, "'track_face' needs a camera"),
         (14, "'track_face' needs a head"),
-        (16, "'face_centred' needs a camera"),
-        (19, "'gesture' needs an arm"),
-        (20, "'say' needs a voice"),
+        (17, "'face_centred' needs a camera"),
+        (20, "'gesture' needs an arm"),
+        (21, "'say' needs a voice"),
     ]
 
 

@@ -18,6 +18,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from config.faults import Source
 from config.marked import compose
+from config.object import load_object
 from config.robot import load_robot
 from config.world import read_world
 from docs.generate import TABLES, renewed
@@ -154,7 +155,7 @@ def test_every_link_of_the_docs_leads_to_a_page() -> None:
 def test_the_docs_show_nothing_as_yaml_that_is_not_checked() -> None:
     assert len(MISSIONS) > 15
     for block in blocks("yaml"):
-        assert kind_of(block) in {"mission:", "-", "robot:", "world:", "tests:"}, block
+        assert kind_of(block) in {"mission:", "-", "robot:", "world:", "object:", "tests:"}, block
 
 
 @pytest.mark.parametrize("block", MISSIONS, ids=str)
@@ -172,6 +173,13 @@ def test_each_robot_of_the_docs_is_right(block: Block, tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(block.text, encoding="utf-8")
     assert load_robot(file).parts
+
+
+@pytest.mark.parametrize("block", of_kind("object:"), ids=str)
+def test_an_object_of_the_docs_can_be_looked_for(block: Block, tmp_path: Path) -> None:
+    path = tmp_path / "object.yaml"
+    path.write_text(block.text, encoding="utf-8")
+    assert load_object(path).summary
 
 
 @pytest.mark.parametrize("block", of_kind("world:"), ids=str)

@@ -14,7 +14,7 @@ import pytest
 from config.library import find
 from config.robot import load_robot
 from drivers.errors import BadRequest
-from missions.cli.keys import Keys
+from missions.cli.keys import Keys, interruptible
 from missions.cli.trimming import trim_by_hand
 from tests.missions.command import Outcome, command
 
@@ -162,7 +162,7 @@ def test_the_terminal_is_as_before_whatever_ends_it() -> None:
 
 def _hang_up_while_reading(terminal: int) -> None:
     before = termios.tcgetattr(terminal)
-    with Keys(terminal) as keys:
+    with interruptible(), Keys(terminal) as keys:
         assert termios.tcgetattr(terminal) != before
         assert keys.read(0.0) == ""
         os.kill(os.getpid(), signal.SIGTERM)

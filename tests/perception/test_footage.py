@@ -49,8 +49,8 @@ def test_a_face_is_covered_in_nearly_every_frame_and_hardly_one_is_wrong(footage
             total += 1
             covered += any(on(box, true) for box in boxes for true in truth)
             wrong += any(not any(on(box, true) for true in truth) for box in boxes)
-    assert covered >= 0.99 * total
-    assert wrong <= 0.02 * total
+    assert covered >= 0.98 * total
+    assert wrong <= 0.01 * total
 
 
 def test_the_finder_costs_a_fraction_of_the_courses_call(footage: Path) -> None:
@@ -62,4 +62,4 @@ def test_the_finder_costs_a_fraction_of_the_courses_call(footage: Path) -> None:
         between = cv2.getTickCount()
         course.detectMultiScale(picture, 1.5, 5)
         ours, theirs = ours + between - began, theirs + cv2.getTickCount() - between
-    assert ours < theirs
+    assert ours < 0.5 * theirs  # 0.1 on a machine that has nothing else to do

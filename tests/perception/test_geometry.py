@@ -2,6 +2,7 @@
 
 from math import cos, degrees, pi, radians, sin
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -112,3 +113,35 @@ def test_what_is_behind_the_camera_has_no_pixel(seen: tuple[float, float]) -> No
 def test_a_face_without_a_width_has_no_distance(width: float) -> None:
     with pytest.raises(ValueError, match="has no distance"):
         CAMERA.distance(Box(0, 0, width, 10))
+
+
+BENT = Pinhole(640, 480, radians(60), (0.52, 0.47), (0.09, -0.21, 0.002, -0.001, 0.03))
+
+
+@given(pixels)
+def test_a_bent_pixel_comes_back_from_its_angles_too(place: tuple[float, float]) -> None:
+    assert BENT.pixel(*BENT.angles(*place)) == pytest.approx(place, abs=0.02)
+
+
+@given(pixels)
+def test_a_lens_bends_as_opencv_says(place: tuple[float, float]) -> None:
+    focal = BENT.focal
+    matrix = np.array(((focal, 0, 0.52 * 640), (0, focal, 0.47 * 480), (0, 0, 1)))
+    ((right, down),) = cv2.undistortPoints(np.array([[place]]), matrix, np.array(BENT.distortion))[0]
+    ray = np.array([1.0, -right, -down])
+    assert direction(*BENT.angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=2e-4)
+
+
+def test_the_optical_axis_meets_the_picture_at_its_centre() -> None:
+    assert BENT.angles(0.52 * 640, 0.47 * 480) == pytest.approx((0, 0))
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.5), (0.5, 1.2), (float("nan"), 0.5)])
+def test_a_centre_outside_the_picture_is_refused(centre: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="centre must lie in the picture"):
+        Pinhole(640, 480, 1.0, centre)
+
+
+def test_half_a_distortion_is_refused() -> None:
+    with pytest.raises(ValueError, match="k1, k2, p1, p2, k3, not 2 numbers"):
+        Pinhole(640, 480, 1.0, distortion=(0.1, 0.2))

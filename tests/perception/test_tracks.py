@@ -21,12 +21,12 @@ def at(bearing: float, drop: float = 0.0, *, width: float = 90.0, found: bool = 
     return Sighting(Detection(Box(x - width / 2, y - width / 2, width, width), 5.0), found)
 
 
-def see(tracker: Tracker, stamp: float, *sightings: Sighting, gaze: Gaze | None = None) -> tuple[Face, ...]:
+def see(tracker: Tracker[Face], stamp: float, *sightings: Sighting, gaze: Gaze | None = None) -> tuple[Face, ...]:
     return tracker.update(sightings, camera=CAMERA, gaze=gaze, stamp=stamp)
 
 
 def test_a_face_is_told_of_once_it_was_detected_twice() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     assert see(tracker, 0.0, at(5)) == ()
     (face,) = see(tracker, 0.05, at(5))
     assert face.id == 1
@@ -37,26 +37,26 @@ def test_a_face_is_told_of_once_it_was_detected_twice() -> None:
 
 
 def test_what_flow_carries_does_not_confirm_a_face() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     see(tracker, 0.0, at(5))
     assert see(tracker, 0.05, at(5, found=False)) == ()
     assert len(see(tracker, 0.10, at(5))) == 1
 
 
 def test_false_faces_that_flicker_about_are_never_told_of() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     for step in range(20):
         assert see(tracker, step * 0.3, at(-25 if step % 2 else 25)) == ()
 
 
 def test_two_detections_too_far_apart_in_time_do_not_make_a_face() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     see(tracker, 0.0, at(0))
     assert see(tracker, 0.6, at(0)) == ()
 
 
 def test_an_id_survives_a_short_loss() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     see(tracker, 0.0, at(0))
     (before,) = see(tracker, 0.1, at(0))
     (lost,) = see(tracker, 0.6)
@@ -66,7 +66,7 @@ def test_an_id_survives_a_short_loss() -> None:
 
 
 def test_after_a_long_loss_it_is_someone_new() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     see(tracker, 0.0, at(0))
     see(tracker, 0.1, at(0))
     assert see(tracker, 1.2) == ()
@@ -75,7 +75,7 @@ def test_after_a_long_loss_it_is_someone_new() -> None:
 
 
 def test_two_people_keep_their_ids_and_the_largest_comes_first() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     for step in range(10):
         faces = see(tracker, step / 20, at(-15 + step, width=60), at(15 - step * 0.5, width=100))
     assert [face.box.width for face in faces] == [100, 60]
@@ -86,7 +86,7 @@ def test_two_people_keep_their_ids_and_the_largest_comes_first() -> None:
 
 
 def test_people_who_stand_apart_are_not_mistaken_for_each_other() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     for step in range(3):
         see(tracker, step / 20, at(-20))
     see(tracker, 0.2, at(20))
@@ -97,7 +97,7 @@ def test_people_who_stand_apart_are_not_mistaken_for_each_other() -> None:
 
 @given(st.floats(-6, 6), st.floats(-0.5, 0.5))
 def test_a_turning_head_does_not_move_someone_who_stands_still(start: float, pitch: float) -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     for step in range(20):
         gaze = Gaze(start + 0.02 * step, 0.0)
         faces = see(tracker, step / 20, at(degrees(0.2 - 0.02 * step), degrees(pitch) / 2), gaze=gaze)
@@ -108,14 +108,14 @@ def test_a_turning_head_does_not_move_someone_who_stands_still(start: float, pit
 
 
 def test_an_unknown_gaze_counts_as_straight_on() -> None:
-    known, unknown = Tracker(), Tracker()
+    known, unknown = Tracker[Face](), Tracker[Face]()
     for step in range(5):
         assert see(known, step / 20, at(step, 3), gaze=Gaze(0, 0)) == see(unknown, step / 20, at(step, 3))
 
 
 def test_someone_walking_is_predicted_a_tenth_of_a_second_on_to_half_a_degree() -> None:
     rng = np.random.default_rng(5)
-    tracker, errors, time = Tracker(), [], 0.0
+    tracker, errors, time = Tracker[Face](), [], 0.0
     for step in range(80):
         time += float(rng.uniform(0.03, 0.08))
         noisy = at(-25 + 10 * time + float(rng.normal(0, 0.2)))
@@ -126,7 +126,7 @@ def test_someone_walking_is_predicted_a_tenth_of_a_second_on_to_half_a_degree() 
 
 
 def test_the_same_frame_twice_does_no_harm() -> None:
-    tracker = Tracker()
+    tracker = Tracker[Face]()
     see(tracker, 1.0, at(0))
     (face,) = see(tracker, 1.0, at(0))
     (again,) = see(tracker, 0.9, at(0))

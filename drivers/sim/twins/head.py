@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import inf
 
 from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, Report, unheard, unreported
-from drivers.arduino.axis import ServoAxis
+from drivers.arduino.axis import TRAILING, ServoAxis
 from drivers.clock import Clock
 from drivers.guard import guarded
 from drivers.history import History
@@ -76,8 +76,8 @@ class HeadTwin:
         return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
 
     def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the servos had been sent at a past time, interpolated; None when that is not known."""
-        values = self._history.at(stamp)
+        """Where the servos stood at a past time, by what they were sent, interpolated; None when that is not known."""
+        values = self._history.at(stamp - TRAILING)
         return None if values is None else HeadPose(*values)
 
     def stop(self) -> None:

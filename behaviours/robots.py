@@ -1,0 +1,63 @@
+"""Leaves that look for other robots, by the markers that they wear: a condition, and a search with the head."""
+
+from collections.abc import Sequence
+
+from behaviours.leaf import argument
+from behaviours.search import Search
+from behaviours.seeing import LATELY, Seen
+from perception.api import Marker
+
+_STORED = "the robot: id, number, name, yaw, pitch, distance, heading"
+_WHICH = "its marker's number, or its name; else any"
+
+
+class RobotSeen(Seen[Marker]):
+    """Is another robot in view?
+
+    `robot_seen: 7` or `robot_seen: R2`. Succeeds when its marker was seen lately, fails when not. It never runs.
+    """
+
+    word = "robot_seen"
+    noun = "robot"
+    senses = frozenset({"markers"})
+    stores = _STORED
+    which: str = argument("text", _WHICH, default="", principal=True)
+    within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
+
+    @property
+    def age_limit(self) -> float:
+        return self.within
+
+    def percepts(self) -> Sequence[Marker]:
+        return self.robot.sight.markers()
+
+    def wanted(self, percept: Marker) -> bool:
+        return worn_by(percept, self.which)
+
+    def nobody(self, so_far: str = "") -> str:
+        return super().nobody(so_far or (f"robot {self.which} is not in view" if self.which else ""))
+
+
+class FindRobot(Search[Marker]):
+    """Look around with the head for another robot: first where it looks now, then row by row, to and fro.
+
+    `find_robot: 7` or `find_robot: R2`. Running until its marker is seen, then succeeds and the head stays on it. Fails
+    after `scans` rounds without it; by default it goes on looking, so give it a `timeout`.
+    """
+
+    word = "find_robot"
+    noun = "robot"
+    senses = frozenset({"markers"})
+    stores = _STORED
+    which: str = argument("text", _WHICH, default="", principal=True)
+
+    def percepts(self) -> Sequence[Marker]:
+        return self.robot.sight.markers()
+
+    def wanted(self, percept: Marker) -> bool:
+        return worn_by(percept, self.which)
+
+
+def worn_by(marker: Marker, which: str) -> bool:
+    """Say whether a marker is that of the robot with this number or name; of any for an empty text."""
+    return which.strip() in {"", str(marker.number), marker.name}

@@ -1,0 +1,142 @@
+"""Fuzzy terms: words for ranges of a value, each with the grade to which a value belongs to it.
+
+"Left" holds of a bearing to a degree between 0 and 1. Numbers are in the units of the terms; a robot's are SI.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+
+@dataclass(frozen=True, slots=True)
+class Membership:
+    """A term's grades, a trapezoid: rises from ``start`` to ``full``, is 1 up to ``until``, falls to 0 at ``end``.
+
+    A triangle has ``full`` and ``until`` in one place; a shoulder has its corners to one side at infinity.
+    """
+
+    start: float
+    full: float
+    until: float
+    end: float
+
+    @classmethod
+    def from_points(cls, points: Sequence[float], who: str = "a term") -> "Membership":
+        """Make a shoulder of 2 points (where it begins, where it is full for good), a triangle of 3, a trapezoid of 4.
+
+        Raises ValueError, as ``who``, for another number of points, or points that do not rise or are not finite.
+        """
+        if len(points) not in (2, 3, 4) or not all(map(math.isfinite, points)):
+            raise ValueError(f"{who} needs 2 to 4 finite points, not {listed(points)}")
+        if points[0] == points[-1] or (len(points) > 2 and list(points) != sorted(points)):
+            raise ValueError(f"{who} has points that do not rise: {listed(points)}")
+        if len(points) > 2:
+            return cls(points[0], points[1], points[-2], points[-1])
+        foot, full = points
+        return cls(foot, full, math.inf, math.inf) if foot < full else cls(-math.inf, -math.inf, full, foot)
+
+    def __call__(self, value: float) -> float:
+        """Return the grade of ``value``, 0..1."""
+        if self.full <= value <= self.until:
+            return 1.0
+        if value <= self.start or value >= self.end:
+            return 0.0
+        if value < self.full:
+            return (value - self.start) / (self.full - self.start)
+        return (self.end - value) / (self.end - self.until)
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A quantity in words: its terms by name. It reaches from their first corner to their last; others are clamped.
+
+    ``corners`` are where some grade bends, in rising order: between two of them, every grade is a straight line.
+    Raises ValueError for fewer than two terms, or for a value within reach that belongs to none.
+    """
+
+    name: str
+    terms: Mapping[str, Membership]
+    corners: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", corners(self.terms.values()))
+        if len(self.terms) < 2:
+            raise ValueError(f"{self.name}: needs two terms at least, has {listed(self.terms)}")
+        for value in self.grid(2):
+            if not any(self.grades(value).values()):
+                raise ValueError(f"{self.name}: no term covers {value:.4g}; let the terms around it overlap")
+
+    @classmethod
+    def from_points(cls, name: str, terms: Mapping[str, float | Sequence[float]]) -> "Variable":
+        """Make the terms of their points (see ``Membership.from_points``), or all of them of one peak each.
+
+        Between peaks, each term fades as its neighbour grows, so that the grades of a value add up to 1.
+        Raises ValueError that names the variable and the term.
+        """
+        return cls(name, memberships(name, terms))
+
+    @property
+    def adds_up(self) -> bool:
+        """True when the grades of every value add up to 1."""
+        return all(math.isclose(sum(self.grades(value).values()), 1.0) for value in self.grid(2))
+
+    def grid(self, pieces: int) -> tuple[float, ...]:
+        """Return the corners, and ``pieces - 1`` places between each two. What is 0 all over a grid of 2 is 0."""
+        between = (low + (high - low) * n / pieces for low, high in pairwise(self.corners) for n in range(pieces))
+        return (*between, self.corners[-1])
+
+    def grades(self, value: float) -> dict[str, float]:
+        """Return how far ``value`` belongs to each term. Raises ValueError for NaN."""
+        if math.isnan(value):
+            raise ValueError("a value is not a number (NaN)")
+        held = min(max(value, self.corners[0]), self.corners[-1])
+        return {term: membership(held) for term, membership in self.terms.items()}
+
+    def described(self, value: float) -> str:
+        """Return ``value`` in words, by the term that it belongs to most."""
+        grades = self.grades(value)
+        return f"{self.name} is {max(grades, key=grades.__getitem__)} ({value:.4g})"
+
+
+def corners(terms: Iterable[Membership]) -> tuple[float, ...]:
+    """Return where some of the terms bends, in rising order; none at infinity."""
+    found = {at for term in terms for at in (term.start, term.full, term.until, term.end)}
+    return tuple(sorted(filter(math.isfinite, found)))
+
+
+def numbers(who: str, given: object) -> list[float]:
+    """Return one number, or a list of them, as a list. Raises ValueError, as ``who``, for anything else."""
+    items = given if isinstance(given, list | tuple) else [given]
+    found = [item for item in items if isinstance(item, int | float)]
+    if len(found) < len(items):
+        raise ValueError(f"{who} needs numbers, not {given!r}")
+    return found
+
+
+def listed(items: Iterable[str | float]) -> str:
+    """Write words or numbers into a message."""
+    return ", ".join(item if isinstance(item, str) else f"{item:.4g}" for item in items) or "none"
+
+
+def memberships(
+    name: str, terms: Mapping[str, float | Sequence[float]], *, whole: bool = False
+) -> dict[str, Membership]:
+    """Make terms of their points, or all of them of one peak each: triangles from the peak before to the one after.
+
+    The outermost ones end at their peaks, or with ``whole`` reach as far out as in. Raises ValueError that names the
+    variable, ``name``, and the term.
+    """
+    points = {term: numbers(f"{name}: '{term}'", given) for term, given in terms.items()}
+    if not all(len(given) == 1 for given in points.values()):
+        return {term: Membership.from_points(given, f"{name}: '{term}'") for term, given in points.items()}
+    peaks = {term: peak for term, (peak,) in points.items()}
+    if not all(map(math.isfinite, peaks.values())) or len(set(peaks.values())) < len(peaks):
+        raise ValueError(f"{name}: needs finite peaks, no two in one place, not {listed(peaks.values())}")
+    above = dict(pairwise(sorted(peaks.values())))
+    below = {high: low for low, high in above.items()}
+    outermost = {at: 2 * at - above.get(at, below.get(at, at)) for at in peaks.values()} if whole else {}
+    return {
+        term: Membership(below.get(at, outermost.get(at, at)), at, at, above.get(at, outermost.get(at, at)))
+        for term, at in peaks.items()
+    }

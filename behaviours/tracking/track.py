@@ -1,0 +1,120 @@
+"""What all leaves that follow something have in common: the head first and the base behind it, or the base alone."""
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+from py_trees.common import Status
+
+from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.tracking.ahead import Turning
+from behaviours.tracking.follow import Follower
+from behaviours.tracking.rules import RuleBases
+from drivers.api import COMMAND_LIFE, HeadPose, Velocity
+from perception.api import Percept
+
+
+class Track(Leaf):
+    """Follows one percept. A subclass says which: ``percepts``, largest first, and ``noun``, what it calls them.
+
+    Once it follows one it stays with that, by its id, for as long as it is in view. What was not seen for a moment goes
+    on as it did, for as long as a command is good; then head and base wait.
+    """
+
+    ends = frozenset({"failure"})
+    needs = frozenset({"camera", "head"})
+    drives = frozenset({"head", "base"})
+    controller: RuleBases = argument("controller", "the rules to follow by", default="face")
+    patience: float = argument("duration", "how long to go on while it is not seen", default=2.0, low=0.1)
+    max_turn: float = argument(
+        "turn rate", "how fast the base may turn; 0 deg/s keeps it still", default=math.radians(110), low=0.0
+    )
+    lag: float = argument("duration", "what the base takes to begin what it is told", default=0.1, low=0.0, high=0.5)
+    noun: ClassVar[str] = ""
+    _follower: Follower | None = None
+    _target: Percept | None = None
+    _seen_at = 0.0
+
+    def initialise(self) -> None:
+        self._target = self.begins_with()
+        self._seen_at = self.run.now()
+        limits = None if self.robot.head_part is None else self.robot.head.limits
+        self._follower = Follower(self.controller, limits=limits, max_turn=self.max_turn, lag=self.lag)
+
+    def update(self) -> Status:
+        trouble = self.trouble()
+        if trouble:
+            return self.fail(trouble)
+        now = self.run.now()
+        target = self._choose([percept for percept in self.percepts() if now - percept.stamp <= self.patience])
+        if target is not None:
+            self._target, self._seen_at = target, max(self._seen_at, target.stamp)
+        unseen = now - self._seen_at
+        if unseen > self.patience:
+            return self.fail(f"no {self.noun} for {self.patience:g} s")
+        if self._target is None or self._follower is None or unseen > COMMAND_LIFE:
+            self._drive(0.0, 0.0)
+            return self.wait(f"no {self.noun} for {unseen:.1f} s")
+        self.result = self._target
+        return self._follow(now, self._target, self._follower)
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is not SUCCESS:
+            if self.robot.head_part is not None:
+                self.robot.head.stop()
+            if self.robot.base_part is not None:
+                self.robot.base.stop()
+
+    # --- what subclasses say ------------------------------------------------------------------------------------------
+
+    def percepts(self) -> Sequence[Percept]:
+        """Return what it may follow, largest first."""
+        raise NotImplementedError
+
+    def begins_with(self) -> Percept | None:
+        """Return the one that it is to follow from the start; None for the largest."""
+        return None
+
+    def trouble(self) -> str:
+        """Return why it cannot go on, or nothing: for those that do more than turn."""
+        return ""
+
+    def forward(self, target: Percept, pan: float) -> float:
+        """Return how fast the base is to drive (m/s) with the head turned by ``pan``: not at all, on the spot."""
+        del target, pan
+        return 0.0
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _choose(self, percepts: Sequence[Percept]) -> Percept | None:
+        """Stay with the one that is followed, else take the largest."""
+        if self._target is not None:
+            same = next((percept for percept in percepts if percept.id == self._target.id), None)
+            if same is not None:
+                return same
+        return percepts[0] if percepts else None
+
+    def _follow(self, now: float, target: Percept, follower: Follower) -> Status:
+        head = None if self.robot.head_part is None else self.robot.head
+        looks = None if head is None else head.pose().value
+        command = follower.step(now, target, head=looks or HeadPose(0.0, 0.0), base=self._base(now))
+        if head is not None:
+            head.look(command.head)
+        self._drive(self.forward(target, command.head.pan), command.turn)
+        off = math.degrees(max(abs(target.bearing), abs(target.drop)))
+        return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
+
+    def _base(self, now: float) -> Turning:
+        """Return how the base stands and turns; a robot without a base stands still."""
+        reading = None if self.robot.base_part is None else self.robot.base.state()
+        if reading is None or reading.value is None:
+            return Turning(0.0, 0.0, now)
+        heading = reading.value.pose.heading
+        if not reading.good:
+            # Reports that fail to come say where it was; but not that it still turns, as it stops by itself.
+            return Turning(heading, 0.0, now)
+        return Turning(heading, reading.value.velocity.angular, reading.stamp)
+
+    def _drive(self, speed: float, turn: float) -> None:
+        if self.robot.base_part is not None:
+            self.robot.base.drive(Velocity(speed, turn))

@@ -1,0 +1,90 @@
+"""Objects to look for: a phrase such as "big red box", or a file that gives one its name, colour, shape and size."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from config.colours import COLOURS
+from config.faults import InvalidFileError, did_you_mean
+from config.fields import read_fields
+from config.units import seen, written
+
+HUES = ("red", "orange", "yellow", "green", "blue", "purple", "pink")
+"""The colours by which things can be told from a room. Brown is that of wood and skin, the rest that of walls."""
+
+SHAPES = {
+    "ball": "ball",
+    "sphere": "ball",
+    "box": "box",
+    "cube": "box",
+    "block": "box",
+    "object": "thing",
+    "thing": "thing",
+}
+"""What the words for shapes mean: round from every side, with straight edges, or either."""
+
+FORMS = {"round": "ball", "square": "box"}
+"""Words that say the shape before "object" or "thing"."""
+
+SIZES = {"small": 0.1, "big": 0.3}
+"""What the words for sizes mean, in metres across: that of an apple, and that of a crate."""
+
+EXAMPLE = "such as 'red ball', 'big blue box' or 'yellow round object'"
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectConfig:
+    """What to look for: ``shape`` is "ball", "box" or "thing" (either); ``size`` metres across, None if not known."""
+
+    name: str
+    summary: str
+    colour: str
+    shape: str
+    size: float | None
+
+
+def load_object(path: Path) -> ObjectConfig:
+    """Read an object file. Raises InvalidFileError with every mistake in it."""
+    fields = read_fields(path, what="an object file")
+    found = ObjectConfig(
+        name=fields.text("object"),
+        summary=fields.text("summary", ""),
+        colour=fields.choice("colour", HUES),
+        shape=fields.choice("shape", ("ball", "box", "thing"), "thing"),
+        size=None if fields.node_of("size") is None else fields.quantity("size", "length", low=0.02, high=2.0),
+    )
+    fields.done()
+    if fields.faults:
+        raise InvalidFileError(fields.faults)
+    return found
+
+
+def read_phrase(text: str) -> ObjectConfig:
+    """Read ``[small|big] COLOUR [round|square] [ball|box|object...]``. Raises ValueError for anything else."""
+    words = text.lower().split()
+    name = " ".join(words)
+    size = SIZES[words.pop(0)] if words and words[0] in SIZES else None
+    if not words or words[0] not in HUES:
+        raise ValueError(_no_colour(words, text))
+    colour = words.pop(0)
+    form = FORMS[words.pop(0)] if words and words[0] in FORMS else "thing"
+    shape = SHAPES[words.pop(0)] if words and words[0] in SHAPES else "thing"
+    if words:
+        known = [*SHAPES, *(FORMS if form == "thing" else ())]
+        raise ValueError(f"{seen(text)}: '{words[0]}' is no shape here; {did_you_mean(words[0], known) or EXAMPLE}")
+    if "thing" not in (form, shape) and form != shape:
+        raise ValueError(f"{seen(text)}: is it a ball or a box?")
+    return ObjectConfig(name, _summary(colour, size), colour, form if shape == "thing" else shape, size)
+
+
+def _no_colour(words: list[str], text: str) -> str:
+    """Say why there is no colour where one must be."""
+    if not words:
+        return f"{seen(text)}: which colour? {EXAMPLE}"
+    if words[0] in COLOURS:
+        return f"{seen(text)}: {words[0]} things cannot be told from a room; colours are: {', '.join(HUES)}"
+    hint = did_you_mean(words[0], [*HUES, *SIZES]) or f"colours are: {', '.join(HUES)}"
+    return f"{seen(text)}: '{words[0]}' is no colour; {hint}"
+
+
+def _summary(colour: str, size: float | None) -> str:
+    return f"Anything {colour}" + ("" if size is None else f", {written(size, 'length')} across")

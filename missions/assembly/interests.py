@@ -1,0 +1,33 @@
+"""What a mission looks for with the camera: a detector that nobody asks does not run."""
+
+from dataclasses import dataclass
+
+from config.robot import CameraConfig
+from missions.assembly.things import looked_for
+from missions.language.plan import Step
+from perception.markers import MarkerKind
+from perception.wanted import Wanted
+
+
+@dataclass(frozen=True, slots=True)
+class Interests:
+    """Faces, the things ``wanted``, other robots that wear ``markers``, and motion."""
+
+    wanted: tuple[Wanted, ...] = ()
+    markers: MarkerKind | None = None
+    motion: bool = False
+    faces: bool = True
+
+
+def interests_of(tree: Step, camera: CameraConfig | None) -> Interests:
+    """Return what the behaviours and expressions of a mission look for, with the markers of the robot file."""
+    senses = tree.senses
+    kind = MarkerKind()
+    if camera is not None and camera.markers is not None:
+        kind = MarkerKind(camera.markers.family, camera.markers.size, camera.markers.robots)
+    return Interests(
+        wanted=looked_for(tree) if "things" in senses else (),
+        markers=kind if "markers" in senses else None,
+        motion="motion" in senses,
+        faces="faces" in senses,
+    )

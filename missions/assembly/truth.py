@@ -1,0 +1,209 @@
+"""What perfect detectors would find in the simulated world: the truth behind the eyes of simulated time."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, product
+from math import atan2, cos, hypot, pi, remainder, sin, tau
+from random import Random
+
+from drivers.sim.block import Block, Point3, Solid
+from drivers.sim.people import Presence
+from drivers.sim.room import Colour
+from drivers.sim.things import MARKER_SIZE, Ball, Rover
+from drivers.sim.things import Box as Crate
+from drivers.sim.viewpoint import Viewpoint
+from drivers.sim.world import World
+from perception.api import Box, Detection
+from perception.geometry import FACE_WIDTH, Pinhole
+from perception.markers import MarkerKind, MarkerSighting
+from perception.shapes import TURNED
+from perception.sighting import Sighting
+from perception.spots import SMALLEST, WIDTH, Spot
+from perception.things import ThingSighting
+from perception.wanted import ANY, BALL, BOX, Wanted
+
+FACE_DROP = 0.03
+"""Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
+
+SMALLEST_FACE = 28.0
+"""Pixels of a face's width below which the detector does not see it either (``perception.faces``)."""
+
+SMALLEST_MARKER = 24.0
+"""Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""
+
+MARKER_HEIGHT = MARKER_SIZE * 4 / 3
+"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.standing``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flaws:
+    """What true eyes lack: the share of things missed in each picture, and pixels of noise (one sigma) in each box."""
+
+    missed: float = 0.02
+    noise: float = 1.0
+
+
+class Truth:
+    """Knows what is to be seen of a world through ``lens`` from somewhere at a time, with the ``flaws`` of detectors.
+
+    ``random`` decides what is missed and how far off a box is.
+    """
+
+    def __init__(self, world: World, lens: Pinhole, flaws: Flaws, random: Random) -> None:
+        self._world = world
+        self._lens = lens
+        self._flaws = flaws
+        self._random = random
+
+    def faces(self, view: Viewpoint, now: float) -> tuple[Sighting, ...]:
+        """Return the faces in view, largest first."""
+        boxes = (self._face(presence, view, now) for presence in self._world.people_at(now))
+        found = sorted((box for box in boxes if box is not None), key=lambda box: -box.width)
+        return tuple(Sighting(Detection(box, 5.0), found=True) for box in found)
+
+    def things(
+        self, view: Viewpoint, now: float, wanted: Sequence[Wanted], colours: Mapping[str, Colour]
+    ) -> tuple[ThingSighting, ...]:
+        """Return the things ``wanted`` that are in view, furniture of that colour and shape among them."""
+        found = []
+        for thing in chain(self._world.objects, self._world.furniture):
+            shape = BALL if isinstance(thing, Ball) else BOX
+            fitting = [
+                one for one in wanted if colours[one.colour] == thing.colour and one.shape in (ANY, shape)
+            ]  # most things are not looked for, and cost no more than this
+            seen = self._thing(thing, view, now) if fitting else None
+            if seen is not None:
+                box, width = seen
+                found += [ThingSighting(Spot(box, one.colour, shape, width), one) for one in fitting]
+        return tuple(found)
+
+    def markers(self, view: Viewpoint, now: float, kind: MarkerKind) -> tuple[MarkerSighting, ...]:
+        """Return the markers in view, of each robot the one that looks largest."""
+        seen = (self._marker(rover, view, now, kind) for rover in self._world.robots)
+        return tuple(one for one in seen if one is not None)
+
+    def motion(self, view: Viewpoint, before: float, now: float) -> float:
+        """Return the share 0..1 of the picture that people and robots change who moved since ``before``.
+
+        Somebody who goes aside uncovers as much on one side as is covered on the other: no more than all of them.
+        """
+        then, changed = dict(self._moving(before)), 0.0
+        for name, solid in self._moving(now):
+            was = then.get(name)
+            middle = (solid.x, solid.y, (solid.bottom + solid.top) / 2)
+            place = self._at(view, middle)
+            if was is None or place is None or not self._world.visible((view.x, view.y, view.z), middle, now):
+                continue
+            old = self._at(view, (was.x, was.y, (was.bottom + was.top) / 2))
+            if old is None or not 0 <= place[0] <= self._lens.width:
+                continue
+            scale = self._lens.focal / view.sees(*middle)[2]
+            high = min((solid.top - solid.bottom) * scale, self._lens.height)
+            changed += 2 * high * min(hypot(place[0] - old[0], place[1] - old[1]), 2 * solid.reach * scale)
+        return min(1.0, changed / (self._lens.width * self._lens.height))
+
+    def _moving(self, time: float) -> Iterator[tuple[str, Solid]]:
+        for presence in self._world.people_at(time):
+            yield presence.person.name, presence.body()
+        for rover in self._world.robots:
+            yield rover.name, rover.solid(time)
+
+    def _face(self, presence: Presence, view: Viewpoint, now: float) -> Box | None:
+        """Return where a face is in the picture; None where it is not to be seen, or is missed this time."""
+        if not presence.shows_face(view.x, view.y):
+            return None
+        middle = (presence.x, presence.y, presence.eyes - FACE_DROP)
+        _, _, ahead = view.sees(*middle)
+        if ahead <= 0:
+            return None
+        half = FACE_WIDTH / 2
+        width = 2 * half * self._lens.focal / ahead
+        seen = self._at(view, middle)
+        if seen is None or width < SMALLEST_FACE:
+            return None
+        return self._noticed(Box(seen[0] - width / 2, seen[1] - width / 2, width, width), view, middle, now)
+
+    def _thing(self, thing: Ball | Crate, view: Viewpoint, now: float) -> tuple[Box, float] | None:
+        """Return where a thing is in the picture, and its width as ``Spot`` has it."""
+        solid = thing.solid()
+        middle = (thing.x, thing.y, (solid.bottom + solid.top) / 2)
+        _, _, ahead = view.sees(*middle)
+        if isinstance(thing, Ball):
+            place = self._at(view, middle)
+            width = thing.size * self._lens.focal / max(ahead, 0.01)
+            around = None if place is None else Box(place[0] - width / 2, place[1] - width / 2, width, width)
+        else:
+            around = self._around(view, _corners(thing.solid()))
+            width = 0.0 if around is None else around.width / TURNED
+        least = SMALLEST * self._lens.width / WIDTH
+        if around is None or min(around.width, around.height) < least:
+            return None
+        box = self._noticed(around, view, middle, now)
+        return None if box is None else (box, width)
+
+    def _marker(self, rover: Rover, view: Viewpoint, now: float, kind: MarkerKind) -> MarkerSighting | None:
+        """Return the marker that a robot turns to the camera most; None where none can be read."""
+        solid = rover.solid(now)
+        x, y, facing = max(_sides(solid), key=lambda side: cos(_turned(side, view)))
+        turned = _turned((x, y, facing), view)
+        height = max(solid.top / 2, solid.top - MARKER_HEIGHT / 2 - 0.03)
+        middle = (x, y, height)
+        _, _, ahead = view.sees(*middle)
+        place = self._at(view, middle)
+        width = MARKER_SIZE * self._lens.focal * cos(turned) / max(ahead, 0.01)
+        if place is None or width < SMALLEST_MARKER:
+            return None
+        side = width / cos(turned)
+        box = self._noticed(Box(place[0] - width / 2, place[1] - side / 2, width, side), view, middle, now)
+        if box is None:
+            return None
+        away = hypot(x - view.x, y - view.y, height - view.z)
+        return MarkerSighting(rover.marker, kind.robots.get(rover.marker, ""), box, away, turned)
+
+    def _at(self, view: Viewpoint, point: Point3) -> tuple[float, float] | None:
+        """Return the pixel (x, y) of a point; None where it is behind the camera."""
+        right, down, ahead = view.sees(*point)
+        if ahead <= 0.01:
+            return None
+        lens = self._lens
+        return lens.width / 2 + lens.focal * right / ahead, lens.height / 2 + lens.focal * down / ahead
+
+    def _around(self, view: Viewpoint, points: Iterator[Point3]) -> Box | None:
+        """Return the box around some points; None where one is behind the camera."""
+        places = [self._at(view, point) for point in points]
+        inside = [place for place in places if place is not None]
+        if len(inside) < len(places):
+            return None
+        xs, ys = zip(*inside, strict=True)
+        return Box(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
+
+    def _noticed(self, box: Box, view: Viewpoint, middle: Point3, now: float) -> Box | None:
+        """Return a box as a detector gives it; None where the picture cuts it off, it is hidden, or it is missed."""
+        random, noise, lens = self._random, self._flaws.noise, self._lens
+        x, y = box.x + random.gauss(0.0, noise), box.y + random.gauss(0.0, noise)
+        inside = 0 <= x <= lens.width - box.width and 0 <= y <= lens.height - box.height
+        if not inside or random.random() < self._flaws.missed:
+            return None
+        if not self._world.visible((view.x, view.y, view.z), middle, now):
+            return None
+        return Box(x, y, box.width, box.height)
+
+
+def _corners(block: Block) -> Iterator[Point3]:
+    """Yield the eight corners of a box."""
+    for (x, y), z in product(block.corners(), (block.bottom, block.top)):
+        yield x, y, z
+
+
+def _sides(block: Block) -> Iterator[tuple[float, float, float]]:
+    """Yield the middle (x, y) of each side of a box, and which way it faces (radians about z)."""
+    for quarter in range(4):
+        facing = block.heading + quarter * pi / 2
+        half = (block.width if quarter % 2 else block.length) / 2
+        yield block.x + half * cos(facing), block.y + half * sin(facing), facing
+
+
+def _turned(side: tuple[float, float, float], view: Viewpoint) -> float:
+    """Return by how much a side is turned from the camera, in radians, positive to its own left."""
+    x, y, facing = side
+    return remainder(facing - atan2(view.y - y, view.x - x), tau)

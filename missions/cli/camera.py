@@ -1,0 +1,153 @@
+"""``mission camera``: which cameras are plugged in, and what their lenses are like."""
+
+import re
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import click
+
+from config.editing import NotEditableError
+from config.lens import keep_lens, lens_entries, lens_size
+from config.units import in_dimension
+from drivers.api import Image, Notice
+from drivers.camera.choose import open_source
+from drivers.camera.devices import list_devices
+from drivers.camera.pictures import pictures
+from drivers.camera.source import Kind, kind_of
+from drivers.clock import SystemClock
+from drivers.errors import BadRequest, NotConnected
+from missions.cli.root import FAILURE, SUCCESS
+from perception.calibration import Board, Calibration, Views, calibrate
+
+PLENTY = 20
+"""Different views of the board after which a live camera has seen enough."""
+
+COARSE = 1.0
+"""Pixels by which a board may miss a good lens."""
+
+
+@click.group()
+def command() -> None:
+    """List cameras, and calibrate them."""
+
+
+@command.command(name="list")
+def list_command() -> int:
+    """List the cameras that are plugged in, with the sizes of their pictures."""
+    devices = list_devices()
+    for device in devices:
+        sizes = " ".join(f"{width}x{height}" for width, height in device.sizes) or device.trouble or "no sizes told"
+        click.echo(f"{device.path}  {device.name}  {sizes}")
+    if any("permission" in device.trouble for device in devices):
+        click.echo("  try: sudo usermod -aG video $USER  (then log in again)", err=True)
+    elif devices:
+        number = devices[0].path.name.removeprefix("video")
+        click.echo(f"\nTo look through the first: mission run greet --camera {number}")
+    else:
+        click.echo("no camera is plugged in, as far as this system tells", err=True)
+        click.echo("  try: lsusb  (is it there at all?), or a film instead: mission see FILE", err=True)
+    return SUCCESS if devices else FAILURE
+
+
+def _board(ctx: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)\s*x\s*(\d+)", value.strip())
+    if found is None:
+        raise click.BadParameter(f"'{value}' is not ACROSSxDOWN inner corners, such as 9x6", ctx=ctx, param=option)
+    return int(found[1]), int(found[2])
+
+
+def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
+    try:
+        return in_dimension(value, "length")
+    except ValueError as error:
+        raise click.BadParameter(f"{error}", ctx=ctx, param=option) from error
+
+
+@command.command(name="calibrate")
+@click.argument("source", metavar="SOURCE")
+@click.option("--board", required=True, metavar="9x6", callback=_board, help="Its inner corners, where squares meet.")
+@click.option("--square", required=True, metavar='"25 mm"', callback=_length, help="The side of a square.")
+@click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Write it "
+              "into your robot file.")  # fmt: skip
+@click.option("--seconds", default=120.0, show_default=True, help="How long to look through a live camera at most.")
+def calibrate_command(source: str, board: tuple[int, int], square: float, keep: Path | None, seconds: float) -> int:
+    """Find out what a lens is like: angle of view, centre, distortion.
+
+    SOURCE is a camera's number or device, a video, or a folder of pictures. Hold a printed chessboard before the
+    camera: near and far, in all corners, and tilted to every side.
+    """
+    try:
+        size = None if keep is None else lens_size(keep)
+        views = Views(Board(*board, square))
+        _gather(views, source, seconds, size)
+    except (BadRequest, NotEditableError) as error:
+        hint = error.hint if isinstance(error, BadRequest) else ""
+        raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
+    except ValueError as error:
+        raise click.UsageError(f"{error}") from error
+    try:
+        found = calibrate(views)
+    except ValueError as error:
+        click.echo(f"{error}", err=True)
+        click.echo(
+            "  try: tilt the board to every side and fill all corners of the picture; is --board right?", err=True
+        )
+        return FAILURE
+    return _told(found, views, keep)
+
+
+def _gather(views: Views, source: str, seconds: float, size: tuple[int, int] | None) -> None:
+    """Show the source's pictures to ``views``, and say how many taught something; a device's in that ``size``."""
+    live = kind_of(source) in {Kind.DEVICE, Kind.URL}
+    for image in _live(source, seconds, size) if live else (image for _, _, image in pictures([source])):
+        if views.add(image):
+            click.echo(f"view {len(views.corners)}" + (f" of {PLENTY}" if live else ""), err=True)
+        if len(views.corners) >= PLENTY:
+            return
+
+
+def _live(source: str, seconds: float, size: tuple[int, int] | None) -> Iterator[Image]:
+    """Yield what a camera sees. Raises NotConnected when there is nothing to see in a fifth of the time."""
+    clock = SystemClock()
+    with closing(open_source(source, clock, size=size, report=_report)) as camera:
+        camera.open()
+        seen = False
+        while clock.now() < seconds:
+            frame = camera.read(0.2)
+            if frame is not None:
+                seen = True
+                yield frame.image
+            elif not seen and clock.now() > seconds / 5:
+                health = camera.health()
+                raise NotConnected(health.detail, hint=health.hint)
+
+
+def _report(notice: Notice) -> None:
+    if notice.kind != "online":
+        click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
+def _told(found: Calibration, views: Views, keep: Path | None) -> int:
+    """Print the lens as a robot file has it, and keep it where that was asked."""
+    width, height = views.size
+    click.echo(
+        f"# {found.views} views of {width}x{height} pixels, {found.nearest:.2f} to {found.farthest:.2f} m away; "
+        f"the corners miss by {found.error:.2f} px"
+    )
+    entries = lens_entries(found.field_of_view, found.centre, found.distortion)
+    click.echo("camera:")
+    for key, value in entries.items():
+        click.echo(f"  {key}: {value}")
+    if found.error > COARSE:
+        click.echo(f"{found.error:.1f} px is much\n  try: a flat board, held still, in good light", err=True)
+        return FAILURE
+    if keep is None:
+        click.echo("\nTo keep it: --keep FILE, your robot file", err=True)
+        return SUCCESS
+    try:
+        keep_lens(keep, entries)
+    except NotEditableError as error:
+        raise click.UsageError(f"{error}") from error
+    click.echo(f"kept in {keep}", err=True)
+    return SUCCESS

@@ -1,0 +1,96 @@
+"""``mission controller``: what a controller is made of, as words and as a picture, and how well controllers track."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from behaviours.tracking.rules import RuleBases
+from config.controller import ControllerConfig, load_controller
+from config.library import find, shipped
+from missions.controllers.bench import CONTROLLERS, bench, table
+from missions.controllers.words import lines_about
+
+NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
+
+picture_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.png",
+    help="Draw a picture too, into this file.",
+)
+
+
+@click.group()
+def command() -> None:
+    """Show and compare the controllers by which behaviours track."""
+
+
+@command.command(name="list")
+def list_() -> None:
+    """List the controllers that ship with MissionTree."""
+    for name, path in shipped("controllers").items():
+        click.echo(f"{name:<12} {load_controller(path).summary}")
+
+
+@command.command()
+@click.argument("name", metavar="CONTROLLER")
+@picture_option
+def show(name: str, output: Path | None) -> None:
+    """Say what a controller (a name or a file) is made of; draw its terms and the surfaces that its rules make."""
+    config, _ = read(name)
+    for line in lines_about(config):
+        click.echo(line)
+    if output is not None:
+        try:
+            from missions.controllers.plots import draw_controller  # noqa: PLC0415 - an extra, and slow to import
+        except ImportError as error:
+            raise click.UsageError(NO_PLOTS) from error
+        _drawn(output, lambda: draw_controller(output, config))
+
+
+@command.command(name="bench")
+@click.argument("names", metavar="[CONTROLLER]...", nargs=-1)
+@picture_option
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
+def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int) -> None:
+    """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
+
+    In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
+    head has: with the head alone, with the base alone that carries the camera, and with both.
+    """
+    rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in names or CONTROLLERS}
+    rows = list(bench(rules, seed=seed))
+    if as_json:
+        click.echo(json.dumps([row.as_dict() for row in rows], indent=2))
+    else:
+        for line in table(rows):
+            click.echo(line)
+    if output is not None:
+        try:
+            from missions.controllers.plots import draw_bench  # noqa: PLC0415 - an extra, and slow to import
+        except ImportError as error:
+            raise click.UsageError(NO_PLOTS) from error
+        _drawn(output, lambda: draw_bench(output, rows))
+
+
+def read(name: str) -> tuple[ControllerConfig, RuleBases]:
+    """Return a controller by name or path. Raises click.UsageError for rules that are wrong."""
+    config = load_controller(find("controllers", name))
+    try:
+        return config, RuleBases.from_mapping(config.values)
+    except ValueError as error:
+        raise click.UsageError(f"controller '{name}': {error}") from error
+
+
+def _drawn(output: Path, draw: Callable[[], None]) -> None:
+    if output.suffix != ".png":
+        raise click.UsageError(f"'{output}': the name of the picture must end in .png")
+    try:
+        draw()
+    except OSError as error:
+        raise click.UsageError(f"'{output}': cannot be written: {error.strerror}") from error
+    click.echo(f"drew {output}", err=True)

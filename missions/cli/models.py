@@ -1,0 +1,51 @@
+"""``mission models``: trained models that are not shipped, and fetching them."""
+
+from pathlib import Path
+
+import click
+
+from missions.cli.root import FAILURE, SUCCESS
+from missions.models import MODELS, FetchError, fetch, folder, is_there
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def command(ctx: click.Context) -> None:
+    """List trained models that can be fetched, and fetch them. Nothing that is shipped needs one."""
+    if ctx.invoked_subcommand is None:
+        list_models()
+
+
+@command.command(name="list")
+def list_command() -> None:
+    """List the models, and which are there."""
+    list_models()
+
+
+def list_models() -> None:
+    """Print a line on each model."""
+    where = folder()
+    for model in MODELS.values():
+        state = f"in {where / model.file}" if is_there(model, where) else f"mission models fetch {model.name}"
+        click.echo(f"{model.name:<8} {model.size / 1e6:.2f} MB  {model.summary}\n{'':<8} {state}")
+
+
+@command.command(name="fetch")
+@click.argument("name", type=click.Choice(list(MODELS)), metavar="NAME")
+@click.option("--from", "url", metavar="URL", help="Another place to fetch it from; its sum is checked all the same.")
+@click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")
+def fetch_command(name: str, url: str | None, where: Path | None) -> int:
+    """Download a model, check its SHA-256, and keep it."""
+    model, where = MODELS[name], where or folder()
+    if is_there(model, where):
+        click.echo(f"{where / model.file} is there already")
+        return SUCCESS
+    try:
+        path = fetch(model, where, url=url)
+    except FetchError as error:
+        click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+        return FAILURE
+    click.echo(f"fetched {path}, SHA-256 as published")
+    if model.name == "yunet":
+        click.echo("To use it, write `detector: yunet` into the camera section of your robot file", err=True)
+    return SUCCESS

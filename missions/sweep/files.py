@@ -1,0 +1,94 @@
+"""What a sweep leaves in a folder: every run as CSV, the summary as JSON, the worlds of the worst runs."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+
+from missions.sweep.row import Row
+from missions.sweep.summary import Summary, cause
+from missions.sweep.sweep import Sweep
+from missions.sweep.variation import Variation
+
+RUNS, SUMMARY, PICTURE, WORLDS = "runs.csv", "summary.json", "sweep.png", "worlds"
+"""The files in the folder, and the folder of worlds in it."""
+
+
+def runs_csv(rows: Iterable[Row], variations: Sequence[Variation]) -> str:
+    """Return all runs as CSV: the same text wherever and on however many workers they ran."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    titles = [variation.title for variation in variations]
+    writer.writerow(["seed", *titles, "result", "cause", "reason", "seconds", "ticks"])
+    for row in rows:
+        writer.writerow([row.seed, *row.values, row.result, cause(row), row.reason, row.seconds, row.ticks])
+    return out.getvalue()
+
+
+def summary_json(summary: Summary, about: Mapping[str, object]) -> str:
+    """Return the summary as JSON, with what the sweep was ``about``."""
+    low, high = summary.rate.interval
+    found: dict[str, object] = {
+        **about,
+        "runs": summary.rate.runs,
+        "successes": summary.rate.successes,
+        "success": summary.rate.share,
+        "interval_95": [low, high],
+        "seconds": None if summary.times is None else asdict(summary.times),
+        "causes": [asdict(each) for each in summary.causes],
+        "varied": {
+            title: [
+                {
+                    "values": each.label,
+                    "runs": each.rate.runs,
+                    "successes": each.rate.successes,
+                    "interval_95": each.rate.interval,
+                }
+                for each in bins
+            ]
+            for title, bins in summary.bins.items()
+        },
+        "worst": [asdict(row) for row in summary.worst],
+    }
+    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+
+
+def write_world(sweep: Sweep, seed: int, path: Path) -> None:
+    """Write the world of one run as a world file. Raises ValueError for a world that cannot be, OSError."""
+    text = sweep.world_of(sweep.draw(seed), seed)
+    path.write_text(f"# As it is for run {seed} of a sweep.\n{text}", encoding="utf-8")
+
+
+class Folder:
+    """The folder that a sweep writes into."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._worlds = path / WORLDS
+
+    def prepare(self, *, force: bool) -> None:
+        """Make the folder, so that what is wrong with it is known before the first run.
+
+        What an earlier sweep has left is deleted with ``force``. Raises FileExistsError without; OSError.
+        """
+        old = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
+        for path in old:
+            if path.exists() and not force:
+                raise FileExistsError(f"{path} is there already")
+            path.unlink(missing_ok=True)
+        self._worlds.mkdir(parents=True, exist_ok=True)
+
+    def write(self, sweep: Sweep, rows: Sequence[Row], summary: Summary, about: Mapping[str, object]) -> None:
+        """Write all but the picture. Raises OSError."""
+        for row in summary.worst:
+            with suppress(ValueError):  # what is wrong with this world is the reason of its row
+                write_world(sweep, row.seed, self.world(row.seed))
+        (self.path / RUNS).write_text(runs_csv(rows, sweep.variations), encoding="utf-8")
+        (self.path / SUMMARY).write_text(summary_json(summary, about), encoding="utf-8")
+
+    def world(self, seed: int) -> Path:
+        """Return where the world of one of the worst runs is."""
+        return self._worlds / f"{seed}.yaml"

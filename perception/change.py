@@ -1,0 +1,101 @@
+"""The sense for motion: how much of a picture has changed since the one before, whatever the robot's head does."""
+
+from dataclasses import replace
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Frame, Image, Scene
+from perception.light import Grey, grey
+from perception.scene import measure
+
+WIDTH = 160
+"""Pixels of the width to which pictures are shrunk to be compared: little noise is left, and a hand still shows."""
+
+FARTHEST = 0.25
+"""The share of the picture by which it may have shifted: beyond, too little of it can be compared."""
+
+CLEAR = 0.2
+"""The least peak (0..1) of the correlation from which on a shift is one. A cut to another scene has about 0.05."""
+
+DIFFERENT = 14.0
+"""Grey levels (of 255) by which a spot must differ to have changed."""
+
+_ABOUT = np.ones((3, 3), np.uint8)
+
+
+class MotionSense:
+    """Measures a scene, and what moves in it: a ``perception.senses.SceneSense``.
+
+    A camera that turns shifts the whole picture. The shift is found by phase correlation, the picture before is moved
+    along, and only what both show is compared. A spot has changed when it is brighter or darker than all that was
+    about there before, so that most of what the shift does not explain (the sides of a picture shift more than its
+    middle) is no motion: 0.2 % is left of a head that turns at 10 degrees/s, 1 % at 60, as of somebody who walks by.
+    Where the two have no shift in common, nothing is said to move: a robot that whirls about sees no motion.
+    """
+
+    def __init__(self) -> None:
+        self._before: Grey | None = None
+
+    def measure(self, frame: Frame) -> Scene:
+        """Return what the next frame shows as a whole, ``motion`` with it: 0 for the first one."""
+        picture = _small(frame.image)
+        before, self._before = self._before, picture
+        same_size = before is not None and before.shape == picture.shape
+        motion = changed(before, picture) if before is not None and same_size else 0.0
+        return replace(measure(frame.image, stamp=frame.stamp), motion=motion)
+
+
+def changed(before: Grey, after: Grey) -> float:
+    """Return the share 0..1 of ``after`` that differs from ``before``, apart from a shift of the whole, and its light.
+
+    Both are of the same shape (height, width).
+    """
+    shift = _shift(before, after)
+    return 0.0 if shift is None else _differing(before, after, shift)
+
+
+def _shift(before: Grey, after: Grey) -> tuple[float, float] | None:
+    """Return by how many spots the picture has moved to the right and down; None where that cannot be told."""
+    height, width = after.shape
+    window = cv2.createHanningWindow((width, height), cv2.CV_32F)
+    (right, down), peak = cv2.phaseCorrelate(before.astype(np.float32), after.astype(np.float32), window)
+    if peak < CLEAR or abs(right) > FARTHEST * width or abs(down) > FARTHEST * height:
+        return None
+    return right, down
+
+
+def _moved(picture: Grey, shift: tuple[float, float]) -> Grey:
+    """Return a picture moved to the right and down; what was not in it is black."""
+    right, down = shift
+    height, width = picture.shape
+    move = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
+    return cast(Grey, cv2.warpAffine(picture, move, (width, height)))
+
+
+def _differing(before: Grey, after: Grey, shift: tuple[float, float]) -> float:
+    """Return the share of what both show, ``before`` being moved, that differs."""
+    height, width = after.shape
+    margin_x, margin_y = int(abs(shift[0])) + 2, int(abs(shift[1])) + 2
+    both = (slice(margin_y, height - margin_y), slice(margin_x, width - margin_x))
+    then, now = np.asarray(_moved(before, shift)[both], np.float32), np.asarray(after[both], np.float32)
+    if now.size == 0:
+        return 0.0
+    then = np.clip(then * _brighter(then, now), 0, 255)
+    lowest, highest = cv2.erode(then, _ABOUT), cv2.dilate(then, _ABOUT)
+    return float(np.mean((now < lowest - DIFFERENT) | (now > highest + DIFFERENT)))
+
+
+def _brighter(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
+    """Return by how much the light, or the camera's exposure, has grown: what most spots agree on."""
+    return float(np.median((now + 1.0) / (then + 1.0)))
+
+
+def _small(image: Image) -> Grey:
+    height, width = image.shape[:2]
+    if width <= WIDTH:
+        return grey(image)
+    size = WIDTH, max(1, round(height * WIDTH / width))
+    return grey(cast(Image, cv2.resize(image, size, interpolation=cv2.INTER_AREA)))

@@ -1,0 +1,97 @@
+"""Which of a few named colours each spot of a picture has, in whatever light it was taken."""
+
+from collections.abc import Mapping, Sequence
+from math import pi
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Image
+
+Colour = tuple[int, int, int]
+"""Red, green and blue, each 0..255."""
+
+Places = npt.NDArray[np.float32]
+"""Places (x, y) in the disc of hues and saturations; shape (..., 2), dtype float32."""
+
+Labels = npt.NDArray[np.uint8]
+"""For each spot the number of its colour; shape (height, width), dtype uint8."""
+
+REACH = 0.35
+"""How far from a colour in the disc of hues and saturations (of radius 1) a pixel may be and still have it."""
+
+PALE = 0.55
+"""The saturation above which a pixel is coloured whatever the light; a white wall in candle light has 0.5."""
+
+ENOUGH = 0.05
+"""The share of a picture that must be paler than that to tell the light by it."""
+
+GAIN_LIMITS = (0.6, 1.7)
+"""How much weaker or stronger a channel may be made: beyond, the picture is of one colour, and not the light."""
+
+FAINTEST = 9
+"""By how much (0..255) the strongest channel must exceed the weakest for there to be a hue: below there is noise."""
+
+
+def balanced(picture: Image) -> Image:
+    """Return the picture as in white light: what is grey in warm or cold light becomes grey.
+
+    The light is taken to have the colour of the picture's Minkowski mean of power 6 ("shades of grey", after Finlayson
+    and Trezzi, "Shades of gray and colour constancy", CIC 2004): between the mean of all and the brightest spots. What
+    is too colourful to be grey in any usual light does not count, or a large red box would make the light red.
+    """
+    some = np.stack([picture[::4, ::4, channel].ravel() for channel in range(3)]).astype(np.float32) / np.float32(255)
+    high = np.maximum(np.maximum(some[0], some[1]), some[2])
+    low = np.minimum(np.minimum(some[0], some[1]), some[2])
+    pale = high - low <= PALE * high
+    if pale.mean() > ENOUGH:  # else all is colourful
+        some = some[:, pale]
+    means = np.maximum(np.mean((some * some * some) ** 2, axis=1) ** (1 / 6), 0.01)
+    gains = np.clip(means.mean() / means, *GAIN_LIMITS)
+    levels = np.clip(np.rint(np.arange(256)[:, None] * gains), 0, 255)  # what each becomes, in each channel
+    return cast(Image, cv2.LUT(picture, levels.astype(np.uint8)[None]))
+
+
+class Palette:
+    """Tells apart the colours of ``names``, and tells them from all that has no hue.
+
+    Compared are hue and saturation, as places in a disc: they stay where they are when the light fades. A spot has the
+    colour that is nearest; so the colours that are not looked for (brown wood, grey walls) keep theirs.
+    """
+
+    def __init__(self, colours: Mapping[str, Colour]) -> None:
+        self.names: Sequence[str] = tuple(colours)
+        swatches = np.array([[colour[::-1] for colour in colours.values()]], np.uint8)
+        self.places: Places = in_disc(swatches)[0]
+        self._table = _nearest(self.places)
+
+    def label(self, picture: Image) -> Labels:
+        """Return for each spot the number of its colour in ``names``; their count, where it has none of them."""
+        hue, saturation, value = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
+        place = np.asarray(cv2.merge((saturation, hue))).view("<u2")[..., 0]  # hue << 8 | saturation
+        labels: Labels = self._table.take(place)
+        chroma = np.asarray(cv2.multiply(saturation, value, scale=1 / 255))
+        np.copyto(labels, len(self.names), where=chroma < FAINTEST)
+        return labels
+
+
+def in_disc(picture: Image) -> Places:
+    """Return where the colours of a picture lie in the disc of hues and saturations, whose radius is 1.
+
+    The hue is the angle: red 0, green a third of a turn. How bright a colour is does not matter.
+    """
+    hue, saturation, _ = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
+    angle = np.asarray(hue, np.float32) * np.float32(pi / 90)  # OpenCV counts in steps of 2 degrees
+    away = np.asarray(saturation, np.float32) / np.float32(255)
+    return np.dstack((away * np.cos(angle), away * np.sin(angle)))
+
+
+def _nearest(places: Places) -> Labels:
+    """Return the number of the nearest of ``places`` for each (hue in 2 degrees << 8 | saturation of 255)."""
+    hue, saturation = np.meshgrid(np.arange(180) * (pi / 90), np.arange(256) / 255, indexing="ij")
+    x, y = saturation * np.cos(hue), saturation * np.sin(hue)
+    off = [*(np.hypot(x - at_x, y - at_y) for at_x, at_y in places), np.full(x.shape, REACH)]
+    nearest: Labels = np.argmin(off, axis=0).astype(np.uint8).ravel()
+    return nearest

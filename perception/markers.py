@@ -1,0 +1,156 @@
+"""The sense for other robots: square markers, each with a number, as they are printed for ArUco and AprilTag."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import atan2, cos, remainder, sin, sqrt, tan, tau
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Box, Frame, Gaze, Image, Marker, Percept
+from perception.geometry import Pinhole
+from perception.light import grey
+from perception.tracks import Tracker, common
+
+DICTIONARIES: Mapping[str, int] = {
+    "4x4_50": cv2.aruco.DICT_4X4_50,
+    "4x4_100": cv2.aruco.DICT_4X4_100,
+    "5x5_100": cv2.aruco.DICT_5X5_100,
+    "6x6_250": cv2.aruco.DICT_6X6_250,
+    "apriltag_16h5": cv2.aruco.DICT_APRILTAG_16H5,
+    "apriltag_25h9": cv2.aruco.DICT_APRILTAG_25H9,
+    "apriltag_36h11": cv2.aruco.DICT_APRILTAG_36H11,
+}
+"""The families of markers by the names that robot files give them."""
+
+Corners = npt.NDArray[np.float32]
+"""The corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerKind:
+    """The markers that robots wear: their family, the side of their black frame in metres, and whose is which.
+
+    ``robots`` are names by number. Raises ValueError for a family that is not known and a side that is not above 0.
+    """
+
+    family: str = "4x4_50"
+    size: float = 0.15
+    robots: Mapping[int, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.family not in DICTIONARIES:
+            raise ValueError(f"markers: no family '{self.family}'; known are: {', '.join(DICTIONARIES)}")
+        if not self.size > 0:
+            raise ValueError(f"markers: a side of {self.size} m: must be above 0 m")
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSighting:
+    """A marker in one frame: its ``range`` in metres from the lens, and its ``heading`` as ``Marker`` has it."""
+
+    number: int
+    name: str
+    box: Box
+    range: float
+    heading: float
+    found: bool = True
+
+    @property
+    def kind(self) -> str:
+        """What it can be followed as."""
+        return str(self.number)
+
+    def distance(self, camera: Pinhole) -> float:
+        """Return how far away it is in metres."""
+        del camera  # the range was found with all four corners
+        return self.range
+
+    def percept(self, followed: Percept) -> Marker:
+        """Return what others are told of it."""
+        return Marker(**common(followed), number=self.number, name=self.name, heading=self.heading)
+
+
+class MarkerSense:
+    """Markers, found by their frames and numbers: a ``perception.senses.Sense[Marker]``.
+
+    Of a robot that shows several of its sides, the marker that looks largest counts.
+    """
+
+    def __init__(self, kind: MarkerKind) -> None:
+        self._kind = kind
+        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind.family])
+        parameters = cv2.aruco.DetectorParameters()
+        # Two looks at the edges, fine and coarse, find what three do.
+        parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 23
+        parameters.adaptiveThreshWinSizeStep = 18
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self._tracker = Tracker[Marker]()
+
+    def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Marker, ...]:
+        """Return the markers followed now, largest first."""
+        largest: dict[int, Corners] = {}
+        for number, corners in self.find(frame.image):
+            if number not in largest or _area(corners) > _area(largest[number]):
+                largest[number] = corners
+        pitch = 0.0 if gaze is None else gaze.pitch
+        sightings = [self._sighting(number, corners, camera, pitch) for number, corners in largest.items()]
+        return self._tracker.update(sightings, camera=camera, gaze=gaze, stamp=frame.stamp)
+
+    def find(self, image: Image) -> list[tuple[int, Corners]]:
+        """Return the number and the corners of each marker in a picture."""
+        found, numbers, _ = self._detector.detectMarkers(grey(image))
+        if not found:  # then there are no numbers either
+            return []
+        return [
+            (int(number), np.asarray(corners, np.float32).reshape(4, 2))
+            for number, corners in zip(np.asarray(numbers).ravel(), found, strict=True)
+        ]
+
+    def _sighting(self, number: int, corners: Corners, camera: Pinhole, pitch: float) -> MarkerSighting:
+        place, normal = _pose(corners, camera, self._kind.size)
+        x, y = (float(value) for value in corners.min(axis=0))
+        right, bottom = (float(value) for value in corners.max(axis=0))
+        return MarkerSighting(
+            number,
+            self._kind.robots.get(number, ""),
+            Box(x, y, right - x, bottom - y),
+            sqrt(sum(value * value for value in place)),
+            _heading(place, normal, pitch),
+        )
+
+
+def _area(corners: Corners) -> float:
+    return float(cv2.contourArea(corners))
+
+
+def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], list[float]]:
+    """Return where a marker's middle is, in metres, and its outward normal, both in camera axes: right, down, forward.
+
+    The corners become directions first, so that whatever the camera knows of its lens counts. Of the two poses that
+    show a square almost alike (Collins and Bartoli, "Infinitesimal plane-based pose estimation", 2014), the one that
+    fits better is taken.
+    """
+    angles = [camera.angles(float(x), float(y)) for x, y in corners]
+    directions = np.array([(-tan(bearing), tan(drop) / cos(bearing)) for bearing, drop in angles])
+    half = size / 2
+    square = np.array([(-half, half, 0.0), (half, half, 0.0), (half, -half, 0.0), (-half, -half, 0.0)])
+    _, turn, place = cv2.solvePnP(square, directions, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    matrix, _ = cv2.Rodrigues(turn)
+    return [float(value) for value in np.ravel(place)], [float(value) for value in np.asarray(matrix)[:, 2]]
+
+
+def _heading(place: list[float], normal: list[float], pitch: float) -> float:
+    """Return which way a marker is turned about the vertical, from towards the camera, positive to its own left.
+
+    ``pitch`` is how far down the camera looks: with it, the axes of the camera are turned upright.
+    """
+
+    def level(vector: list[float]) -> tuple[float, float]:
+        right, down, forward = vector
+        return right, forward * cos(pitch) - down * sin(pitch)
+
+    (facing_right, facing_on), (right, on) = level(normal), level(place)
+    return remainder(atan2(facing_right, -facing_on) - atan2(-right, on), tau)

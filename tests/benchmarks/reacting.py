@@ -1,0 +1,240 @@
+"""How long it takes from a frame's arrival to the head's command on the wire.
+
+All of it is real: the eyes' thread, the executive at 20 Hz with ``track_face``, the Arduino driver, and a virtual board
+behind a pseudo-terminal. Only what the camera sees is drawn, from where the head looks: a face that stays until the
+head rests on it, and is then somewhere else, 3 degrees away, in frames that come at any time between two ticks. The
+head starts without a ramp, for with the robot file's the driver needs some 50 ms to get to the first whole degree that
+it can send: that is how the head moves, not how late it hears.
+"""
+
+import math
+import statistics
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from random import Random
+from threading import Event
+
+import cv2
+
+from behaviours.catalogue import LEAVES
+from behaviours.robot import Robot
+from behaviours.run import Run
+from config.faults import Source
+from config.head import HeadConfig
+from config.library import find
+from config.robot import load_robot
+from drivers.api import Head, HeadPose, unreported
+from drivers.clock import Clock, SystemClock
+from drivers.sim.people import Person
+from drivers.sim.render import Renderer
+from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.world import World
+from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.terminal import Terminal
+from missions.assembly import parts
+from missions.assembly.things import THINGS
+from missions.executive.build import build
+from missions.executive.commands import Tell, robot_for
+from missions.executive.events import Stream
+from missions.executive.executive import Executive
+from missions.language.document import check_plan
+from missions.runner import DEFAULT_ROBOT
+from perception.api import Gaze, Image, View
+from perception.eyes import Eyes, Vision
+from perception.faces import HaarFaces
+from perception.finder import FaceFinder
+from perception.senses import FaceSense, Senses
+from perception.tracks import Tracker
+from tests.benchmarks.table import Row
+
+REACTIONS = 60
+PERIOD = 0.04
+"""Seconds from frame to frame."""
+
+STEP = math.radians(3)
+REST = 0.5
+"""Seconds without a command after which the head rests."""
+
+ABRUPT = 1e4
+"""rad/s^2: no ramp."""
+
+MISSION = "mission: react\ntree:\n  track_face: {patience: 60 s}\n"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture."""
+
+    image: Image
+    stamp: float
+
+
+class Stage:
+    """Shows a face at one of two places from where the head looks: a ``perception.eyes.FrameSource``."""
+
+    def __init__(self, clock: Clock, head: Head) -> None:
+        lens = Pinhole(640, 480, math.radians(60))
+        places = [(1.4 * math.cos(angle), 1.4 * math.sin(angle)) for angle in (STEP / 2, -STEP / 2)]
+        worlds = [World(people=(Person("Ben", look="ben", x=x, y=y),)) for x, y in places]
+        self._renderers = [Renderer(world, lens) for world in worlds]
+        self._clock = clock
+        self._head = head
+        self._due = 0.0
+        self._place = 0
+        self._arrived: float | None = None
+
+    def leap(self) -> None:
+        """Show the face at the other place from the next frame on."""
+        self._arrived, self._place = None, 1 - self._place
+
+    def arrived(self) -> float | None:
+        """Return when the first frame after a leap was handed out, None before it was."""
+        return self._arrived
+
+    def read(self, timeout: float) -> Frame | None:
+        """Wait for the next picture."""
+        wait = self._due - self._clock.now()
+        if wait > 0:
+            Event().wait(min(wait, timeout))
+        self._due = max(self._due + PERIOD, self._clock.now())
+        place, pose = self._place, self._head.pose().value or HeadPose(0.0, 0.0)
+        image = self._renderers[place].draw(Viewpoint(z=1.1, yaw=pose.pan, pitch=pose.tilt), 0.0)
+        now = self._clock.now()
+        if place == self._place and self._arrived is None:
+            self._arrived = now
+        return Frame(image, now)
+
+
+class Board(VirtualRodney):
+    """A board that notes when an angle came."""
+
+    def __init__(self, clock: Clock, baud: int) -> None:
+        super().__init__(baud=baud)
+        self._clock = clock
+        self.times: list[float] = []
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take bytes from the computer; return the answers."""
+        count = len(self.commands)
+        answer = super().feed(data, now)
+        self.times += [self._clock.now()] * (len(self.commands) - count)
+        return answer
+
+
+def rows() -> Iterator[Row]:
+    """Yield the median and the 99th percentile, each against its bound: to the head's driver, and to the wire."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        found = measured()
+    finally:
+        cv2.setNumThreads(before)
+    bound = 1.2 * statistics.median(each.search for each in found) + 0.005
+    for what, delays in (("driver", [each.told for each in found]), ("wire", [each.sent for each in found])):
+        median, slow = statistics.median(delays), sorted(delays)[math.ceil(0.99 * len(delays)) - 1]
+        yield Row(f"frame to {what} (median; 1.2 searches + 5 ms)", median, bound, median / bound, 1.0)
+        yield Row(f"frame to {what} (99th percentile; 60 ms)", slow, 0.06, slow / 0.06, 1.0)
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Seconds from a frame's arrival until the head's driver was told, and until the board was; and of its search."""
+
+    told: float
+    sent: float
+    search: float
+
+
+def measured(count: int = REACTIONS) -> list[Reaction]:
+    """Return how the head reacted to so many leaps."""
+    clock = SystemClock()
+    config = load_robot(find("robots", DEFAULT_ROBOT)).head
+    if not isinstance(config, HeadConfig):
+        raise TypeError(f"{DEFAULT_ROBOT}: has no head on an Arduino")
+    config = replace(config, acceleration=ABRUPT)
+    board, run = Board(clock, config.baud), Run(clock)
+    terminal = Terminal("nano", board, clock)
+    head = parts.head(config, clock, port=terminal.path, boot=0.0, report=unreported)
+    stage = Stage(clock, head)
+    searches = Searches(clock)
+    vision = _vision(clock, head, lambda view: searches.note(view, vision, run))
+    eyes = Eyes(stage, vision)
+    told: list[float] = []
+    robot = Robot(head_part=head, sight_part=vision)
+    executive = _executive(run, robot, lambda *_: told.append(clock.now()))
+    loop = threading.Thread(target=executive.loop)
+    try:
+        terminal.open()
+        head.open()
+        _until(lambda: head.health().online and head.pose().value is not None)
+        eyes.open()
+        loop.start()
+        _until(lambda: bool(vision.faces()))
+        return [_reaction(stage, board, told, searches, clock, number) for number in range(count)]
+    finally:
+        executive.stop("measured")
+        if loop.is_alive():
+            loop.join()
+        eyes.close()
+        head.close()
+        terminal.close()
+
+
+def _vision(clock: Clock, head: Head, seen: Callable[[View], None]) -> Vision:
+    def gaze(stamp: float) -> Gaze | None:
+        pose = head.pose_at(stamp)
+        return None if pose is None else Gaze(pose.pan, pose.tilt)
+
+    senses = Senses(faces=FaceSense(FaceFinder(HaarFaces()), Tracker()))
+    return Vision(gaze, field_of_view=math.radians(60), senses=senses, now=clock.now, on_view=seen)
+
+
+class Searches:
+    """How long the search of each frame took, and when it was done, by the frame's stamp."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._sum = 0.0
+        self.took: dict[float, float] = {}
+        self.done: dict[float, float] = {}
+
+    def note(self, view: View, vision: Vision, run: Run) -> None:
+        """Note the newest frame, and wake the mission, as a run does."""
+        if view.looked is not None:
+            self.took[view.looked] = vision.effort.seconds - self._sum
+            self._sum = vision.effort.seconds
+            self.done[view.looked] = self._clock.now()
+        run.wake()
+
+
+def _executive(run: Run, robot: Robot, commanded: Tell) -> Executive:
+    plan = check_plan(Source("react.yaml", MISSION), LEAVES, THINGS)
+    root = build(plan, run, lambda leaf: robot_for(leaf, robot, commanded))
+    return Executive(root, run, Stream(), rate=20.0)
+
+
+def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches, clock: Clock, number: int) -> Reaction:
+    """Let the head come to rest and the face leap; return how long it took until the driver and the board heard."""
+    _until(lambda: clock.now() - board.times[-1] > REST)
+    Event().wait(Random(number).uniform(0, 0.05))  # noqa: S311 - chance, not a secret
+    stage.leap()
+    _until(lambda: searches.done.get(stage.arrived() or -1.0, clock.now() + 1.0) <= min(board.times[-1], told[-1]))
+    arrived = stage.arrived() or 0.0
+    done = searches.done[arrived]
+    # What the head was told before the search was done, it was not told because of it.
+    first, sent = (next(time for time in times if time >= done) for times in (told, board.times))
+    return Reaction(first - arrived, sent - arrived, searches.took[arrived])
+
+
+def _until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
+    clock = SystemClock()
+    while not holds():
+        if clock.now() > seconds:
+            raise TimeoutError(f"it did not come true within {seconds:g} s")
+        Event().wait(0.005)
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(row)

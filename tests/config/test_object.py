@@ -1,0 +1,88 @@
+"""Objects to look for: phrases, and files that give them a name."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.colours import COLOURS
+from config.faults import InvalidFileError
+from config.library import shipped
+from config.object import FORMS, HUES, SHAPES, SIZES, load_object, read_phrase
+
+
+@pytest.mark.parametrize(
+    ("phrase", "colour", "shape", "size"),
+    [
+        ("red", "red", "thing", None),
+        ("red ball", "red", "ball", None),
+        ("big red box", "red", "box", 0.3),
+        ("  Small  BLUE cube ", "blue", "box", 0.1),
+        ("yellow round object", "yellow", "ball", None),
+        ("pink round ball", "pink", "ball", None),
+        ("green square thing", "green", "box", None),
+        ("purple object", "purple", "thing", None),
+    ],
+)
+def test_a_phrase_says_size_colour_and_shape(phrase: str, colour: str, shape: str, size: float | None) -> None:
+    found = read_phrase(phrase)
+    assert (found.colour, found.shape, found.size) == (colour, shape, size)
+    assert found.name == " ".join(phrase.lower().split())
+
+
+@pytest.mark.parametrize(
+    ("phrase", "said"),
+    [
+        ("", "which colour? such as 'red ball'"),
+        ("big", "which colour?"),
+        ("rad ball", "'rad' is no colour; did you mean 'red'?"),
+        ("bigg red ball", "'bigg' is no colour; did you mean 'big'?"),
+        ("red bal", "'bal' is no shape here; did you mean 'ball'?"),
+        ("red ball big", "'big' is no shape here"),
+        ("red round box", "is it a ball or a box?"),
+        ("grey box", "grey things cannot be told from a room; colours are: red, orange"),
+        ("mauve box", "'mauve' is no colour"),
+    ],
+)
+def test_a_phrase_that_is_wrong_is_refused_with_what_to_write(phrase: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said.replace("?", r"\?")):
+        read_phrase(phrase)
+
+
+@given(st.lists(st.sampled_from([*HUES, *SIZES, *FORMS, *SHAPES, "grey", "", "2"]), max_size=5).map(" ".join))
+def test_every_row_of_words_is_read_or_refused(phrase: str) -> None:
+    try:
+        found = read_phrase(phrase)
+    except ValueError as error:
+        assert repr(phrase)[1:-1] in str(error)  # noqa: PT017 - either is right
+    else:
+        assert found.colour in phrase.split()
+        assert read_phrase(found.name) == found
+
+
+def test_the_colours_are_those_that_worlds_have() -> None:
+    assert set(HUES) < set(COLOURS)
+
+
+@pytest.mark.parametrize("name", shipped("objects"))
+def test_every_shipped_object_bears_its_name(name: str) -> None:
+    found = load_object(shipped("objects")[name])
+    assert found.name == name
+    assert found.summary
+    assert found.size is not None
+
+
+def test_a_file_is_told_all_its_mistakes_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "cup.yaml"
+    path.write_text("object: cup\ncolour: grey\nshape: cone\nsize: 9\nheight: 3 cm\n")
+    with pytest.raises(InvalidFileError) as caught:
+        load_object(path)
+    assert [fault.mark.line for fault in caught.value.faults] == [2, 3, 4, 5]
+
+
+def test_a_file_may_leave_out_shape_and_size(tmp_path: Path) -> None:
+    path = tmp_path / "cup.yaml"
+    path.write_text("object: cup\ncolour: blue\n")
+    found = load_object(path)
+    assert (found.name, found.colour, found.shape, found.size) == ("cup", "blue", "thing", None)

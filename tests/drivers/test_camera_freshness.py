@@ -1,0 +1,189 @@
+"""Cameras that go on giving pictures, and yet are ill."""
+
+from collections.abc import Callable, Iterator
+from itertools import cycle, pairwise, repeat
+from pathlib import Path
+from queue import Queue
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Image, Notice
+from drivers.camera.folder import FolderCamera
+from drivers.camera.freshness import FROZEN, Freshness
+from drivers.camera.threaded import ThreadedCamera
+from drivers.clock import ManualClock
+from tests.waiting import wait_until
+
+STILL = np.random.default_rng(1).integers(90, 150, (48, 64, 3), dtype=np.uint8)
+
+
+def noisy(seed: int, base: Image = STILL) -> Image:
+    """A still scene as a camera sees it: every pixel off by a grey level or two."""
+    noise = np.random.default_rng(seed).normal(0, 1.0, base.shape)
+    return np.clip(np.rint(base + noise), 0, 255).astype(np.uint8)
+
+
+class Watched:
+    """A camera that is watched, on a clock of its own."""
+
+    def __init__(self) -> None:
+        self.notices: list[Notice] = []
+        self.time = 0.0
+        self.freshness = Freshness("camera", self.notices.append)
+
+    def show(self, pictures: Iterator[Image], seconds: float, *, rate: float = 20.0) -> None:
+        for _ in range(round(seconds * rate)):
+            self.freshness.take(next(pictures), self.time)
+            self.time += 1 / rate
+
+    def told(self) -> list[tuple[str, str]]:
+        return [(notice.kind, notice.what) for notice in self.notices]
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+def fresh() -> Iterator[Image]:
+    return cycle(map(noisy, range(7)))
+
+
+def test_a_still_scene_with_the_noise_of_a_sensor_is_fresh(watched: Watched) -> None:
+    watched.show(fresh(), 8.0)
+    assert watched.notices == []
+    assert watched.freshness.trouble == ("", "")
+
+
+def test_a_camera_that_hangs_is_told_of_once_with_what_to_do_and_so_is_its_return(watched: Watched) -> None:
+    watched.show(fresh(), 1.0)
+    watched.show(repeat(STILL), FROZEN - 0.2)
+    assert watched.notices == []
+    watched.show(repeat(STILL), 5.0)
+    assert watched.told() == [("fault", "camera: the same picture for 3 s")]
+    assert "mission camera list" in watched.notices[0].hint
+    assert watched.freshness.trouble == ("camera: the same picture for 3 s", watched.notices[0].hint)
+    watched.show(fresh(), 0.1)
+    assert watched.told()[1:] == [("online", "camera: fresh pictures again")]
+    watched.show(repeat(STILL), 5.0)
+    assert [notice.kind for notice in watched.notices] == ["fault", "online", "fault"]
+
+
+def test_a_covered_lens_has_not_hung(watched: Watched) -> None:
+    watched.show(repeat(np.zeros((48, 64, 3), np.uint8)), 8.0)
+    assert watched.notices == []
+
+
+def test_pictures_that_come_too_slowly_are_told_of_once_and_so_is_their_end(watched: Watched) -> None:
+    watched.show(fresh(), 6.0, rate=3.0)
+    watched.show(fresh(), 6.0, rate=2.0)
+    assert watched.told() == [("fault", "camera: fewer than 4 pictures a second")]
+    assert "light" in watched.notices[0].hint
+    watched.show(fresh(), 5.0, rate=15.0)
+    assert [notice.kind for notice in watched.notices] == ["fault", "online"]
+
+
+@given(st.lists(st.floats(0.0, 0.2), min_size=50, max_size=80))
+def test_any_rhythm_of_five_pictures_a_second_or_more_is_quick_enough(gaps: list[float]) -> None:
+    watched, pictures = Watched(), fresh()
+    for gap in gaps:
+        watched.time += gap
+        watched.freshness.take(next(pictures), watched.time)
+    assert watched.notices == []
+
+
+def test_a_camera_that_was_away_begins_anew(watched: Watched) -> None:
+    watched.show(repeat(STILL), 5.0)
+    watched.freshness.restart()
+    assert watched.freshness.trouble == ("", "")
+    watched.time += 60.0
+    watched.show(repeat(STILL), FROZEN - 0.2)
+    assert [notice.kind for notice in watched.notices] == ["fault"]
+
+
+class Live:
+    """A live feed of what the test puts into its queue; None unplugs it."""
+
+    what, hint = "/dev/eye", "plug it in"
+
+    def __init__(self) -> None:
+        self.pictures: Queue[Image | None] = Queue()
+
+    def start(self) -> float | None:
+        return None
+
+    def grab(self) -> Image | None:
+        return self.pictures.get()
+
+    def stop(self) -> None:
+        """Hold nothing that would have to be let go."""
+
+
+def opened(feed: Live, clock: ManualClock, report: Callable[[Notice], None]) -> ThreadedCamera:
+    camera = ThreadedCamera(lambda: feed, clock, name="eye", field_of_view=1.0, loop=True, retry=0.02, report=report)
+    camera.open()
+    return camera
+
+
+def until_shown(camera: ThreadedCamera, count: int) -> None:
+    wait_until(lambda: camera.health().counters["frames"] == count)
+
+
+def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> None:
+    feed, clock, notices = Live(), ManualClock(), list[Notice]()
+    camera = opened(feed, clock, notices.append)
+    try:
+        for count in range(1, 50):
+            feed.pictures.put(STILL)
+            until_shown(camera, count)
+            clock.advance(0.1)
+        wait_until(lambda: [notice.kind for notice in notices] == ["online", "fault"])
+        health = camera.health()
+        assert (health.online, health.detail) == (True, "eye: the same picture for 3 s")
+        assert health.hint
+    finally:
+        feed.pictures.put(None)
+        camera.close()
+
+
+def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
+    feed, clock, notices = Live(), ManualClock(), list[Notice]()
+    camera = opened(feed, clock, notices.append)
+    try:
+        feed.pictures.put(noisy(1))
+        assert camera.read(5.0) is not None
+        clock.advance(2.5)
+        assert [camera.read(0.01) for _ in range(3)] == [None] * 3
+        assert [(notice.kind, notice.what) for notice in notices[1:]] == [
+            ("offline", "eye: /dev/eye: no picture for 2.5 s")
+        ]
+        feed.pictures.put(noisy(2))
+        assert camera.read(5.0) is not None
+        wait_until(lambda: [notice.kind for notice in notices] == ["online", "offline", "online"])
+        assert camera.health().online
+    finally:
+        feed.pictures.put(None)
+        camera.close()
+
+
+def test_a_recording_may_hold_still(tmp_path: Path) -> None:
+    path, clock, notices = tmp_path / "still.png", ManualClock(), list[Notice]()
+    cv2.imwrite(str(path), STILL)
+    camera = FolderCamera(path, clock, rate=10.0, report=notices.append)
+    camera.open()
+    try:
+        stamps = []
+        for _ in range(45):
+            frame = camera.read(5.0)
+            assert frame is not None
+            stamps.append(frame.stamp)
+            clock.advance(0.1)
+        assert all(later > earlier for earlier, later in pairwise(stamps))
+        assert stamps[-1] > FROZEN + 1
+        assert [notice.kind for notice in notices] == ["online"]
+    finally:
+        camera.close()

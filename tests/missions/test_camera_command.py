@@ -1,0 +1,114 @@
+"""The ``mission camera`` command."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import pytest
+
+from config.robot import load_robot
+from drivers.camera.devices import CameraDevice
+from missions.cli import camera
+from perception.geometry import Pinhole
+from tests.missions.command import Outcome, command
+from tests.perception.boards import LENS, POSES, drawn
+
+Mission = Callable[..., Outcome]
+BOARD = ("--board", "9x6", "--square", "25 mm")
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: command(capsys, *arguments)
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of pictures of a board."""
+    folder = tmp_path_factory.mktemp("boards")
+    for number, pose in enumerate(POSES[:11]):
+        cv2.imwrite(str(folder / f"{number:02d}.png"), drawn(*pose))
+    return folder
+
+
+def plugged_in(monkeypatch: pytest.MonkeyPatch, *devices: CameraDevice) -> None:
+    monkeypatch.setattr(camera, "list_devices", lambda: list(devices))
+
+
+def test_list_names_the_cameras_and_what_to_type_next(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugged_in(monkeypatch, CameraDevice(Path("/dev/video2"), "HD Webcam", ((640, 480), (1280, 720))))
+    outcome = mission("camera", "list")
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[0] == "/dev/video2  HD Webcam  640x480 1280x720"
+    assert "mission run greet --camera 2" in outcome.out
+
+
+def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugged_in(monkeypatch, CameraDevice(Path("/dev/video0"), "HD Webcam", trouble="permission denied"))
+    outcome = mission("camera", "list")
+    assert "permission denied" in outcome.out
+    assert "usermod -aG video" in outcome.err
+
+
+def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugged_in(monkeypatch)
+    outcome = mission("camera", "list")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "no camera is plugged in" in outcome.err
+    assert "try: lsusb" in outcome.err
+
+
+def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mission: Mission, boards: Path) -> None:
+    mine = Path("mine.yaml")
+    mine.write_text("robot: mine\ncamera:\n  source: 0  # mine\n")
+    outcome = mission("camera", "calibrate", str(boards), *BOARD)
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[1] == "camera:"
+    Path("pasted.yaml").write_text("robot: pasted\n" + outcome.out)
+    outcome = mission("camera", "calibrate", str(boards), *BOARD, "--keep", "mine.yaml")
+    assert outcome.code == 0
+    assert "kept in mine.yaml" in outcome.err
+    assert "source: 0  # mine" in mine.read_text()
+    kept, pasted = load_robot(mine).camera, load_robot(Path("pasted.yaml")).camera
+    assert kept is not None
+    assert pasted is not None
+    assert (kept.field_of_view, kept.centre, kept.distortion) == (
+        pasted.field_of_view,
+        pasted.centre,
+        pasted.distortion,
+    )
+    assert Pinhole(640, 480, kept.field_of_view).focal == pytest.approx(LENS.focal, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("absent", *BOARD), "absent: no such file"),
+        (("absent", "--board", "nine", "--square", "25 mm"), "'nine' is not ACROSSxDOWN"),
+        (("absent", "--board", "9x6", "--square", "25"), "needs a length such as"),
+        (("absent", "--board", "2x2", "--square", "25 mm"), "3 at least are needed"),
+        (("absent", *BOARD, "--keep", "blind.yaml"), "blind has no camera"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_looked_at(
+    mission: Mission, arguments: tuple[str, ...], words: str
+) -> None:
+    Path("blind.yaml").write_text("robot: blind\n")
+    outcome = mission("camera", "calibrate", *arguments)
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
+def test_a_wrong_board_fails_with_what_to_try(mission: Mission, boards: Path) -> None:
+    one = str(boards / "00.png")
+    outcome = mission("camera", "calibrate", one, "--board", "8x5", "--square", "25 mm")
+    assert outcome.code == 1
+    assert "different views of the board" in outcome.err
+    assert "is --board right?" in outcome.err
+
+
+def test_a_camera_that_is_not_there_is_a_device_error(mission: Mission) -> None:
+    outcome = mission("camera", "calibrate", "97", *BOARD, "--seconds", "0.5")
+    assert outcome.code == 3
+    assert "/dev/video97: no such device" in outcome.err

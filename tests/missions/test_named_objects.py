@@ -1,0 +1,61 @@
+"""Objects as missions name them: by a phrase, by the name of a file, or by its path."""
+
+from pathlib import Path
+
+import pytest
+
+from config.faults import InvalidFileError
+from missions.assembly.things import looked_for, wanted
+from missions.library import load_mission
+from perception.wanted import Wanted
+
+MISSION = """
+mission: look
+tree:
+  sequence:
+    - find_object: small yellow ball
+    - object_seen: {what: apple, within: 2 s}
+    - selector:
+        - object_seen: apple
+        - wait: 1 s
+    - robot_seen: 7
+"""
+
+
+def test_a_phrase_or_a_name_is_what_is_looked_for() -> None:
+    assert wanted("red  Ball") == Wanted("red ball", "red", "ball", None)
+    assert wanted("apple") == Wanted("apple", "red", "ball", 0.12)
+
+
+def test_a_file_of_ones_own_is_an_object(tmp_path: Path) -> None:
+    path = tmp_path / "cup.yaml"
+    path.write_text("object: cup\ncolour: blue\nsize: 9 cm\n")
+    assert wanted(str(path)) == Wanted("cup", "blue", "thing", 0.09)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("appel", "did you mean 'apple'"),
+        ("red bal", "did you mean 'ball'"),
+        ("cup.yaml", "no such file"),
+        ("brown box", "brown things cannot be told from a room"),
+    ],
+)
+def test_what_cannot_be_looked_for_is_refused_with_what_to_write(name: str, said: str) -> None:
+    with pytest.raises(LookupError, match=said):
+        wanted(name)
+
+
+def test_all_that_a_mission_looks_for_is_known_before_it_starts(tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(MISSION)
+    plan = load_mission(str(path))
+    assert [one.name for one in looked_for(plan.tree)] == ["small yellow ball", "apple"]
+
+
+def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(MISSION.replace("yellow", "yelow"))
+    with pytest.raises(InvalidFileError, match="'yelow' is no colour; did you mean 'yellow'"):
+        load_mission(str(path))

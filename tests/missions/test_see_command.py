@@ -1,0 +1,95 @@
+"""The ``mission see`` command: faces with their eyes, things, markers, and the picture as a whole."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import skimage.data
+
+from tests.missions.command import Outcome, command, events_of
+
+Mission = Callable[..., Outcome]
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    cv2.imwrite("astronaut.png", cv2.cvtColor(skimage.data.astronaut(), cv2.COLOR_RGB2BGR))
+    room = np.full((480, 640, 3), 150, np.uint8)
+    cv2.circle(room, (450, 300), 60, (40, 40, 200), cv2.FILLED)
+    marker = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), 7, 90)
+    room[100:220, 100:220] = 255
+    room[115:205, 115:205] = marker[:, :, None]
+    cv2.imwrite("room.png", room)
+    return lambda *arguments: command(capsys, *arguments)
+
+
+def test_a_face_comes_with_its_eyes_and_the_light(mission: Mission) -> None:
+    (seen,) = events_of(mission("see", "--json", "astronaut.png").out.splitlines())
+    ((x, y, width, height),) = seen["faces"]
+    ((left, right),) = seen["eyes"]
+    assert x < left[0] < right[0] < x + width
+    assert y < left[1] < y + height / 2
+    assert 100 < seen["brightness"] < 130
+    assert seen["contrast"] > 10
+    words = mission("see", "astronaut.png").out
+    assert f"1 face: {width} x {height} at ({x}, {y}), both eyes; brightness" in words
+
+
+def test_things_and_markers_are_looked_for_on_request(mission: Mission) -> None:
+    (plain,) = events_of(mission("see", "--json", "room.png").out.splitlines())
+    assert (plain["faces"], plain["things"], plain["markers"]) == ([], [], [])
+    (seen,) = events_of(mission("see", "--json", "--things", "small red ball", "--markers", "4x4_50", "room.png")
+                        .out.splitlines())  # fmt: skip
+    (ball,), (marker,) = seen["things"], seen["markers"]
+    assert ball["name"] == "small red ball"
+    assert ball["box"] == pytest.approx([390, 240, 120, 120], abs=4)
+    assert ball["distance"] == pytest.approx(0.46, abs=0.05)
+    assert marker["number"] == 7
+    assert marker["box"] == pytest.approx([115, 115, 90, 90], abs=3)
+    assert abs(marker["heading"]) < 0.3
+
+
+def test_in_a_film_they_are_followed_from_frame_to_frame(mission: Mission) -> None:
+    room = cv2.imread("room.png")
+    assert room is not None
+    film = cv2.VideoWriter("film.avi", cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (640, 480))
+    for shift in range(4):
+        film.write(np.roll(room, 5 * shift, axis=1))
+    film.release()
+    seen = events_of(mission("see", "--json", "--things", "red thing", "film.avi").out.splitlines())
+    assert [len(frame["things"]) for frame in seen] == [0, 1, 1, 1]
+    assert [frame["things"][0]["box"][0] for frame in seen[1:]] == pytest.approx([395, 400, 405], abs=3)
+
+
+def test_all_of_it_is_drawn(mission: Mission) -> None:
+    assert mission("see", "--annotate", "out", "--things", "red ball", "--markers", "4x4_50", "room.png").code == 0
+    drawn, plain = cv2.imread("out/room.png"), cv2.imread("room.png")
+    assert drawn is not None
+    assert plain is not None
+    changed = (drawn != plain).any(axis=2)
+    for rows, columns in ((slice(230, 370), slice(380, 520)), (slice(105, 215), slice(105, 215))):
+        assert changed[rows, columns].any()
+
+
+def test_an_unknown_object_and_an_unknown_family_are_usage_errors(mission: Mission) -> None:
+    outcome = mission("see", "--things", "redd ball", "room.png")
+    assert outcome.code == 2
+    assert "red" in outcome.err
+    assert mission("see", "--markers", "qr", "room.png").code == 2
+
+
+def test_with_a_robot_its_lens_and_its_detector_count(mission: Mission) -> None:
+    Path("wide.yaml").write_text("robot: wide\ncamera: {field_of_view: 90 deg}\n")
+    narrow, wide = (
+        events_of(mission("see", "--json", "--things", "small red ball", *robot, "room.png").out.splitlines())[0]
+        for robot in ((), ("--robot", "wide.yaml"))
+    )
+    assert wide["things"][0]["distance"] < 0.7 * narrow["things"][0]["distance"]
+    Path("net.yaml").write_text("robot: net\ncamera: {detector: yunet}\n")
+    outcome = mission("see", "--robot", "net.yaml", "room.png")
+    assert outcome.code == 2
+    assert "mission models fetch yunet" in outcome.err

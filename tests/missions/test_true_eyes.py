@@ -1,0 +1,153 @@
+"""True eyes: they see what real detectors find in rendered pictures of the same world, and no more."""
+
+from dataclasses import replace
+from math import hypot, isnan, pi, radians
+from random import Random
+
+import pytest
+
+from config.colours import COLOURS
+from drivers.sim.light import Change, Light
+from drivers.sim.people import Person
+from drivers.sim.render import Renderer
+from drivers.sim.things import Ball, Box, Rover, Wall
+from drivers.sim.viewpoint import Viewpoint
+from drivers.sim.world import World
+from missions.assembly.interests import Interests
+from missions.assembly.seeing import Flaws, TrueSight
+from missions.assembly.truth import Truth
+from perception.api import Gaze, Marker, Thing
+from perception.geometry import wrap
+from perception.markers import MarkerKind, MarkerSense
+from perception.things import ThingSense
+from perception.wanted import BALL, BOX, Wanted
+from tests.perception.rendered import CAMERA, LENS, frame
+
+FLAWLESS = Flaws(missed=0.0, noise=0.0)
+KIND = MarkerKind(robots={7: "R2"})
+WANTED = (Wanted("sun", "yellow", BALL, 0.2), Wanted("crate", "red", BOX, 0.3), Wanted("blue", "blue"))
+SUN = Ball("sun", 2.0, 0.3, 0.2, COLOURS["yellow"], bottom=0.4)
+CRATE = Box("crate", 2.2, -0.5, (0.3, 0.3, 0.3), COLOURS["red"], heading=0.5)
+R2 = Rover("R2", 7, 1.8, 0.9, heading=pi + 0.6)
+WORLD = World(objects=(SUN, CRATE), robots=(R2,))
+EYE = Viewpoint(z=0.7, pitch=radians(12))
+
+
+def true(
+    world: World, view: Viewpoint = EYE, *, flaws: Flaws = FLAWLESS, frames: int = 2
+) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
+    """What true eyes see after so many pictures."""
+    sight = TrueSight(
+        world,
+        lambda _: view,
+        lambda _: Gaze(view.yaw, view.pitch),
+        CAMERA,
+        flaws=flaws,
+        seed=1,
+        on_view=lambda _: None,
+        interests=Interests(WANTED, KIND, motion=True),
+    )
+    for number in range(frames):
+        sight.see(sight.glimpse(number / 20))
+    return sight.things(), sight.markers()
+
+
+def real(world: World, view: Viewpoint = EYE) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
+    """What detectors find in the picture of the same."""
+    renderer, things, markers = Renderer(world, LENS, noise=2.0), ThingSense(WANTED, COLOURS), MarkerSense(KIND)
+    gaze = Gaze(view.yaw, view.pitch)
+    for number in range(2):
+        picture = frame(renderer.draw(view, number / 20), number / 20)
+        found = things.sense(picture, CAMERA, gaze), markers.sense(picture, CAMERA, gaze)
+    return found
+
+
+def test_they_see_the_same_as_real_eyes() -> None:
+    (true_things, true_markers), (real_things, real_markers) = true(WORLD), real(WORLD)
+    assert {thing.name for thing in true_things} == {"sun", "crate"}
+    for it in true_things:
+        (same,) = [other for other in real_things if other.name == it.name]
+        assert (it.colour, it.shape, it.size) == (same.colour, same.shape, same.size)
+        assert it.box.overlap(same.box) > 0.75
+        assert hypot(it.yaw - same.yaw, it.pitch - same.pitch) < radians(0.8)
+        assert it.distance == pytest.approx(same.distance, rel=0.08)
+    (marker,), (read,) = true_markers, real_markers
+    assert (marker.number, marker.name) == (read.number, read.name) == (7, "R2")
+    assert marker.distance == pytest.approx(read.distance, rel=0.03)
+    assert marker.yaw == pytest.approx(read.yaw, abs=radians(0.6))
+    assert wrap(marker.heading - read.heading) == pytest.approx(0.0, abs=radians(6))
+
+
+@pytest.mark.parametrize(
+    "view",
+    [
+        replace(EYE, yaw=pi),  # behind
+        replace(EYE, yaw=radians(45)),  # beyond the side
+        replace(EYE, pitch=radians(-40)),  # above
+        replace(EYE, x=-3.0, z=2.5, yaw=pi),  # far, and behind
+    ],
+)
+def test_what_is_out_of_view_is_seen_by_neither(view: Viewpoint) -> None:
+    (things, _), (real_things, _) = true(WORLD, view), real(WORLD, view)
+    assert not [thing for thing in (*things, *real_things) if thing.name != "blue"]
+
+
+def test_what_a_wall_hides_is_not_seen() -> None:
+    hidden = replace(WORLD, walls=(Wall((1.0, -1.5), (1.0, 1.5)),))
+    assert true(hidden) == ((), ())
+
+
+def test_what_is_too_small_or_dark_is_not_seen() -> None:
+    assert true(replace(WORLD, objects=(replace(SUN, size=0.02),), robots=())) == ((), ())
+    assert true(replace(WORLD, light=0.02)) == ((), ())
+    far = World(robots=(replace(R2, x=4.8, y=0.0, heading=pi + 0.6),))
+    assert true(far)[1] == ()
+
+
+def test_only_what_is_wanted_is_told() -> None:
+    green = replace(SUN, colour=COLOURS["green"])
+    assert true(World(objects=(green, replace(SUN, y=-0.2))))[0][0].name == "sun"
+    assert len(true(World(objects=(green,)))[0]) == 0
+
+
+def test_a_thing_of_unknown_size_has_no_distance() -> None:
+    ((thing,), _) = true(World(objects=(replace(SUN, colour=COLOURS["blue"]),)))
+    assert thing.name == "blue"
+    assert isnan(thing.distance)
+
+
+def test_a_part_of_all_looks_is_missed_at_random() -> None:
+    truth = Truth(WORLD, CAMERA, Flaws(missed=0.3, noise=1.0), Random(5))  # noqa: S311 - noise is no secret
+    looks = [truth.things(EYE, 0.0, WANTED, COLOURS) for _ in range(300)]
+    assert 0.6 < sum(len(things) for things in looks) / 600 < 0.8
+    assert len({things[0].box for things in looks if things}) > 100
+
+
+def test_they_tell_what_moves_and_nothing_where_all_stands() -> None:
+    walker = Person("Ben", x=2.5, y=0.6, path=((2.5, -0.6),), speed=0.8)
+    for people, least, most in (((walker,), 0.002, 0.1), ((replace(walker, path=()),), 0.0, 0.0)):
+        sight = TrueSight(
+            World(people=people),
+            lambda _: Viewpoint(z=1.1),
+            lambda _: None,
+            CAMERA,
+            flaws=FLAWLESS,
+            seed=1,
+            on_view=lambda _: None,
+            interests=Interests(motion=True),
+        )
+        assert sight.glimpse(0.0).scene.motion == 0.0
+        motion = sight.glimpse(0.08).scene.motion
+        assert motion is not None
+        assert least <= motion <= most
+
+
+def test_without_interests_nothing_but_faces_is_looked_for() -> None:
+    world = replace(WORLD, light=Light(1.0, (Change(5.0, 0.2),)))
+    sight = TrueSight(world, lambda _: EYE, lambda _: None, CAMERA, flaws=FLAWLESS, seed=1, on_view=lambda _: None)
+    for number in range(3):
+        sight.see(sight.glimpse(number / 20))
+    assert (sight.things(), sight.markers()) == ((), ())
+    scene = sight.scene()
+    assert scene is not None
+    assert scene.motion is None

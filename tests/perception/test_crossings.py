@@ -1,0 +1,7 @@
+"""Two people who cross, as rendered: the benchmark's scenes, a few of them."""
+
+from tests.benchmarks.crossing import crossing, kept
+
+
+def test_two_who_walk_past_each_other_keep_their_ids() -> None:
+    assert sum(kept(crossing(seed)) for seed in (2, 4, 6, 11)) >= 3

@@ -1,0 +1,134 @@
+"""Faces by YuNet: what is around the network, on one that takes bright spots for faces; and the network, if there."""
+
+import os
+from math import inf
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perception.api import Box, Image
+from perception.faces import HaarFaces
+from perception.finder import FaceDetector
+from perception.yunet import ENOUGH, HAAR, SURE, YuNetFaces
+
+MODEL = Path(os.environ.get("MISSION_YUNET", Path.home() / ".local/share/missiontree/models"))
+
+
+class Spots:
+    """In the place of the network: each bright spot is a face, as large as the spot."""
+
+    def __init__(self) -> None:
+        self.size = (0, 0)
+        self.shown: list[tuple[int, ...]] = []
+
+    def setInputSize(self, input_size: tuple[int, int]) -> None:  # noqa: N802 - OpenCV's name
+        self.size = input_size
+
+    def detect(self, image: Image) -> tuple[int, npt.NDArray[np.float32] | None]:
+        assert self.size == (image.shape[1], image.shape[0])
+        assert image.ndim == 3
+        self.shown.append(image.shape)
+        bright = (image[:, :, 0] > 100).astype(np.uint8)
+        count, _, stats, _ = cv2.connectedComponentsWithStats(bright)
+        if count == 1:
+            return 1, None
+        rows = [[*stats[spot, :4], *[0.0] * 10, 0.9] for spot in range(1, count)]
+        return 1, np.array(rows, np.float32)
+
+
+@pytest.fixture
+def spots(monkeypatch: pytest.MonkeyPatch) -> Spots:
+    network = Spots()
+
+    def create(model: str, config: str, size: tuple[int, int], score: float, *_: float) -> Spots:
+        assert Path(model).is_file()
+        assert (config, size, score) == ("", (320, 320), SURE)
+        return network
+
+    monkeypatch.setattr(cv2.FaceDetectorYN, "create", create)
+    return network
+
+
+@pytest.fixture
+def faces(tmp_path: Path, spots: Spots) -> YuNetFaces:
+    assert spots.shown == []
+    path = tmp_path / "net.onnx"
+    path.write_bytes(b"network")
+    return YuNetFaces(path)
+
+
+def picture(*spots: tuple[int, int, int, int], size: tuple[int, int] = (640, 480)) -> Image:
+    drawn = np.zeros((size[1], size[0], 3), np.uint8)
+    for x, y, width, height in spots:
+        drawn[y : y + height, x : x + width] = 255
+    return drawn
+
+
+def test_boxes_are_squares_as_the_cascade_draws_them_in_the_pixels_of_the_picture(faces: YuNetFaces) -> None:
+    detector: FaceDetector = faces
+    (face,) = detector.detect(picture((300, 100, 80, 100)))
+    assert face.box.centre == pytest.approx((340, 150), abs=2)
+    assert face.box.width == face.box.height == pytest.approx(HAAR * 100, abs=4)
+    assert face.score == pytest.approx(0.9)
+
+
+def test_the_larger_the_faces_looked_for_the_smaller_the_picture_shown(faces: YuNetFaces, spots: Spots) -> None:
+    faces.detect(picture(), smallest=0)
+    faces.detect(picture(), smallest=64)
+    assert [shape[1] for shape in spots.shown] == [round(640 * ENOUGH / 28), round(640 * ENOUGH / 64)]
+
+
+def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNetFaces) -> None:
+    seen = picture((20, 20, 40, 40), (200, 200, 100, 100), (400, 50, 200, 200))
+    widths = [face.box.width for face in faces.detect(seen)]
+    assert widths == sorted(widths, reverse=True)
+    assert len(widths) == 3
+    assert len(faces.detect(seen, smallest=60, largest=inf)) == 2
+    assert len(faces.detect(seen, largest=60)) == 1
+
+
+def test_near_shows_the_network_a_small_region_only(faces: YuNetFaces, spots: Spots) -> None:
+    found = faces.near(picture((300, 100, 80, 80), (20, 400, 60, 60)), Box(310, 110, 80, 80))
+    assert found is not None
+    assert found.box.centre == pytest.approx((340, 140), abs=2)
+    assert max(spots.shown[0]) <= 81
+
+
+def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNetFaces) -> None:
+    assert faces.near(picture((300, 100, 80, 80)), Box(500, 350, 60, 60)) is None
+    assert faces.near(picture((300, 100, 80, 80)), Box(-500, 0, 60, 60)) is None
+    assert faces.near(picture((300, 100, 80, 80)), Box(300, 100, 0, 0)) is None
+
+
+def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaces) -> None:
+    (face,) = faces.detect(picture((300, 100, 80, 80))[:, :, 0])
+    assert face.box.centre == pytest.approx((340, 140), abs=2)
+    (face,) = faces.detect(picture((1500, 500, 400, 400), size=(3200, 2400)))
+    assert face.box.centre == pytest.approx((1700, 700), abs=8)
+
+
+def test_a_missing_file_says_how_to_fetch_it(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"absent.onnx is missing\n  try: mission models fetch yunet"):
+        YuNetFaces(tmp_path / "absent.onnx").detect(picture())
+
+
+def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None:
+    path = tmp_path / "broken.onnx"
+    path.write_bytes(b"no network")
+    with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission models fetch yunet"):
+        YuNetFaces(path).detect(picture())
+
+
+def test_the_network_itself_finds_the_astronaut_where_the_cascade_does(astronaut: Image) -> None:
+    found = sorted(MODEL.glob("*yunet*.onnx")) if MODEL.is_dir() else []
+    if not found:
+        pytest.skip("the YuNet model is not on this machine: mission models fetch yunet")
+    (face,) = YuNetFaces(found[0]).detect(astronaut)
+    (haar,) = HaarFaces().detect(astronaut)
+    assert face.box.overlap(haar.box) > 0.6
+    near = YuNetFaces(found[0]).near(astronaut, haar.box)
+    assert near is not None
+    assert near.box.overlap(haar.box) > 0.6
