@@ -87,7 +87,8 @@ class PanTilt(Generic[A]):
         self._axes = (pan, tilt)
         self._speed, self._acceleration = speed, acceleration
         self._lock = Lock()  # over the axes and the profiles, which the caller and the driver's thread both touch
-        begin = self.limits.clamp(start)
+        self._limits = self._limits_now()
+        begin = self._limits.clamp(start)
         self._profiles = (Profile(begin.pan, speed, acceleration), Profile(begin.tilt, speed, acceleration))
 
     @property
@@ -98,8 +99,17 @@ class PanTilt(Generic[A]):
     @property
     def limits(self) -> HeadLimits:
         """How far, how fast and how hard it turns; a trim may take a little of the range."""
+        return self._limits
+
+    def _limits_now(self) -> HeadLimits:
         pan, tilt = self._axes
         return HeadLimits(pan.range, tilt.range, self._speed, self._acceleration)
+
+    @property
+    def still(self) -> bool:
+        """True while both axes are at rest at their goals."""
+        pan, tilt = self._profiles
+        return pan.position == pan.goal and tilt.position == tilt.goal and pan.velocity == tilt.velocity == 0.0
 
     def check(self, target: HeadPose) -> None:
         """Raise BadRequest for a pose that is not finite."""
@@ -166,6 +176,7 @@ class PanTilt(Generic[A]):
                 profile.shift(-new.sign * (new.trim - old.trim))
                 profile.aim(min(max(profile.goal, new.range[0]), new.range[1]), now)
             self._axes = (wanted[0], wanted[1])
+            self._limits = self._limits_now()
         return wanted[0].trim, wanted[1].trim
 
     def _trimmed(self, axis: A, trim: float | None) -> A:

@@ -143,6 +143,8 @@ class Tracker(Generic[P]):
         ``gaze`` is where the camera looked at ``stamp``, the time of the frame; None, not known, counts as straight on.
         A frame no newer than the last one refreshes the tracks without moving them on.
         """
+        if not (sightings or self._tracks):
+            return ()
         at = gaze or Gaze(0.0, 0.0)
         self._tracks = [track for track in self._tracks if track.lives(stamp)]
         unmatched = self._match([_measure(sighting, camera, at) for sighting in sightings], stamp)

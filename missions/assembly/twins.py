@@ -38,11 +38,8 @@ from perception.eyes import Vision
 from perception.geometry import Pinhole
 
 PICTURE_PERIOD = 0.08
-"""Seconds from one searched picture to the next: what a small computer manages with this detector. A camera that is
-quicker has its other pictures dropped by the real eyes too."""
-
-GLIMPSE_PERIOD = 0.04
-"""The same for eyes that know the truth: as quick as a camera of 25 pictures a second."""
+"""Seconds from one searched picture to the next, for eyes of either kind: what a small computer manages with this
+detector. A camera that is quicker has its other pictures dropped by the real eyes too."""
 
 SEEING_TIME = 0.03
 """Seconds from a picture to what it shows."""
@@ -281,7 +278,7 @@ class _Maker:
             return replace(newest, stamp=frame.stamp, scene=replace(newest.scene, stamp=frame.stamp))
 
         return sight, SteppedEyes(
-            twins.timeline, take, sight.see, sight.looked, period=GLIMPSE_PERIOD, delay=SEEING_TIME
+            twins.timeline, take, sight.see, sight.looked, period=PICTURE_PERIOD, delay=SEEING_TIME
         )
 
     def _gaze(self, stamp: float) -> Gaze:

@@ -14,6 +14,8 @@ from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
 from missions.cli.root import FAILURE, SUCCESS
 from missions.testing import report
+from missions.testing.coverage import coverage, lines_of
+from missions.testing.coverage_page import page
 from missions.testing.files import all_tests, named_tests
 from missions.testing.junit import junit
 from missions.testing.many import cores, play_all
@@ -30,10 +32,25 @@ from missions.testing.suite import Case, load_suite
 @click.option(
     "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
 )
+@click.option("--coverage", "tell_coverage", is_flag=True, help="Say what of the missions was never tried.")
+@click.option(
+    "--coverage-page",
+    "page_file",
+    metavar="FILE.html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write what was tried as a page, with the missions' lines marked.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for other programs.")
 @click.option("-x", "--fail-fast", is_flag=True, help="Begin nothing new after the first failure.")
 def command(
-    names: tuple[str, ...], words: str, jobs: int | None, junit_file: Path | None, as_json: bool, fail_fast: bool
+    names: tuple[str, ...],
+    words: str,
+    jobs: int | None,
+    junit_file: Path | None,
+    tell_coverage: bool,
+    page_file: Path | None,
+    as_json: bool,
+    fail_fast: bool,
 ) -> int:
     """Play test files, in simulated time: files, folders, or missions by name.
 
@@ -45,11 +62,15 @@ def command(
     with _progress(len(cases)) as told:
         verdicts = _played(cases, jobs or cores(), fail_fast, told)
     if junit_file is not None:
-        _write(junit_file, junit(verdicts))
+        _write(junit_file, junit(verdicts), "--junit")
+    if page_file is not None:
+        _write(page_file, page(coverage(verdicts)).encode(), "--coverage-page")
     if as_json:
         click.echo(json.dumps([report.as_dict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
     else:
         _tell(verdicts)
+        if tell_coverage:
+            click.echo("\n" + "\n".join(lines_of(coverage(verdicts))) + "\n")
     click.echo(report.total(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
     return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
 
@@ -111,8 +132,8 @@ def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
         yield told
 
 
-def _write(path: Path, data: bytes) -> None:
+def _write(path: Path, data: bytes, option: str) -> None:
     try:
         path.write_bytes(data)
     except OSError as error:
-        raise click.BadParameter(f"{path}: {error.strerror}", param_hint="--junit") from error
+        raise click.BadParameter(f"{path}: {error.strerror}", param_hint=option) from error

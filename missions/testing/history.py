@@ -1,7 +1,7 @@
 """What a run has shown: a listener that keeps its events, and turns them into happenings that tests speak of."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from behaviours.leaf import RUNNING, Leaf
@@ -10,18 +10,26 @@ from drivers.api import Pose2D, Velocity
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Ticked
 from missions.executive.executive import Result
 from missions.executive.modifiers import MODIFIERS
+from missions.language.outcomes import ends
+from missions.language.plan import Step
 from missions.testing.moments import Happening
 
 STANDSTILL = 0.005
 """Metres or radians a second below which a base stands still."""
 
 ENDS = {"success": "succeeds", "failure": "fails"}
+CERTAIN = {"succeed": ("success",), "fail": ("failure",)}
+"""How leaves end that say so by their word; the checker does not hold that against the nodes behind them."""
+
 NOTICES = {"offline": "disconnects", "online": "reconnects", "fault": "complains"}
 
 
 @dataclass(frozen=True, slots=True)
 class NodeRecord:
-    """What became of one node: where it stands, each status that it had and how often, and why it failed."""
+    """What became of one node: where it stands, each status that it had and how often, and why it failed.
+
+    ``ends`` are the ways in which it can end.
+    """
 
     file: str
     line: int
@@ -30,6 +38,7 @@ class NodeRecord:
     name: str
     statuses: Mapping[str, int]
     reasons: tuple[str, ...]
+    ends: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -88,8 +97,9 @@ class History:
         """Return how often the nodes with this word or name began, and how they ended."""
         return {verb: count for verb in ("starts", "succeeds", "fails", "halts") if (count := self._count(name, verb))}
 
-    def nodes(self, root: Node) -> tuple[NodeRecord, ...]:
-        """Return what became of every node of the tree, in the order of the file."""
+    def nodes(self, root: Node, tree: Step) -> tuple[NodeRecord, ...]:
+        """Return what became of every node of the tree, in the order of the file; ``tree`` is its plan."""
+        ways = dict(_ends(tree, root.key))
         return tuple(
             NodeRecord(
                 node.file,
@@ -99,6 +109,7 @@ class History:
                 node.name,
                 dict(self._statuses.get(node.key, {})),
                 tuple(self._reasons.get(node.key, {})),
+                ways.get(node.key, ()),
             )
             for node in _in_order(root)
         )
@@ -175,3 +186,10 @@ def _in_order(node: Node) -> list[Node]:
     """Return a node and all below it, parents first, which is the order of the file."""
     below = [child for child in node.children if isinstance(child, Node)]
     return [node, *(each for child in below for each in _in_order(child))]
+
+
+def _ends(step: Step, key: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield how each step can end, by the key that the builder gives its node."""
+    yield key, CERTAIN.get(step.kind) or tuple(sorted(ends(step)))
+    for place, child in enumerate(step.children, start=1):
+        yield from _ends(child, f"{key}.{place}")

@@ -51,7 +51,7 @@ def play(case: Case, *, limits: Limits | None = None) -> Verdict:
     clock, stage = SystemClock(), Stage(case, limits)
     try:
         runner = stage.run()
-        verdict = replace(_judged(case, stage), nodes=stage.history.nodes(runner.root))
+        verdict = replace(_judged(case, stage), nodes=stage.history.nodes(runner.root, runner.plan.tree))
     except InvalidFileError as error:  # a file has changed since it was checked
         verdict = Verdict(case, misses=error.faults)
     except Exception:

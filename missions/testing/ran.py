@@ -90,7 +90,7 @@ def run_mission(
         history.said,
         history.pose,
         history.returns,
-        history.nodes(runner.root),
+        history.nodes(runner.root, runner.plan.tree),
         history,
     )
 

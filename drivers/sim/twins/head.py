@@ -47,6 +47,7 @@ class HeadTwin:
         self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
         self._shafts = tuple(Shaft(float(axis.awake), float(axis.awake), SERVO_SPEED) for axis in (pan, tilt))
         self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
+        self._settled = False  # it stood still at the last step too: nothing is left to be sent
         self._pose = AHEAD
         self._stamp = -inf
         self._history = History()
@@ -86,6 +87,7 @@ class HeadTwin:
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
         """Set the trims that are given, in radians of the servo; return both. Raises BadRequest for over 45 degrees."""
+        self._settled = False
         return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
 
     # --- life ---------------------------------------------------------------------------------------------------------
@@ -112,6 +114,12 @@ class HeadTwin:
         if not self.plug.online:
             return
         now = self._clock.now()
+        still = self._way.still
+        if still and self._settled:
+            self._stamp = now
+            self._history.add(now, (self._pose.pan, self._pose.tilt))
+            return
+        self._settled = still
         pan, tilt = self._way.advance(now)
         sent = tuple(step.axis.next_degree(step.angle, step.heading) for step in (pan, tilt))
         pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))

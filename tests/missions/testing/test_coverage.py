@@ -1,0 +1,117 @@
+"""Coverage: what of a mission its tests have never tried."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from missions.testing.coverage import FileCoverage, coverage, lines_of
+from missions.testing.coverage_page import page
+from missions.testing.play import play
+from missions.testing.stage import IN_PROCESS
+from missions.testing.suite import load_suite
+from tests.missions.command import command
+
+MISSION = """\
+mission: door
+params: {side: left}
+tree:
+  sequence:
+    - switch:
+        on: side
+        cases:
+          left: {say: To the left}
+          right: {say: To the right}
+    - selector:
+        - turn: 90 deg
+        - fail: the door is shut
+"""
+
+TESTS = """\
+tests: door
+cases:
+  - case: left
+    given: [{turn: succeeds}]
+    expect: {result: success}
+"""
+
+MORE = """\
+  - case: it cannot turn
+    given: [{turn: fails because "it is <stuck>"}]
+    expect: {result: failure, reason: the door is shut}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "door.yaml").write_text(MISSION)
+    (tmp_path / "door.test.yaml").write_text(TESTS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def tried(folder: Path) -> FileCoverage:
+    """The coverage of the one mission, by its tests as they stand."""
+    (found,) = coverage(play(case, limits=IN_PROCESS) for case in load_suite(folder / "door.test.yaml"))
+    return found
+
+
+def lacks(found: FileCoverage) -> dict[int, str]:
+    return {node.line: node.lacks() for node in found.nodes if node.lacks()}
+
+
+def test_a_branch_that_was_not_taken_and_an_end_that_was_not_seen_are_told(folder: Path) -> None:
+    found = tried(folder)
+    assert (found.file, found.ticked, len(found.nodes)) == ("door.yaml", 5, 7)
+    assert lacks(found)[9] == "never reached"
+    assert lacks(found)[11] == "never failed"
+    assert lacks(found)[12] == "never reached"
+
+
+def test_more_cases_leave_less_untried_and_keep_their_reasons(folder: Path) -> None:
+    (folder / "door.test.yaml").write_text(TESTS + MORE)
+    found = tried(folder)
+    assert 11 not in lacks(found)
+    assert 12 not in lacks(found)  # `fail` cannot succeed: nothing is missing
+    assert [list(node.reasons) for node in found.nodes if node.kind == "turn"] == [["it is <stuck>"]]
+    assert next(lines_of([found])).startswith("door.yaml: 6 of 7 nodes ticked, ")
+
+
+class Reader(HTMLParser):
+    """Keeps how lines are marked, and what is said when one points at them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.marked: list[tuple[str | None, str | None]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "span":
+            self.marked.append((dict(attrs).get("class"), dict(attrs).get("title")))
+
+
+def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
+    (folder / "door.test.yaml").write_text(TESTS + MORE)
+    text = page([tried(folder)])
+    reader = Reader()
+    reader.feed(text)
+    key, lines = reader.marked[:3], reader.marked[3:]
+    assert [kind for kind, _ in key] == ["all", "part", "nothing"]
+    assert len(lines) == len(MISSION.splitlines())
+    assert lines[8] == ("nothing", None)
+    assert lines[10] == ("all", "it is <stuck>")
+    assert lines[0] == (None, None)
+    assert "http" not in text
+
+
+def test_a_mission_that_is_gone_costs_its_lines_only(folder: Path) -> None:
+    found = tried(folder)
+    (folder / "door.yaml").unlink()
+    assert "cannot be read any more" in page([found])
+
+
+def test_the_command_tells_and_writes_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "test", "door", "--coverage", "--coverage-page", "tried.html")
+    assert outcome.code == 0
+    assert "door.yaml:9: say: never reached" in outcome.out
+    assert (folder / "tried.html").read_text().startswith("<!doctype html>")
+    assert command(capsys, "test", "door", "--coverage-page", "no/where.html").code == 2
