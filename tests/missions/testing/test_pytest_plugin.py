@@ -23,9 +23,13 @@ NAP = {
 }
 
 
+# Under pytest-xdist, the plugin that tries again listens on a port for as long as its process lives.
+ALONE = ("-p", "no:rerunfailures")
+
+
 def test_test_files_are_collected_and_their_failures_show_the_line(pytester: pytest.Pytester) -> None:
     write(pytester.path, NAP)
-    result = pytester.runpytest_inprocess("-v")
+    result = pytester.runpytest_inprocess("-v", *ALONE)
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(
         ["nap.test.yaml::it sleeps PASSED*", "nap.test.yaml::it snores FAILED*", "*nap.test.yaml:4:38: it said nothing"]
@@ -35,7 +39,7 @@ def test_test_files_are_collected_and_their_failures_show_the_line(pytester: pyt
 
 def test_a_mistake_in_a_test_file_is_an_error_of_the_collection(pytester: pytest.Pytester) -> None:
     write(pytester.path, NAP | {"nap.test.yaml": "tests: nap\ncases: [{case: a, expect: {rusult: success}}]\n"})
-    result = pytester.runpytest_inprocess()
+    result = pytester.runpytest_inprocess(*ALONE)
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*nap.test.yaml:2:28: 'expect' has no key 'rusult'", "*did you mean 'result'?"])
 
@@ -59,7 +63,7 @@ def test_the_python_of_the_docs_passes(pytester: pytest.Pytester) -> None:
     assert len(blocks) == 2
     for number, block in enumerate(blocks):
         (pytester.path / f"test_docs_{number}.py").write_text(block, encoding="utf-8")
-    pytester.runpytest_inprocess().assert_outcomes(passed=3)
+    pytester.runpytest_inprocess(*ALONE).assert_outcomes(passed=3)
 
 
 def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., Ran], tmp_path: Path) -> None:
