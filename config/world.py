@@ -24,6 +24,9 @@ from config.things import (
     read_wall,
 )
 
+MOST_LOST = 0.9
+"""The greatest share of reports or pictures that a world may lose: with all of them nothing would ever end."""
+
 NOISE = 3.0
 """The camera's noise in grey levels where a file does not say."""
 
@@ -170,7 +173,7 @@ def _physics(fields: Fields | None) -> PhysicsConfig:
         slip=fields.quantity("slip", "share", 0.0, low=0.0, high=0.9),
         lag=fields.quantity("lag", "duration", 0.0, low=0.0, high=2.0),
         gyro_noise=fields.quantity("gyro_noise", "turn rate", 0.0, low=0.0, high=1.0),
-        dropouts=fields.quantity("dropouts", "share", 0.0, low=0.0, high=1.0),
+        dropouts=fields.quantity("dropouts", "share", 0.0, low=0.0, high=MOST_LOST),
     )
     fields.done()
     return physics
@@ -186,7 +189,7 @@ def _camera(world: Fields, physics: PhysicsConfig) -> tuple[float, float]:
     if inner is not None and world.node_of("noise") is not None:
         fields.fault(inner.mark, "'noise' stands twice: here and at the top of the file")
     noise = fields.number("noise", noise, low=0.0, high=80.0)
-    dropouts = fields.quantity("dropouts", "share", physics.dropouts, low=0.0, high=1.0)
+    dropouts = fields.quantity("dropouts", "share", physics.dropouts, low=0.0, high=MOST_LOST)
     fields.done()
     return noise, dropouts
 

@@ -71,7 +71,13 @@ def mission() -> None:
 
 def main() -> None:
     """Run ``mission`` with the arguments of the process, and exit."""
-    # Without a standard stream (`>&-`), libraries that look at it would fail.
+    # Without a standard stream (`>&-`), libraries that look at it would fail, here and in processes that we start.
+    for number in (1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+            os.set_inheritable(number, True)
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
     sys.stderr = sys.stderr or sys.stdout
     for stream in (sys.stdout, sys.stderr):

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import Literal, TextIO
 
@@ -108,6 +108,8 @@ def command(
 
     Exit code 0 is success, 1 failure, 2 a mistake in the command or a file, 3 a device, 130 interrupted.
     """
+    if speed is not None and not isfinite(speed):
+        raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
     if simulate is None and robot is None and (speed is not None or eyes == "truth" or film is not None):
         simulate = "fast"
     order = Order(

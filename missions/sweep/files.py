@@ -72,17 +72,23 @@ class Folder:
     def prepare(self, *, force: bool) -> None:
         """Make the folder, so that what is wrong with it is known before the first run.
 
-        What an earlier sweep has left is deleted with ``force``. Raises FileExistsError without; OSError.
+        What an earlier sweep has left stays until there is something to take its place. Raises FileExistsError for
+        that, unless with ``force``; OSError.
         """
-        old = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
-        for path in old:
-            if path.exists() and not force:
+        for path in self._old():
+            if not force:
                 raise FileExistsError(f"{path} is there already")
-            path.unlink(missing_ok=True)
         self._worlds.mkdir(parents=True, exist_ok=True)
 
+    def _old(self) -> list[Path]:
+        """Return what an earlier sweep has left."""
+        left = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
+        return [path for path in left if path.exists()]
+
     def write(self, sweep: Sweep, rows: Sequence[Row], summary: Summary, about: Mapping[str, object]) -> None:
-        """Write all but the picture. Raises OSError."""
+        """Write all but the picture, in the place of what an earlier sweep has left. Raises OSError."""
+        for path in self._old():
+            path.unlink()
         for row in summary.worst:
             with suppress(ValueError):  # what is wrong with this world is the reason of its row
                 write_world(sweep, row.seed, self.world(row.seed))
