@@ -83,6 +83,6 @@ def rewrite(path: Path, text: str) -> None:
             file.write(mark + text.encode())
         Path(name).chmod(path.stat().st_mode)
         Path(name).replace(path)
-    except BaseException:
+    except BaseException:  # a Ctrl-C too must leave no half of a file beside it
         Path(name).unlink(missing_ok=True)
         raise

@@ -1,6 +1,7 @@
 """What all leaves that follow something have in common: the head first and the base behind it, or the base alone."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -67,9 +68,9 @@ class Track(Leaf):
 
     # --- what subclasses say ------------------------------------------------------------------------------------------
 
+    @abstractmethod
     def percepts(self) -> Sequence[Percept]:
         """Return what it may follow, largest first."""
-        raise NotImplementedError
 
     def begins_with(self) -> Percept | None:
         """Return the one that it is to follow from the start; None for the largest."""
