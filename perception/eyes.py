@@ -46,7 +46,33 @@ def unreported(trouble: Exception) -> None:
     """Drop an error: the ``on_trouble`` of eyes that nobody listens to. It stays readable in ``trouble``."""
 
 
-class Vision:
+class NewestView:
+    """A ``Sight`` that gives out the newest ``View``, whoever made it."""
+
+    _view = View()
+
+    def faces(self) -> tuple[Face, ...]:
+        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
+        return self._view.faces
+
+    def things(self) -> tuple[Thing, ...]:
+        """The coloured shapes followed now, largest first."""
+        return self._view.things
+
+    def markers(self) -> tuple[Marker, ...]:
+        """The markers of other robots followed now, largest first."""
+        return self._view.markers
+
+    def looked(self) -> float | None:
+        """The stamp of the newest frame that was searched, None before the first."""
+        return self._view.looked
+
+    def scene(self) -> Scene | None:
+        """What the newest frame shows as a whole, None before the first."""
+        return self._view.scene
+
+
+class Vision(NewestView):
     """Searches the frames that it is given and keeps the newest result ready: a ``Sight``.
 
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
@@ -75,29 +101,8 @@ class Vision:
         self._changed = changed
         self._on_view = on_view
         self._on_trouble = on_trouble
-        self._view = View()
         self._effort = Effort()
         self._trouble: Exception | None = None
-
-    def faces(self) -> tuple[Face, ...]:
-        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
-        return self._view.faces
-
-    def things(self) -> tuple[Thing, ...]:
-        """The coloured shapes followed now, largest first."""
-        return self._view.things
-
-    def markers(self) -> tuple[Marker, ...]:
-        """The markers of other robots followed now, largest first."""
-        return self._view.markers
-
-    def looked(self) -> float | None:
-        """The stamp of the newest frame that was searched, None before the first."""
-        return self._view.looked
-
-    def scene(self) -> Scene | None:
-        """What the newest frame shows as a whole, None before the first."""
-        return self._view.scene
 
     @property
     def effort(self) -> Effort:

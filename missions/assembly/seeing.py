@@ -12,6 +12,7 @@ from drivers.sim.world import World
 from missions.assembly.interests import Interests
 from missions.assembly.truth import Flaws, Truth
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
+from perception.eyes import NewestView
 from perception.geometry import Pinhole
 from perception.markers import MarkerSighting
 from perception.sighting import Sighting
@@ -80,7 +81,7 @@ class Glimpse:
     markers: tuple[MarkerSighting, ...] = ()
 
 
-class TrueSight:
+class TrueSight(NewestView):
     """A ``Sight`` that knows the world and needs no pictures; tracks and ids are those of real perception.
 
     ``viewpoint`` tells where the camera is now, ``gaze`` where the robot believes that it looked at a past time.
@@ -106,28 +107,7 @@ class TrueSight:
         self._truth = Truth(world, lens, flaws, Random(seed))  # noqa: S311 - noise is no secret
         self._faces, self._things, self._markers = Tracker[Face](), Tracker[Thing](), Tracker[Marker]()
         self._on_view = on_view
-        self._view = View()
         self._glimpsed: float | None = None
-
-    def faces(self) -> tuple[Face, ...]:
-        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
-        return self._view.faces
-
-    def things(self) -> tuple[Thing, ...]:
-        """The coloured shapes followed now, largest first."""
-        return self._view.things
-
-    def markers(self) -> tuple[Marker, ...]:
-        """The markers of other robots followed now, largest first."""
-        return self._view.markers
-
-    def looked(self) -> float | None:
-        """The stamp of the newest picture, None before the first."""
-        return self._view.looked
-
-    def scene(self) -> Scene | None:
-        """What the newest picture would show as a whole, None before the first."""
-        return self._view.scene
 
     def glimpse(self, now: float, *, dark: bool = False) -> Glimpse:
         """Return what a picture taken at ``now`` would show; nothing through a covered lens, which is ``dark``."""
