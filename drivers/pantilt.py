@@ -122,8 +122,9 @@ class PanTilt(Generic[A]):
         """Start for ``target`` at time ``now``; return the pose accepted after clamping."""
         with self._lock:
             accepted = self.limits.clamp(target)
-            for profile, goal in zip(self._profiles, (accepted.pan, accepted.tilt), strict=True):
-                profile.aim(goal, now)
+            pan, tilt = self._profiles
+            pan.aim(accepted.pan, now)
+            tilt.aim(accepted.tilt, now)
         return accepted
 
     def brake(self, now: float) -> None:
@@ -155,13 +156,8 @@ class PanTilt(Generic[A]):
     def advance(self, now: float) -> tuple[Step[A], Step[A]]:
         """Move on until time ``now``; return where pan and tilt are to be."""
         with self._lock:
-            for profile in self._profiles:
-                profile.advance(now)
-            pan, tilt = (
-                Step(axis, profile.position, profile.heading)
-                for axis, profile in zip(self._axes, self._profiles, strict=True)
-            )
-            return pan, tilt
+            (pan_axis, tilt_axis), (pan, tilt) = self._axes, self._profiles
+            return Step(pan_axis, pan.advance(now), pan.heading), Step(tilt_axis, tilt.advance(now), tilt.heading)
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> tuple[float, float]:
         """Set what is given (radians); return both trims. The head goes over to them as smoothly as to a new goal.

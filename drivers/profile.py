@@ -38,10 +38,13 @@ class Profile:
 
     def advance(self, now: float) -> float:
         """Move on until time ``now`` and return the position. Time that does not rise changes nothing."""
-        left = min(max(0.0, now - self.stamp), LONGEST_STEP)
-        self.stamp = max(self.stamp, now)
+        left = now - self.stamp
+        if left <= 0.0:
+            return self.position
+        self.stamp = now
         if self.position == self.goal and self.velocity == 0.0:
             return self.position
+        left = min(left, LONGEST_STEP)
         for seconds, acceleration in self._phases():
             step = min(seconds, left)
             self.position += (self.velocity + acceleration * step / 2) * step

@@ -85,6 +85,8 @@ class Body:
 
     def advance(self, now: float) -> Pose2D:
         """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
+        if self._now is not None and now <= self._now:
+            return self.wheels.pose
         deadline = self._commanded_at + COMMAND_TIMEOUT
         if now > deadline:
             self._roll(deadline)

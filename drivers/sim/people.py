@@ -57,6 +57,11 @@ class Person:
         walk = Walk(((self.x, self.y), *self.path), self.speed, self.start, self.loop)
         object.__setattr__(self, "walk", walk)  # the way to fill in a field of a frozen class
 
+    @property
+    def stays(self) -> bool:
+        """True for somebody who never moves from the spot, whatever happens."""
+        return not (self.path or self.acts)
+
     def place(self, time: float) -> Place:
         """Return where the walk leads, (x, y) in metres, at ``time`` seconds."""
         return self.walk.at(time)

@@ -46,6 +46,8 @@ class World:
     start: Pose2D = ORIGIN
     _light: Light = field(init=False, repr=False, compare=False)
     _solids: tuple[Solid, ...] = field(init=False, repr=False, compare=False)
+    _still: tuple[Solid, ...] = field(init=False, repr=False, compare=False)  # with the bodies of those who stay
+    _walls: tuple[tuple[float, float], tuple[float, float]] = field(init=False, repr=False, compare=False)
     _cues: tuple[Cues, ...] = field(init=False, repr=False, compare=False)
     _heard: list[Heard] = field(init=False, repr=False, compare=False, default_factory=list)
 
@@ -55,6 +57,10 @@ class World:
         object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
         object.__setattr__(self, "_solids", tuple(still))
         object.__setattr__(self, "_cues", tuple(Cues(person.name, person.acts) for person in self.people))
+        stands = (person.presence(0.0, (), self.room) for person in self.people if person.stays)
+        bodies = (presence.body() for presence in stands if presence is not None)
+        object.__setattr__(self, "_still", (*self._solids, *bodies))
+        object.__setattr__(self, "_walls", self.room.extent())
         twice = [name for name, count in Counter(person.name for person in self.people).items() if count > 1]
         if twice:
             raise BadRequest(f"world: more than one person is called {', '.join(twice)}")
@@ -101,7 +107,7 @@ class World:
 
         Of what the middle of the disc is in, the direction of its middle.
         """
-        (x_low, x_high), (y_low, y_high) = self.room.extent()
+        (x_low, x_high), (y_low, y_high) = self._walls
         found = []
         if x - radius <= x_low:
             found.append(pi)
@@ -153,17 +159,18 @@ class World:
                 return False
         return True
 
-    def _present(self, time: float) -> Iterator[Presence]:
+    def _present(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
+        """Yield how everybody is who is still there; those who always stay where they are only if ``staying``."""
         for person, cues in zip(self.people, self._cues, strict=True):
-            presence = person.presence(time, cues.until(time), self.room)
+            presence = person.presence(time, cues.until(time), self.room) if staying or not person.stays else None
             if presence is not None:
                 yield presence
 
     def _all_solids(self, time: float) -> Iterator[Solid]:
-        yield from self._solids
+        yield from self._still
         for rover in self.robots:
             yield rover.solid(time)
-        for presence in self._present(time):
+        for presence in self._present(time, staying=False):
             yield presence.body()
 
 

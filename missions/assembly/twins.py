@@ -272,7 +272,7 @@ class _Maker:
             frame = camera.expose(self._clock.now())
             if frame is None:
                 return None
-            if not frame.image.any():
+            if frame.image is not WHITE:
                 return sight.glimpse(frame.stamp, dark=True)
             # A camera that hangs did not draw: what it shows is what was seen last.
             return replace(newest, stamp=frame.stamp, scene=replace(newest.scene, stamp=frame.stamp))

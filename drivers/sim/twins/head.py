@@ -121,7 +121,7 @@ class HeadTwin:
             return
         self._settled = still
         pan, tilt = self._way.advance(now)
-        sent = tuple(step.axis.next_degree(step.angle, step.heading) for step in (pan, tilt))
+        sent = pan.axis.next_degree(pan.angle, pan.heading), tilt.axis.next_degree(tilt.angle, tilt.heading)
         pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))
         turned = self._sent is None or pose != self._pose
         self._pose = pose

@@ -22,11 +22,14 @@ class ServoTwin:
         self.joint = Joint(name, spec, MODELS[spec.model], complaint="")
         self._limits = self.joint.limits
         self._shaft = Shaft(0.0, 0.0, 0.0)
+        self._speed = 0.0  # asked for last, in rad/s
 
     def go(self, goal: float, speed: float, now: float) -> None:
         """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
-        joint.goal, joint.torque = goal, True
+        if joint.torque and goal == joint.goal and speed == self._speed:
+            return  # it is on its way already
+        joint.goal, joint.torque, self._speed = goal, True, speed
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
         wanted = joint.model.speed_ticks(min(max(speed, 0.0), self._limits.speed)) * joint.model.speed_unit
