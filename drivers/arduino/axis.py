@@ -84,11 +84,16 @@ class ServoAxis:
         So a movement begins at once and not when it has covered half a degree, and no degree is sent that lies beyond.
         """
         end = self.to_degrees(heading)
-        exact = math.degrees(self.sign * angle + self.trim) + MIDDLE
+        # What floats lose must not make an angle that stands at a whole degree one that is still on the way to it.
+        exact = round(math.degrees(self.sign * angle + self.trim) + MIDDLE, 9)
         if abs(exact - end) < 1:
             return end
         degree = math.floor(exact) + 1 if end > exact else math.ceil(exact) - 1
         return min(max(degree, 0), FULL)
+
+    def nearest(self, angle: float) -> float:
+        """Return the angle nearest to ``angle`` (radians) at which the servo can stand."""
+        return self.to_radians(self.to_degrees(angle))
 
     def to_radians(self, degrees: float) -> float:
         """Return the angle in radians at which the servo stands when ``degrees`` was sent."""

@@ -66,7 +66,11 @@ class ArduinoHead:
         """
         self._way.check(target)
         self.board.require()
-        accepted = self._way.look(target, self._clock.now())
+        accepted = self.limits.clamp(target)
+        pan, tilt = self._way.axes
+        # The way ends where the servos will stand. From between two degrees the next one would first have to make up
+        # for the part of a degree that they never went, and its beginning would wait for that and for a pulse.
+        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._clock.now())
         self.board.send(self)  # the first degree does not wait for the next pulse
         return accepted
 

@@ -3,7 +3,7 @@
 import json
 import sys
 
-from tests.benchmarks import loading, noticing, perceiving, simulating, sweeping, ticking, tracking, waking
+from tests.benchmarks import loading, noticing, perceiving, reacting, simulating, sweeping, ticking, tracking, waking
 
 
 def main() -> None:
@@ -12,7 +12,7 @@ def main() -> None:
     if not as_json:
         print(f"{'':<44} {'ours':>10} {'theirs':>10} {'ratio':>8}")
     found = []
-    for module in (ticking, waking, loading, perceiving, noticing, simulating, sweeping, tracking):
+    for module in (ticking, waking, loading, perceiving, noticing, simulating, sweeping, tracking, reacting):
         for row in module.rows():
             found.append(row.as_dict())
             if not as_json:

@@ -318,6 +318,36 @@ def test_the_first_degree_is_on_the_wire_before_look_returns_and_a_trembling_goa
     assert b.link.device.commands == []
 
 
+@pytest.mark.parametrize("rest", [10.0, 10.4, 9.6, -10.4, -9.6])
+@pytest.mark.parametrize("way", [30, -30])
+def test_from_rest_between_two_degrees_the_first_one_is_on_the_wire_as_soon(rest: float, way: int) -> None:
+    b = bench(speed=radians(120), acceleration=radians(400))
+    b.begin()
+    resting = HeadPose(radians(rest), radians(-rest))
+    assert b.head.look(resting) == resting
+    b.link.run(1.0)
+    assert degrees(b.head) == pytest.approx((round(rest), -round(rest)))
+    b.link.said()
+    b.head.look(HeadPose(radians(rest + way), radians(-rest)))
+    assert b.link.said() == servo(0, 90 + round(rest) + (1 if way > 0 else -1))
+
+
+@given(st.booleans(), st.floats(-45, 45), st.integers(0, 180), st.integers(0, 180))
+def test_from_a_whole_degree_the_next_one_on_the_way_follows(flip: bool, trim: float, here: int, end: int) -> None:
+    axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
+    follows = here + (end > here) - (end < here)
+    assert axis.next_degree(axis.to_radians(here), axis.to_radians(end)) == follows
+
+
+@given(st.booleans(), st.floats(-45, 45), st.floats(-180, 180))
+def test_a_servo_stands_within_half_a_degree_of_what_it_can_reach(flip: bool, trim: float, angle: float) -> None:
+    axis = ServoAxis(0, -math.pi, math.pi, flip=flip, trim=radians(trim))
+    held = min(max(radians(angle), axis.range[0]), axis.range[1])
+    nearest = axis.nearest(held)
+    assert math.degrees(abs(nearest - held)) <= 0.5 + 1e-9
+    assert axis.nearest(nearest) == nearest
+
+
 @given(st.booleans(), st.floats(-45, 45), st.floats(-80, 80), st.floats(-80, 80))
 def test_what_is_sent_is_on_the_way_to_the_goal_and_less_than_a_degree_ahead(
     flip: bool, trim: float, angle: float, goal: float

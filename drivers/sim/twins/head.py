@@ -66,7 +66,9 @@ class HeadTwin:
         """
         self._way.check(target)
         self.plug.require()
-        accepted = self._way.look(target, self._clock.now())
+        accepted = self.limits.clamp(target)
+        pan, tilt = self._way.axes  # as the real one: its way ends where the servos will stand
+        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._clock.now())
         self.step()
         return accepted
 
