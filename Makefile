@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
+OTHERS := tests/other_programs
+OTHERS_STAMP := $(VENV)/other_programs_installed
 
 .PHONY: help setup demo test check bench docs constraints clean
 help: ## this list
@@ -15,12 +17,18 @@ $(STAMP): constraints.txt pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
+# What the tests alone need, over what `make demo` needs.
+$(OTHERS_STAMP): $(STAMP) $(OTHERS)/builder.txt $(OTHERS)/requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r $(OTHERS)/builder.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes --no-build-isolation -r $(OTHERS)/requirements.txt
+	@touch $@
+
 setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
 
 demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
 	$(BIN)/mission run greet
 
-test: check ## what CI runs: the checks, then every test
+test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 	$(BIN)/pytest --numprocesses auto --dist worksteal
 
 check: $(STAMP) ## style, types and the arrows between the packages

@@ -13,9 +13,11 @@ class Argument:
     """One argument of a leaf.
 
     ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "value" (anything),
-    "outcomes" (a list of statuses), or "gesture", "controller" or "object" (looked up by name). ``span`` asks for two
-    values, [low, high]. ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its
-    name.
+    "outcomes" (a list of statuses), "joint" (a name), "joints" (a joint, a group of them, or a list of both), or
+    "gesture", "move", "controller" or "object" (looked up by name), "new move" (the name of what is to be recorded), or
+    "choice" (one of the words in ``choices``).
+    ``span`` asks for two values, [low, high]; ``by_joint`` for one value for each of some joints, {elbow: 30 deg}.
+    ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its name.
     """
 
     name: str
@@ -26,6 +28,8 @@ class Argument:
     span: bool = False
     low: float = -math.inf
     high: float = math.inf
+    by_joint: bool = False
+    choices: tuple[str, ...] = ()
 
     @property
     def required(self) -> bool:
@@ -37,6 +41,6 @@ def argument(kind: str, help: str, **options: Any) -> Any:  # noqa: A002 - the w
     """Declare an argument of a leaf, as a class attribute.
 
     ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
-    SI floats for quantities, a pair of them for a span.
+    SI floats for quantities, a pair of them for a span, a mapping for values by joint, and a tuple of names for joints.
     """
     return Argument(name="", kind=kind, help=help, **options)

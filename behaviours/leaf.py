@@ -1,6 +1,7 @@
 """The common base of all leaves, and the one declaration that the checker, the catalogue and the docs read."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
@@ -8,6 +9,7 @@ from py_trees.common import Status
 
 from behaviours.argument import REQUIRED, Argument, argument
 from behaviours.node import Node
+from behaviours.reach import Reach
 from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.errors import DriverError, NotConnected
@@ -26,8 +28,9 @@ class Leaf(Node):
 
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
     and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
-    ``voice``), ``needs`` the parts without which it is of no use; of one that needs the ``camera``, ``senses`` say what
-    it looks for (``faces``, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
+    ``voice``), ``needs`` the parts without which it is of no use, ``uses`` those that it makes use of where the robot
+    has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``things``,
+    ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
     puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
@@ -41,6 +44,7 @@ class Leaf(Node):
 
     word: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
+    uses: ClassVar[frozenset[str]] = frozenset()
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
     drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
@@ -68,9 +72,7 @@ class Leaf(Node):
         declared = dict(cls.arguments)
         for name, value in list(vars(cls).items()):
             if isinstance(value, Argument):
-                declared[name] = Argument(
-                    name, value.kind, value.help, value.default, value.principal, value.span, value.low, value.high
-                )
+                declared[name] = replace(value, name=name)
                 delattr(cls, name) if value.required else setattr(cls, name, value.default)
         cls.arguments = declared
         cls._prepares = bool(cls.drives) or cls.initialise is not Behaviour.initialise
@@ -101,6 +103,10 @@ class Leaf(Node):
         """Seconds since it started."""
         since = self.since  # which may not have been read before
         return self.run.now() - since
+
+    def misfits(self, _reach: Reach, /) -> list[str]:
+        """Say what joints that reach so far cannot do of what it asks; the checker asks, where all that is known."""
+        return []
 
     def update(self) -> Status:
         """Do one tick's work; running unless a subclass says otherwise."""

@@ -1,56 +1,123 @@
 """Keyframes as smooth motion: joint by joint, within the joints' speeds."""
 
+import math
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 from drivers.api import Keyframe
 
 PEAK = 1.875
 """How much faster than its mean a minimum-jerk motion is at its fastest (Flash and Hogan, 1985)."""
 
+STEEPEST = 1.5
+"""The same of a monotone cubic whose slopes at both ends are no steeper than its mean: between zero slopes."""
+
+Pose = Mapping[str, float]
+"""Joints and their angles (radians), or how fast these change (rad/s)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Playing:
-    """A laid-out motion: times in seconds, and the positions of every joint at each of them (radians)."""
+    """A laid-out motion: times in seconds, and the positions of every joint at each of them (radians).
+
+    ``slopes`` are the joints' speeds (rad/s) at each time of a motion that goes on there; empty for one that halts.
+    """
 
     times: tuple[float, ...]
-    positions: tuple[Mapping[str, float], ...]
+    positions: tuple[Pose, ...]
+    slopes: tuple[Pose, ...] = ()
 
     @property
     def duration(self) -> float:
         """Seconds from the start to the last keyframe."""
         return self.times[-1]
 
-    def at(self, time: float) -> Mapping[str, float]:
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that it moves."""
+        return tuple(self.positions[0])
+
+    def at(self, time: float) -> Pose:
         """Return the joints' positions at ``time``; before the start and after the end, the first and the last."""
         if time <= self.times[0]:
             return self.positions[0]
-        for (begin, here), (end, there) in pairwise(zip(self.times, self.positions, strict=True)):
-            if time < end:
-                share = _minimum_jerk((time - begin) / (end - begin))
-                return {joint: here[joint] + share * (there[joint] - here[joint]) for joint in here}
-        return self.positions[-1]
+        if time >= self.times[-1]:
+            return self.positions[-1]
+        later = bisect_right(self.times, time)
+        begin, long = self.times[later - 1], self.times[later] - self.times[later - 1]
+        share = (time - begin) / long
+        here, there = self.positions[later - 1], self.positions[later]
+        if not self.slopes:
+            share = _minimum_jerk(share)
+            return {joint: here[joint] + share * (there[joint] - here[joint]) for joint in here}
+        leaving, coming = self.slopes[later - 1], self.slopes[later]
+        way, out, into = _hermite(share)
+        return {
+            joint: here[joint]
+            + way * (there[joint] - here[joint])
+            + long * (out * leaving[joint] + into * coming[joint])
+            for joint in here
+        }
 
 
 def slowed(
-    start: Mapping[str, float], keyframes: Sequence[Keyframe], speeds: Mapping[str, float], *, pace: float = 1.0
+    start: Pose,
+    keyframes: Sequence[Keyframe],
+    speeds: Mapping[str, float],
+    *,
+    pace: float = 1.0,
+    interpolation: Literal["minimum_jerk", "cubic"] = "minimum_jerk",
+    run_in: float = math.inf,
 ) -> Playing:
     """Lay out ``keyframes`` from ``start``, each segment long enough for the joints' ``speeds`` (rad/s).
 
-    A joint that a keyframe does not name stays where the one before had it. ``pace`` divides all times.
+    A joint that a keyframe does not name stays where the one before had it. ``pace`` divides all times. On the way from
+    the start to the first keyframe, where it comes to rest in any case, no joint goes faster than ``run_in`` (rad/s).
     """
+    peak = PEAK if interpolation == "minimum_jerk" else STEEPEST
     times, positions = [0.0], [dict(start)]
-    before = 0.0
+    before, cap = 0.0, run_in
     for frame in keyframes:
         goal = positions[-1] | dict(frame.positions)
-        needed = max((PEAK * abs(goal[joint] - positions[-1][joint]) / speeds[joint] for joint in goal), default=0.0)
+        ways = {joint: abs(goal[joint] - positions[-1][joint]) for joint in goal}
+        needed = max((peak * way / min(speeds[joint], cap) for joint, way in ways.items()), default=0.0)
         times.append(times[-1] + max((frame.time - before) / pace, needed))
         positions.append(goal)
-        before = frame.time
-    return Playing(tuple(times), tuple(positions))
+        before, cap = frame.time, math.inf
+    slopes = _slopes(times, positions) if interpolation == "cubic" else ()
+    return Playing(tuple(times), tuple(positions), slopes)
+
+
+def _slopes(times: Sequence[float], positions: Sequence[Pose]) -> tuple[Pose, ...]:
+    """Return how fast each joint is to go at each time: at rest at the start, at the first keyframe and in the end.
+
+    Between, it is the harmonic mean of the speeds before and behind, and zero where the joint turns back: so nothing
+    overshoots a keyframe (Fritsch and Butland, 1984).
+    """
+    rest = dict.fromkeys(positions[0], 0.0)
+    means = [
+        {joint: (there[joint] - here[joint]) / (end - begin) if end > begin else 0.0 for joint in rest}
+        for begin, end, here, there in zip(times, times[1:], positions, positions[1:], strict=False)
+    ]
+    between = [
+        {joint: _harmonic(before[joint], behind[joint]) for joint in rest} for before, behind in pairwise(means[1:])
+    ]
+    return tuple([rest] * min(2, len(times)) + between + [rest] * (len(times) > 2))
+
+
+def _harmonic(one: float, other: float) -> float:
+    return 2 * one * other / (one + other) if one * other > 0 else 0.0
 
 
 def _minimum_jerk(share: float) -> float:
     """Return how far along a minimum-jerk motion is after ``share`` of its time, both 0..1."""
     return share**3 * (10 - 15 * share + 6 * share**2)
+
+
+def _hermite(share: float) -> tuple[float, float, float]:
+    """Return what the way, and the slopes at its beginning and end, count after ``share`` (0..1) of a cubic's time."""
+    left = 1 - share
+    return share**2 * (3 - 2 * share), share * left**2, -(share**2) * left

@@ -1,9 +1,11 @@
 """The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TypeVar
 
-from drivers.api import Base, Head, Joints, Voice
+from behaviours.reach import Reach
+from drivers.api import Base, Head, Joints, Ranger, Voice
 from drivers.errors import BadRequest
 from perception.api import Sight
 
@@ -15,7 +17,7 @@ class Robot:
     """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
 
     ``eye`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
-    103. The head turns about it.
+    103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``.
 
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
     forgot to declare one.
@@ -27,6 +29,8 @@ class Robot:
     voice_part: Voice | None = None
     sight_part: Sight | None = None
     eye: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    ranger_part: Ranger | None = None
 
     @property
     def base(self) -> Base:
@@ -42,6 +46,16 @@ class Robot:
     def arm(self) -> Joints:
         """The arm's joints."""
         return _there(self.arm_part, "arm")
+
+    @property
+    def reach(self) -> Reach:
+        """The arm's joints by name and group, and how far and fast they go."""
+        return Reach(self.arm.limits, self.groups)
+
+    @property
+    def ranger(self) -> Ranger:
+        """The range finder; its part is called ``range``."""
+        return _there(self.ranger_part, "range")
 
     @property
     def voice(self) -> Voice:

@@ -1,15 +1,18 @@
 """Changing one value in a file that people write: all else in it, comments and layout too, stays as it is."""
 
 import os
+import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from config.faults import Mark, Source
 from config.library import HERE
-from config.marked import Mapping, Node, Scalar, compose
+from config.marked import Listing, Mapping, Node, Scalar, compose
 
 _BOM = b"\xef\xbb\xbf"
+_FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")
+"""A list of plain values on one line, such as [-90 deg, 90 deg]."""
 
 
 class NotEditableError(ValueError):
@@ -33,8 +36,10 @@ def with_value(source: Source, keys: Sequence[str], value: str) -> str:
     old = node.get(keys[-1])
     if isinstance(old, Scalar):
         return _put(source.text, old.mark, value, length=old.mark.length)
+    if isinstance(old, Listing) and (list_ := _FLOW.match(source.line(old.mark.line), old.mark.column - 1)):
+        return _put(source.text, old.mark, value, length=len(list_[0]))
     if old is not None:
-        raise NotEditableError(f"{source.name}: '{keys[-1]}' is not one value")
+        raise NotEditableError(f"{source.name}: '{keys[-1]}' is neither one value nor a list on one line")
     return _add(source.text, node, f"{keys[-1]}: {value}")
 
 

@@ -92,8 +92,9 @@ def note(faults: list[Fault], fault: Fault) -> None:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the known word that is closest, or the empty string."""
-    close = get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else ""
+    spelt = {each.lower(): each for each in known}
+    close = get_close_matches(word.lower(), spelt, n=1, cutoff=0.6)
+    return f"did you mean '{spelt[close[0]]}'?" if close else ""
 
 
 def one_of(word: str, known: Iterable[str]) -> str:

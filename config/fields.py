@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
 from config.units import in_dimension, seen, written
+
+Word = TypeVar("Word", bound=str)
 
 
 class Fields:
@@ -46,15 +49,16 @@ class Fields:
             return default or ""
         return node.text
 
-    def choice(self, key: str, among: Sequence[str], default: str | None = None) -> str:
+    def choice(self, key: str, among: Sequence[Word], default: Word | None = None) -> Word:
         """Return one of the words ``among``."""
         node = self.node_of(key, required=default is None)
         if node is None:
             return among[0] if default is None else default
-        found = node.text if isinstance(node, Scalar) else ""
-        if found not in among:
-            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(found, among))
-        return found if found in among else among[0]
+        text = node.text if isinstance(node, Scalar) else ""
+        found = next((word for word in among if word == text), None)
+        if found is None:
+            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(text, among))
+        return found or among[0]
 
     def flag(self, key: str, default: bool) -> bool:
         """Return true or false."""
@@ -136,6 +140,16 @@ class Fields:
         if low >= high and len(self.faults) == before:
             self.fault(node.mark, f"'{key}': the first value must be below the second")
         return low, high
+
+    def position(self, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Return ``[x, y, z]``, three lengths in metres."""
+        nodes = self.items(key)
+        lengths = [self.measure(node, key, "length") for node in nodes]
+        if len(lengths) == 3:
+            return (lengths[0], lengths[1], lengths[2])
+        if nodes:
+            self.fault(nodes[0].mark, f"'{key}' needs three lengths: [x, y, z]")
+        return default
 
     def section(self, key: str, *, required: bool = False) -> "Fields | None":
         """Return the mapping under ``key``."""

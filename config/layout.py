@@ -56,6 +56,14 @@ class Layout:
         if not self._inside(at, ROBOT):
             self._outside(fields, mark, f"there is no room for the robot at {_shown(at)}, where it starts")
 
+    def room_for_robot(self, fields: Fields, mark: Mark, where: str, at: Place) -> None:
+        """Note a fault where the robot cannot stand at ``at``, which is ``where``."""
+        inside = next((what for what, ground in self.taken if ground.gap(*at) < ROBOT), None)
+        if not self._inside(at, ROBOT):
+            self._outside(fields, mark, f"there is no room for the robot {where}, at {_shown(at)}")
+        elif inside is not None:
+            fields.fault(mark, f"there is no room for the robot {where}, at {_shown(at)}: {inside} is there")
+
     def contains(self, fields: Fields, mark: Mark, what: str, points: Iterable[Place]) -> bool:
         """Say whether all ``points`` are in the room, and note a fault where one is not."""
         for point in points:

@@ -7,49 +7,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from config.arm import ArmConfig, JointConfig, read_arm
+from config.base import BaseConfig, ReflexConfig, read_base
 from config.faults import InvalidFileError, Source
 from config.fields import Fields, fields_of
 from config.head import HeadConfig, NeckConfig, read_head
-from config.marked import Node, read_source
+from config.marked import read_source
+from config.range import RangeConfig, read_range
+
+__all__ = [
+    "DISTORTION",
+    "MARKER_FAMILIES",
+    "PARTS",
+    "ArmConfig",
+    "BaseConfig",
+    "CameraConfig",
+    "JointConfig",
+    "MarkersConfig",
+    "RangeConfig",
+    "ReflexConfig",
+    "RobotConfig",
+    "VoiceConfig",
+    "load_robot",
+    "robot_of",
+]
+
+PARTS = ("base", "head", "arm", "range", "camera", "voice")
+"""The parts that a robot may have."""
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 """The coefficients by which a lens bends a picture, in the order that OpenCV has."""
-
-
-@dataclass(frozen=True, slots=True)
-class BaseConfig:
-    """A Kobuki base: its port, and its limits."""
-
-    port: str
-    baud: int
-    max_speed: float
-    max_turn: float
-    acceleration: float
-    turn_acceleration: float
-
-
-@dataclass(frozen=True, slots=True)
-class JointConfig:
-    """One Dynamixel servo as a joint. ``zero`` is where the joint's 0 lies from the servo's centre."""
-
-    id: int
-    model: str
-    zero: float
-    reverse: bool
-    lower: float
-    upper: float
-    speed: float
-    torque: float
-
-
-@dataclass(frozen=True, slots=True)
-class ArmConfig:
-    """Dynamixel servos on one bus, by joint name; ``at_end`` is ``hold`` or ``relax``."""
-
-    port: str
-    baud: int
-    at_end: str
-    joints: Mapping[str, JointConfig]
 
 
 MARKER_FAMILIES = ["4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11"]
@@ -104,6 +91,7 @@ class RobotConfig:
     base: BaseConfig | None = None
     head: HeadConfig | NeckConfig | None = None
     arm: ArmConfig | None = None
+    range: RangeConfig | None = None
     camera: CameraConfig | None = None
     voice: VoiceConfig | None = None
     path: Path | None = field(default=None, compare=False)
@@ -111,7 +99,7 @@ class RobotConfig:
     @property
     def parts(self) -> frozenset[str]:
         """The names of the parts that it has."""
-        return frozenset(part for part in ("base", "head", "arm", "camera", "voice") if getattr(self, part) is not None)
+        return frozenset(part for part in PARTS if getattr(self, part) is not None)
 
 
 def load_robot(path: Path) -> RobotConfig:
@@ -122,14 +110,15 @@ def load_robot(path: Path) -> RobotConfig:
 def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
     fields = fields_of(source, what="a robot file")
-    arm = _arm(fields.section("arm"))
+    arm = read_arm(fields.section("arm"))
     robot = RobotConfig(
         name=fields.text("robot"),
         summary=fields.text("summary", ""),
         rate=fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0),
-        base=_base(fields.section("base")),
-        head=read_head(fields.section("head"), _reaches(arm)),
+        base=read_base(fields.section("base")),
+        head=read_head(fields.section("head"), {} if arm is None else arm.reaches),
         arm=arm,
+        range=read_range(fields.section("range")),
         camera=_camera(fields.section("camera")),
         voice=_voice(fields.section("voice")),
         path=path,
@@ -140,88 +129,16 @@ def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
     return robot
 
 
-def _base(fields: Fields | None) -> BaseConfig | None:
-    if fields is None:
-        return None
-    fields.choice("driver", ["kobuki"])
-    base = BaseConfig(
-        port=fields.text("port"),
-        baud=fields.integer("baud", 115_200, low=1),
-        max_speed=fields.quantity("max_speed", "speed", 0.5, low=0.01, high=0.7),
-        max_turn=fields.quantity("max_turn", "turn rate", 1.9, low=0.01, high=3.2),
-        acceleration=fields.quantity("acceleration", "acceleration", 0.5, low=0.01),
-        turn_acceleration=fields.quantity("turn_acceleration", "turn acceleration", 3.5, low=0.01),
-    )
-    fields.done()
-    return base
-
-
-def _arm(fields: Fields | None) -> ArmConfig | None:
-    if fields is None:
-        return None
-    fields.choice("driver", ["dynamixel"])
-    joints: dict[str, JointConfig] = {}
-    section = fields.section("joints", required=True)
-    if section is not None:
-        owners: dict[int, str] = {}
-        for key, node in section.entries():
-            mistakes = len(section.faults)
-            joints[key.text] = joint = _joint(section, key.text, node)
-            if len(section.faults) > mistakes:
-                continue
-            owner = owners.setdefault(joint.id, key.text)
-            if owner != key.text:
-                section.fault(key.mark, f"joint '{key.text}' has id {joint.id}, as '{owner}' has")
-    arm = ArmConfig(
-        port=fields.text("port"),
-        baud=fields.integer("baud", 1_000_000, low=1),
-        at_end=fields.choice("at_end", ["hold", "relax"], "hold"),
-        joints=joints,
-    )
-    fields.done()
-    return arm
-
-
-def _reaches(arm: ArmConfig | None) -> dict[str, tuple[float, float]]:
-    """Return the limits of the arm's joints."""
-    return {} if arm is None else {name: (joint.lower, joint.upper) for name, joint in arm.joints.items()}
-
-
-def _joint(section: Fields, name: str, node: Node) -> JointConfig:
-    fields = Fields(section.source, node, section.faults, what=f"joint '{name}'")
-    lower, upper = fields.span("limits", "angle", (-2.6, 2.6))
-    joint = JointConfig(
-        id=fields.integer("id", low=0, high=253),
-        model=fields.text("model", "AX-12A"),
-        zero=fields.quantity("zero", "angle", 0.0),
-        reverse=fields.flag("reverse", False),
-        lower=lower,
-        upper=upper,
-        speed=fields.quantity("speed", "turn rate", 2.0, low=0.02),
-        torque=fields.quantity("torque", "share", 1.0, low=0.01, high=1.0),
-    )
-    fields.done()
-    return joint
-
-
 def _camera(fields: Fields | None) -> CameraConfig | None:
     if fields is None:
         return None
     fields.choice("driver", ["opencv"], "opencv")
-    position = (0.0, 0.0, 1.0)
-    nodes = fields.items("position")
-    if nodes:
-        lengths = [fields.measure(node, "position", "length") for node in nodes]
-        if len(lengths) == 3:
-            position = (lengths[0], lengths[1], lengths[2])
-        else:
-            fields.fault(nodes[0].mark, "'position' needs three lengths: [x, y, z]")
     camera = CameraConfig(
         source=fields.text("source", "0"),
         field_of_view=fields.quantity("field_of_view", "angle", 1.0471975512, low=0.2, high=2.6),
         width=fields.integer("width", 640, low=64, high=4096),
         height=fields.integer("height", 480, low=48, high=4096),
-        position=position,
+        position=fields.position("position", (0.0, 0.0, 1.0)),
         centre=(
             fields.quantity("centre_x", "share", 0.5, low=0.1, high=0.9),
             fields.quantity("centre_y", "share", 0.5, low=0.1, high=0.9),

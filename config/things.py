@@ -1,11 +1,11 @@
 """What stands about in a world file: inner walls, furniture, edges, coloured objects, other robots."""
 
 from dataclasses import dataclass
-from math import atan2, dist
+from math import atan2, cos, dist, sin
 
 from config.colours import COLOURS
 from config.fields import Fields
-from config.layout import Layout, Place, Rectangle, lengths, place, sides
+from config.layout import ROBOT, Layout, Place, Rectangle, lengths, place, sides
 from config.marked import Listing, Node, Scalar
 from config.people import read_path
 from config.units import written
@@ -15,6 +15,9 @@ THICKNESS = 0.1
 
 MARKERS = 50
 """How many markers there are: those of ArUco's dictionary DICT_4X4_50."""
+
+DOCK = (0.1, 0.25)
+"""Metres that a dock takes of the floor: along the way it faces, and across."""
 
 SHAPES = ("ball", "box")
 """The shapes of coloured objects."""
@@ -68,6 +71,15 @@ class EdgeConfig:
     y: float
     length: float
     width: float
+
+
+@dataclass(frozen=True, slots=True)
+class DockConfig:
+    """The dock of the base: its middle, and the way it faces."""
+
+    x: float
+    y: float
+    heading: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +157,26 @@ def read_edge(world: Fields, node: Node, layout: Layout | None) -> EdgeConfig:
     if layout is not None and len(fields.faults) == before:
         layout.put(fields, node.mark, "the edge", Rectangle(x, y, length, width), solid=False)
     return EdgeConfig(x, y, length, width)
+
+
+def read_dock(world: Fields, layout: Layout | None) -> DockConfig | None:
+    """Read the dock of the base, before which there must be room for it; None where there is no dock."""
+    fields = world.section("dock")
+    if fields is None:
+        return None
+    before = len(fields.faults)
+    at = fields.node_of("at", required=True)
+    x, y = place(fields, at, "at")
+    heading = fields.quantity("heading", "angle")
+    fields.done()
+    if at is not None and layout is not None and len(fields.faults) == before:
+        length, width = DOCK
+        before_it = length / 2 + ROBOT
+        spot = (x + before_it * cos(heading), y + before_it * sin(heading))
+        layout.room_for_robot(fields, at.mark, "before the dock", spot)
+        if len(fields.faults) == before:
+            layout.put(fields, at.mark, "the dock", Rectangle(x, y, length, width, heading))
+    return DockConfig(x, y, heading)
 
 
 def read_rover(world: Fields, node: Node, layout: Layout | None) -> RoverConfig:

@@ -15,8 +15,9 @@ UNITS: dict[str, dict[str, float]] = {
     "frequency": {"Hz": 1.0},
     "share": {"%": 0.01},
     "voltage": {"V": 1.0},
+    "temperature": {"degC": 1.0},
 }
-"""The units of each dimension, and how many SI units one of them is. A share is 0..1 inside."""
+"""The units of each dimension, and how many SI units one of them is. A share is 0..1 inside, a temperature in degC."""
 
 LONGEST = 60
 """As many characters of a value are shown in a message."""
@@ -32,6 +33,7 @@ EXAMPLES = {
     "frequency": "20 Hz",
     "share": "20 %",
     "voltage": "12 V",
+    "temperature": "60 degC",
 }
 """A quantity of each dimension, for messages."""
 _DIMENSION_OF = {unit: dimension for dimension, units in UNITS.items() for unit in units}
@@ -82,6 +84,7 @@ _MEANT = {
         "Hz": "hz",
         "%": "percent",
         "V": "v volt volts",
+        "degC": "°c c celsius",
     }.items()
     for word in words.split()
 }

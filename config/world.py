@@ -14,9 +14,11 @@ from config.people import PersonConfig, read_person
 from config.things import (
     BallConfig,
     BoxConfig,
+    DockConfig,
     EdgeConfig,
     RoverConfig,
     WallConfig,
+    read_dock,
     read_edge,
     read_furniture,
     read_object,
@@ -26,6 +28,9 @@ from config.things import (
 
 MOST_LOST = 0.9
 """The greatest share of reports or pictures that a world may lose: with all of them nothing would ever end."""
+
+MOST_DRAIN = 1000.0
+"""The greatest pace at which a battery empties: a full one in twenty seconds."""
 
 NOISE = 3.0
 """The camera's noise in grey levels where a file does not say."""
@@ -50,16 +55,26 @@ class StartConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class BatteryConfig:
+    """What is left in the base's battery at the start (0..1), and how many times as fast as a real one it empties."""
+
+    level: float = 1.0
+    drain: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class PhysicsConfig:
     """How the base errs: the share of its wheels' travel that slips, the seconds from a command to its effect.
 
     ``gyro_noise`` in rad/s is a standard deviation; ``dropouts`` is the share 0..1 of its reports that are lost.
+    Where ``battery`` is None it is full, and stays so.
     """
 
     slip: float = 0.0
     lag: float = 0.0
     gyro_noise: float = 0.0
     dropouts: float = 0.0
+    battery: BatteryConfig | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +102,7 @@ class WorldConfig:
     edges: tuple[EdgeConfig, ...] = ()
     objects: tuple[BoxConfig | BallConfig, ...] = ()
     robots: tuple[RoverConfig, ...] = ()
+    dock: DockConfig | None = None
     physics: PhysicsConfig = PhysicsConfig()
     dropouts: float = 0.0
 
@@ -121,6 +137,7 @@ def read_world(source: Source) -> WorldConfig:
         furniture=tuple(read_furniture(fields, node, layout) for node in fields.items("furniture")),
         edges=tuple(read_edge(fields, node, layout) for node in fields.items("edges")),
         objects=tuple(read_object(fields, node, layout) for node in fields.items("objects")),
+        dock=read_dock(fields, layout),
         robots=tuple(read_rover(fields, node, layout) for node in fields.items("robots")),
         people=tuple(read_person(fields, node, layout) for node in fields.items("people")),
         file=fields.source.name,
@@ -174,9 +191,21 @@ def _physics(fields: Fields | None) -> PhysicsConfig:
         lag=fields.quantity("lag", "duration", 0.0, low=0.0, high=2.0),
         gyro_noise=fields.quantity("gyro_noise", "turn rate", 0.0, low=0.0, high=1.0),
         dropouts=fields.quantity("dropouts", "share", 0.0, low=0.0, high=MOST_LOST),
+        battery=_battery(fields.section("battery")),
     )
     fields.done()
     return physics
+
+
+def _battery(fields: Fields | None) -> BatteryConfig | None:
+    if fields is None:
+        return None
+    battery = BatteryConfig(
+        level=fields.quantity("level", "share", 1.0, low=0.0, high=1.0),
+        drain=fields.number("drain", 1.0, low=0.0, high=MOST_DRAIN),
+    )
+    fields.done()
+    return battery
 
 
 def _camera(world: Fields, physics: PhysicsConfig) -> tuple[float, float]:

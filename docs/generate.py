@@ -71,6 +71,7 @@ def entry(leaf: type[Leaf]) -> str:
     """Return what the catalogue says of one leaf."""
     facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
     facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
+    facts += [f"Uses {', '.join(sorted(leaf.uses))}, where there is one."] if leaf.uses else []
     facts += [f"`as` keeps {leaf.stores}."] if leaf.stores else []
     parts = [f"## {leaf.word}", summary(leaf), details(leaf), " ".join(facts)]
     rows = [

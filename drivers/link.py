@@ -1,5 +1,6 @@
 """A serial line that is owned, read on a thread of its own, and found again after it was lost."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, RLock, Thread
 from typing import Protocol
@@ -9,7 +10,7 @@ import serial
 from drivers.api import Health, Notice, Report, unreported
 from drivers.errors import NotConnected
 from drivers.guard import guarded
-from drivers.ports import explain, open_port
+from drivers.ports import explain, open_port, set_dtr
 
 PULSE = 0.02
 """Seconds that a read waits at most: how often ``pulse`` is called when nothing arrives."""
@@ -43,13 +44,25 @@ class Link:
     """Owns one serial port. Starts without it, opens it when it appears, and again whenever it comes back.
 
     Only the link's own thread opens and closes the port: who meets trouble on another one leaves it in ``_trouble``.
+    ``gather`` is for how many seconds bytes may gather once the first has come: a device that talks without a pause
+    otherwise wakes the thread a thousand times a second.
     """
 
-    def __init__(self, name: str, port: str, baud: int, *, retry: float = 0.5, report: Report = unreported) -> None:
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        baud: int,
+        *,
+        retry: float = 0.5,
+        gather: float = 0.0,
+        report: Report = unreported,
+    ) -> None:
         self.name = name
         self.port = port
         self.baud = baud
         self._retry = retry
+        self._gather = gather
         self._report = guarded(report)
         self._talker: Talker | None = None
         self._serial: serial.Serial | None = None
@@ -91,11 +104,18 @@ class Link:
 
     def write(self, data: bytes) -> None:
         """Send ``data`` whole; at most one writer at a time. Raises NotConnected when the port is not there."""
+        self._use(lambda port: port.write(data))
+
+    def set_dtr(self, *, on: bool) -> None:
+        """Set the modem line DTR, which stays so when the port is closed. Raises NotConnected as ``write``."""
+        self._use(lambda port: set_dtr(port, on=on))
+
+    def _use(self, action: Callable[[serial.Serial], object]) -> None:
         with self._lock:
             if self._serial is None or self._trouble is not None:
                 raise self._absent()
             try:
-                self._serial.write(data)
+                action(self._serial)
             except (serial.SerialException, OSError) as error:
                 self._trouble = explain(self.name, self.port, error)
                 raise self._absent() from error
@@ -160,6 +180,9 @@ class Link:
     def _serve(self, talker: Talker, port: serial.Serial) -> None:
         try:
             data = port.read(max(1, port.in_waiting))
+            if data and self._gather:
+                self._ending.wait(self._gather)
+                data += port.read(port.in_waiting)
         except (serial.SerialException, OSError) as error:
             self._trouble = explain(self.name, self.port, error)
             return

@@ -3,11 +3,15 @@
 import errno
 import os
 import stat
+import termios
 from pathlib import Path
 
 import serial
 
 from drivers.errors import NotConnected
+
+_CONTROL_FLAGS = 2
+"""Where ``termios.tcgetattr`` has the control modes in its list."""
 
 
 def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> serial.Serial:
@@ -19,6 +23,25 @@ def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> seria
         return serial.Serial(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise explain(who, port, error) from error
+
+
+def set_dtr(port: serial.Serial, *, on: bool) -> None:
+    """Set the modem line DTR of an open port, so that closing the port leaves it as it is.
+
+    Linux drops the line with the last close unless HUPCL is off (termios(3)). A pseudo-terminal has no such line, and
+    that is no error. Raises OSError when the port has gone.
+    """
+    try:
+        settings = termios.tcgetattr(port.fileno())
+        settings[_CONTROL_FLAGS] &= ~termios.HUPCL
+        termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
+    except termios.error as error:
+        raise OSError(*error.args) from error
+    try:
+        port.dtr = on
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTTY):
+            raise
 
 
 def explain(who: str, port: str, error: BaseException) -> NotConnected:

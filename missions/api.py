@@ -18,14 +18,17 @@ from behaviours.foreign import Around
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
+from drivers.api import Reflexes
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.assembled import Assembled
 from missions.executive.build import build
 from missions.executive.events import Listener, Stream
 from missions.executive.executive import Executive, Result
+from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
+from missions.language.claims import Target
 from missions.library import load_mission
 from missions.runner import PATIENT, Order, Runner, Simulate
 from missions.vocabulary import vocabulary
@@ -142,12 +145,14 @@ def load(
         return Mission(runner.executive, runner=runner)
     parts = Robot() if robot is None else robot
     has = frozenset(part for part, device in _devices(parts).items() if device is not None)
-    target = None if robot is None else ("this robot", has)
+    target = None if robot is None else Target("this robot", has, None if parts.arm_part is None else parts.reach)
     plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(files))
     run = Run(SystemClock(), seed=seed)
     run.settle = Assembled(plan.mission, parts, {}).settle
-    run.variables.update(state_of(parts, run.clock))
-    executive = Executive(build(plan, run, lambda _: parts), run, Stream(), mission=plan.mission)
+    stream, base = Stream(), parts.base_part
+    guard = None if base is None else Guard(base, Reflexes(), run, stream)
+    run.variables.update(state_of(parts, run.clock, guard))
+    executive = Executive(build(plan, run, lambda _: parts), run, stream, mission=plan.mission, guard=guard)
     return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
 
 
@@ -219,6 +224,7 @@ def _devices(robot: Robot) -> dict[str, object | None]:
         "base": robot.base_part,
         "head": robot.head_part,
         "arm": robot.arm_part,
+        "range": robot.ranger_part,
         "voice": robot.voice_part,
         "camera": robot.sight_part,
     }

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from dataclasses import replace
 
 from behaviours.leaf import Argument, Leaf
 from config.units import EXAMPLES, UNITS, written
@@ -14,6 +15,9 @@ WRITTEN: dict[str, object] = {
     "value": 1,
     "outcomes": ["running", "success"],
     "object": "red ball",
+    "joint": "elbow",
+    "joints": "left_arm",
+    "new move": "my_wave",
 }
 """A value of each kind that has no unit, as a mission writes it."""
 
@@ -35,23 +39,26 @@ def sentence(words: str) -> str:
 
 def kind_of(argument: Argument) -> str:
     """Say what an argument takes: "length (m, cm, mm)"."""
+    if argument.choices:
+        return f"one of {', '.join(argument.choices)}"
     units = f" ({', '.join(UNITS[argument.kind])})" if argument.kind in UNITS else ""
-    return ("two of " if argument.span else "") + argument.kind + units
+    return ("two of " if argument.span else "") + argument.kind + units + (" by joint" if argument.by_joint else "")
 
 
 def plain_default(argument: Argument) -> object:
     """Return a default as a mission would write it, as plain data: "0.2 m/s", ["-60 deg", "60 deg"], 3."""
-    if argument.kind not in UNITS:
-        return argument.default
+    default = argument.default
+    if argument.kind not in UNITS or argument.by_joint or default is None:
+        return list(default) if isinstance(default, tuple) else default
     if argument.span:
-        return [written(value, argument.kind) for value in argument.default]
-    return written(argument.default, argument.kind)
+        return [written(value, argument.kind) for value in default]
+    return written(default, argument.kind)
 
 
 def shown_default(argument: Argument) -> str:
     """Write a default as a mission would."""
     default = plain_default(argument)
-    if default is None:
+    if default is None or default in ([], {}):
         return "nothing"
     if isinstance(default, bool):
         return str(default).lower()
@@ -81,6 +88,11 @@ def example(argument: Argument) -> object:
     """Return a value for an argument, as plain data: its default, or a common one of its kind."""
     if not argument.required:
         return plain_default(argument)
+    if argument.by_joint:
+        return {"elbow": example(replace(argument, by_joint=False))}
+    if argument.choices:
+        return argument.choices[0]
     if argument.kind not in UNITS:
-        return WRITTEN.get(argument.kind)
+        common = WRITTEN.get(argument.kind)
+        return min(common, argument.high) if isinstance(common, int) else common
     return [written(0, argument.kind), EXAMPLES[argument.kind]] if argument.span else EXAMPLES[argument.kind]

@@ -7,6 +7,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from config.library import find
 from missions.assembly.things import THINGS
+from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
 
@@ -46,10 +47,10 @@ def load_mission(
     *,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: tuple[str, frozenset[str]] | None = None,
+    robot: Target | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
-    """Read and check a mission by name or path, for a robot with these parts; ``complete`` asks for all its params.
+    """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
 
     ``leaves`` are what it may be made of: missions.vocabulary finds more of them than ship with MissionTree.
 

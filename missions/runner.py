@@ -1,13 +1,11 @@
 """A run from beginning to end: read the mission, put the robot together, tick, and leave everything at rest."""
 
-import logging
 import os
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Literal
 
@@ -23,19 +21,23 @@ from drivers.sim.timeline import Timeline
 from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.interests import interests_of
-from missions.assembly.twins import Twins, twin_robot
+from missions.assembly.parts import reflexes
+from missions.assembly.target import target_of
+from missions.assembly.twinning import twin_robot
+from missions.assembly.twins import Twins
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.commands import robot_for
-from missions.executive.events import CommandSent, FaultRaised, Listener, Logged, PerceptSeen, Stream
+from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result
+from missions.executive.guard import Guard
 from missions.executive.pace import Pace
 from missions.executive.signals import Signals
 from missions.executive.state import state_of
+from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
 from missions.library import load_mission
 from missions.vocabulary import vocabulary
-from perception.api import Marker, Percept, Thing, View
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
@@ -63,7 +65,8 @@ class Order:
 
     In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
     pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
-    ``behaviours`` are files of Python with leaves of the user's own.
+    ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
+    wheels, in real time only.
     """
 
     mission: str
@@ -77,6 +80,7 @@ class Order:
     behaviours: Sequence[Path] = ()
     eyes: Literal["pixels", "truth"] = "pixels"
     speed: float = inf
+    pad: str | None = None
 
     @property
     def simulation(self) -> Simulate | None:
@@ -116,13 +120,16 @@ class Runner:
         if order.simulation == "fast":
             timeline = Timeline()
             self._context = Run(timeline.clock, seed=order.seed, wall=SystemClock())
+            self._tell = Teller(self._context, self.stream)
             self._context.let_pass = Pace(self._context, timeline, speed=order.speed)
             self.twins, self._robot = self._twins(config, order, timeline)
         else:
             self._context = Run(SystemClock(), seed=order.seed)
+            self._tell = Teller(self._context, self.stream)
             self._robot = self._assemble(config, order)
         self._context.settle = self._robot.settle
-        self._context.variables.update(state_of(self._robot.robot, self._context.clock))
+        guard = self._guard(config)
+        self._context.variables.update(state_of(self._robot.robot, self._context.clock, guard))
         self.watchdog = Watchdog(
             self._context,
             self.stream,
@@ -135,21 +142,29 @@ class Runner:
         self.root: Node = build(
             self.plan,
             self._context,
-            lambda leaf: robot_for(leaf, self._robot.robot, self._commanded, permit),
+            lambda leaf: robot_for(leaf, self._robot.robot, self._tell.commanded, permit),
             substitute=substitute,
         )
-        self.executive = Executive(self.root, self._context, self.stream, rate=config.rate, mission=self.plan.mission)
+        self.executive = Executive(
+            self.root,
+            self._context,
+            self.stream,
+            rate=config.rate,
+            mission=self.plan.mission,
+            guard=guard,
+        )
         self._signals = Signals(self.executive.stop)
 
     def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
         world = None if order.simulation is None else _world(order)
-        wishes = Wishes(world, order.camera, order.ports, order.seed, interests_of(self.plan.tree, config.camera))
-        return assemble(config, self._chosen, self._context.clock, wishes, self._ears)
+        interests = interests_of(self.plan.tree, config.camera)
+        wishes = Wishes(world, order.camera, order.ports, order.seed, interests, order.pad)
+        return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._ears)
 
     def _twins(self, config: RobotConfig, order: Order, timeline: Timeline) -> tuple[Twins, Assembled]:
         return twin_robot(
             config,
-            self._chosen,
+            self.plan.tree.parts,
             timeline,
             _world(order),
             self._ears,
@@ -158,13 +173,17 @@ class Runner:
             truth=order.eyes == "truth",
         )
 
-    @property
-    def _chosen(self) -> frozenset[str]:
-        return self.plan.tree.needs | self.plan.tree.claims
+    def _guard(self, config: RobotConfig) -> Guard | None:
+        """Return who looks at the base, where the mission uses one."""
+        base = self._robot.robot.base_part
+        if base is None or config.base is None:
+            return None
+        return Guard(base, reflexes(config.base), self._context, self.stream)
 
     @property
     def _ears(self) -> Ears:
-        return Ears(self._noticed, self._context.wake, self._said, self._seen, self._answered)
+        tell = self._tell
+        return Ears(tell.noticed, self._context.wake, tell.said, tell.seen, tell.answered, tell.steered)
 
     def run(self) -> Result:
         """Run the mission until it ends, or a signal ends it; whatever happens, the robot is left at rest.
@@ -177,7 +196,7 @@ class Runner:
         result = Result(self.plan.mission, "error", "", 0.0, 0)
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
-            with self._signals, _logging(self._logged), self.watchdog, self.ready():
+            with self._signals, logging_to(self._tell.logged), self.watchdog, self.ready():
                 self._context.beat()
                 self.watchdog.armed = True
                 result = self.executive.loop()
@@ -230,7 +249,9 @@ class Runner:
             for part, (detail, hint) in missing.items():
                 if waited > REMARK_TIME and part not in mentioned:
                     mentioned.add(part)
-                    self._noticed(Notice(part, "offline", f"waiting for it: {detail.removeprefix(f'{part}: ')}", hint))
+                    self._tell.noticed(
+                        Notice(part, "offline", f"waiting for it: {detail.removeprefix(f'{part}: ')}", hint)
+                    )
             if waited > CONNECT_TIME:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
@@ -245,36 +266,6 @@ class Runner:
             part, _, detail = problem.partition(": ")
             self.stream.emit(FaultRaised(self.executive.time(), part, "fault", detail))
 
-    # --- what the robot tells, from its own threads -------------------------------------------------------------------
-
-    def _noticed(self, notice: Notice) -> None:
-        time = self._context.now()
-        self.stream.emit(FaultRaised(time, notice.device, notice.kind, notice.what, notice.hint))
-        self._context.wake()
-
-    def _logged(self, record: logging.LogRecord) -> None:
-        text = record.getMessage()
-        if record.exc_info is not None:
-            text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
-        self.stream.emit(Logged(self._context.now(), record.levelname.lower(), text))
-
-    def _said(self, text: str) -> None:
-        self.stream.emit(Logged(self._context.now(), "voice", text))
-
-    def _answered(self, who: str, text: str) -> None:
-        self.stream.emit(Logged(self._context.now(), "person", f"{who}: {text}"))
-
-    def _seen(self, view: View) -> None:
-        faces, things, markers = (
-            tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
-        )
-        stamp = 0.0 if view.looked is None else view.looked
-        self.stream.emit(PerceptSeen(self._context.now(), stamp, faces, things or None, markers or None))
-        self._context.wake()
-
-    def _commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
-        self.stream.emit(CommandSent(self._context.now(), self._context.tick, to, source, values))
-
 
 def load(order: Order, robot: RobotConfig) -> Plan:
     """Read and check the mission of ``order`` for a robot. Raises InvalidFileError or UnknownNameError."""
@@ -282,7 +273,7 @@ def load(order: Order, robot: RobotConfig) -> Plan:
         order.mission,
         params=order.params,
         complete=True,
-        robot=(robot.name, robot.parts),
+        robot=target_of(robot),
         leaves=vocabulary(order.behaviours),
     )
 
@@ -291,48 +282,3 @@ def _world(order: Order) -> WorldConfig:
     if isinstance(order.world, WorldConfig):
         return order.world
     return load_world(find("worlds", order.world or DEFAULT_WORLD))
-
-
-def _told(percept: Percept) -> Mapping[str, object]:
-    """Return a percept as events tell it: the angles in radians, the box in pixels."""
-    box = percept.box
-    told = {
-        "id": percept.id,
-        "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
-        "stamp": percept.stamp,
-        **{name: round(getattr(percept, name), 4) for name in ("bearing", "drop", "yaw", "pitch")},
-        "distance": round(percept.distance, 2) if isfinite(percept.distance) else None,
-    }
-    match percept:
-        case Thing():
-            return told | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
-        case Marker():
-            return told | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
-        case _:
-            return told
-
-
-class _Handler(logging.Handler):
-    """Hands log records on; ``log`` in missions and what goes wrong inside arrive this way."""
-
-    def __init__(self, hear: Callable[[logging.LogRecord], None]) -> None:
-        super().__init__()
-        self._hear = hear
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Hand on one record."""
-        self._hear(record)
-
-
-@contextmanager
-def _logging(hear: Callable[[logging.LogRecord], None]) -> Iterator[None]:
-    """Hear what is logged, from the level of information up."""
-    handler, before = _Handler(hear), (log.level, log.propagate)
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
-    log.propagate = False
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        log.level, log.propagate = before

@@ -41,7 +41,7 @@ TAKEN = frozenset({*COMPOSITES, *MODIFIERS, *BESIDE, *KEYS, SWITCH, MISSION})
 PREFIX = "missiontree_behaviours."
 """What the names of modules that come from files begin with."""
 
-KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "controller"})
+KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "controller"})
 """The kinds of arguments."""
 
 

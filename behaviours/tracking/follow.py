@@ -22,7 +22,7 @@ LONGEST_STEP = 0.1
 PAUSE = 0.5
 """Seconds without a step after which the follower starts afresh: someone else may have moved the head."""
 
-HEAD_LAG = 0.005
+HEAD_LAG = 0.01
 """Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
 
 BASE_LAG = 0.01

@@ -2,9 +2,11 @@
 
 import math
 
-from behaviours.base import obstacle
+from behaviours.clearance import Lookout, free_way, safe_speed
+from behaviours.driving.motion import BRAKING, REACTION, Way, held_up, obstacle
 from behaviours.leaf import argument
 from behaviours.tracking.track_face import TrackFace
+from drivers.api import BaseState
 from perception.api import Percept
 
 EAGERNESS = 0.8
@@ -20,22 +22,43 @@ AHEAD = math.radians(45)
 class FollowPerson(TrackFace):
     """Follow a person: the head and the base turn to their face, and the base drives after them up to `distance`.
 
-    Running while there is a face to follow; it never succeeds. It never drives backwards. Fails once no face was seen
-    for `patience`, when it bumps into something, comes to a cliff, or a wheel drops.
+    Running while there is a face to follow; it never succeeds. It never drives backwards. With a range finder it slows
+    down for whatever is in its way, and stops before it. Fails once no face was seen for `patience`, when it bumps into
+    something, comes to a cliff, or a wheel drops, and while the base is stopped until somebody enables it.
     """
 
     word = "follow_person"
     needs = frozenset({"camera", "head", "base"})
+    uses = frozenset({"range"})
     distance: float = argument("length", "how far to stay behind the person", default=1.0, low=0.3, high=5.0)
     speed: float = argument("speed", "how fast it may drive", default=0.3, low=0.01, high=0.7)
 
+    _lookout: Lookout | None = None
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._lookout = Lookout(self.robot)
+
     def trouble(self) -> str:
-        state = self.robot.base.state().value
-        return "" if state is None else obstacle(state, forward=True)
+        base = self.robot.base
+        state = base.state().value
+        return held_up(base) or ("" if state is None else obstacle(state, Way.AHEAD, base.steering()))
 
     def forward(self, target: Percept, pan: float) -> float:
         too_far = target.distance - self.distance - SLACK
         # Without fresh reports neither an obstacle nor the way gone is known.
-        if not too_far > 0.0 or abs(pan) >= AHEAD or not self.robot.base.state().good:  # nor does it drive by a NaN
+        reading = self.robot.base.state()
+        if not too_far > 0.0 or abs(pan) >= AHEAD or reading.value is None or not reading.good:  # nor does it by a NaN
             return 0.0
-        return min(EAGERNESS * too_far, self.speed) * math.cos(pan * math.pi / 2 / AHEAD)
+        speed = min(EAGERNESS * too_far, self.speed, self._safe_speed(reading.value))
+        return speed * math.cos(pan * math.pi / 2 / AHEAD)
+
+    def _safe_speed(self, state: BaseState) -> float:
+        """Return how fast it may drive straight ahead, as far as the range finder sees: not while it is silent."""
+        if self._lookout is None or self.robot.ranger_part is None:
+            return math.inf
+        seen = self._lookout.around(state, self.run.now())
+        if seen is None:
+            return 0.0
+        braking = BRAKING * self.robot.base.limits.acceleration
+        return safe_speed(free_way(seen), braking=braking, reaction=REACTION)

@@ -1,223 +1,262 @@
-"""One Dynamixel bus: the port that it owns, and every transaction on it, one at a time.
+"""One Dynamixel bus: what servos of either protocol can be asked and told, one by one or many at once."""
 
-The Dynamixel SDK makes and reads the packets; what it lacks is added here: a lock that waits, time-outs that fit the
-transaction, checked lengths, retries of reads, figures of each servo, and one family of errors.
-"""
-
-import termios
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from threading import RLock
-from typing import Any
+from itertools import islice
+from typing import Literal, NamedTuple
 
-import serial
-from dynamixel_sdk import COMM_RX_CORRUPT, COMM_RX_TIMEOUT, COMM_SUCCESS, Protocol1PacketHandler
-
-from drivers.clock import Clock
-from drivers.dynamixel.models import MODEL_NUMBER, Register
-from drivers.dynamixel.port import Port, quicken
-from drivers.dynamixel.wire import BROADCAST, REFUSAL, Fault, Instruction
-from drivers.errors import BadRequest, NoReply, NotConnected
-from drivers.ports import explain, open_port
+from drivers.dynamixel.channel import Channel
+from drivers.dynamixel.codec import CODECS, Codec, Keep, Reply
+from drivers.dynamixel.overdue import Wanted
+from drivers.dynamixel.register import Block, Register
+from drivers.dynamixel.units import Protocol
+from drivers.dynamixel.wire import BROADCAST, REFUSAL, Fault, Packet
+from drivers.errors import BadRequest, NoReply
 
 TRIES = 3
 """How often a read is sent before it counts as unanswered."""
 
-
-@dataclass(slots=True)
-class Tally:
-    """What became of the requests to one servo: all, those without a reply, and those with a damaged one."""
-
-    tries: int = 0
-    misses: int = 0
-    corrupt: int = 0
+ROLL_CALL = 0.003
+"""Seconds that each ID has for its answer to a ping that asks all of them."""
 
 
-class Bus:
-    """Owns the port of a chain of servos. Safe between threads: a second one waits for the first.
+class At(NamedTuple):
+    """Whom a transaction is for."""
 
-    ``patience`` (seconds) is what a reply may take beyond its bytes and the servo's return delay; the timer of a slow
-    USB adapter is added to it. A transport error closes the port; ``open`` may be called again.
-    """
+    id: int
+    protocol: Protocol = 1
 
-    def __init__(
-        self, port: str, clock: Clock, *, baud: int = 1_000_000, name: str = "servos", patience: float = 0.005
-    ) -> None:
-        self.port = port
-        self.baud = baud
-        self.name = name
-        self.latency = 0.0  # seconds for which the adapter may hold a reply back, known once it was open
-        self._clock = clock
-        self._patience = patience
-        self._lock = RLock()
-        self._line: serial.Serial | None = None
-        self._handler: Port | None = None
-        self._packets: Any = Protocol1PacketHandler()
-        self._trouble = NotConnected(f"{name}: {port}: not opened yet")
-        self._tallies: dict[int, Tally] = {}
-        self._faults: dict[int, Fault] = {}
 
-    def open(self) -> None:
-        """Take the port for this process alone. Raises NotConnected, with what to try; does nothing if it is open."""
-        with self._lock:
-            if self._line is not None:
-                return
-            try:
-                line = open_port(self.name, self.port, self.baud, timeout=0)
-            except NotConnected as error:
-                self._trouble = error
-                raise
-            self.latency = quicken(line)
-            self._line = line
-            self._handler = Port(line, self._clock, self._patience + self.latency)
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a servo says that it is: its model number, and the version of its firmware."""
 
-    def close(self) -> None:
-        """Release the port. Safe from any state, more than once."""
-        self._release(NotConnected(f"{self.name}: {self.port}: closed"))
+    at: At
+    number: int
+    firmware: int
 
-    @property
-    def is_open(self) -> bool:
-        """True while the port is held."""
-        return self._line is not None
 
-    def require(self) -> None:
-        """Raise NotConnected, with the reason, unless the port is open."""
-        self._opened()
+@dataclass(slots=True, eq=False)
+class _Question:
+    """A read and its tries: the block that is wanted, the one that is asked for, which contains it, and since when."""
 
-    def ping(self, servo: int, *, tries: int = TRIES) -> int:
-        """Return the model number of ``servo``. Raises NoReply if it is not there."""
-        self._retried(servo, "ping", Instruction.PING, b"", 0, tries)
-        return self.read(servo, MODEL_NUMBER)
+    block: Block
+    asked: Block
+    began: float
 
-    def read(self, servo: int, register: Register) -> int:
+    def __str__(self) -> str:
+        return f"read of {self.block.size} bytes at {self.block.address}"
+
+
+class Bus(Channel):
+    """The servos of one line, asked and told by what it is about. Reads are retried, writes are sent once."""
+
+    # --- one servo ----------------------------------------------------------------------------------------------------
+
+    def ping(self, at: At, *, tries: int = TRIES) -> int:
+        """Return the model number of a servo. Raises NoReply if it is not there."""
+        return self.identify(at, tries=tries).number
+
+    def identify(self, at: At, *, tries: int = TRIES) -> Identity:
+        """Return what a servo is. Raises NoReply if it is not there.
+
+        In protocol 1.0 the answer to a ping says nothing, and is the same as the echo of one: the table is read.
+        """
+        if at.protocol == 1:
+            data = self.read_block(at, 0, 3, tries=tries)
+        else:
+            request = self._codec(at).ping(at.id)
+            data = self._ask(at, "ping", lambda: self._told(at, request, 3), tries)
+        return _identity(at, data)
+
+    def read(self, at: At, register: Register) -> int:
         """Return the value of ``register``. Raises NoReply after ``TRIES`` tries, NotConnected, BadRequest."""
-        return register.decode(self.read_block(servo, register.address, register.size), register.address)
+        return register.decode(self.read_block(at, register.address, register.size), register.address)
 
-    def read_block(self, servo: int, address: int, count: int, *, tries: int = TRIES) -> bytes:
+    def read_block(self, at: At, address: int, count: int, *, tries: int = TRIES) -> bytes:
         """Return ``count`` bytes of the control table from ``address``. Raises as ``read``."""
-        what = f"read of {count} bytes at {address}"
-        return self._retried(servo, what, Instruction.READ, bytes((address, count)), count, tries)
+        block = Block(address, count)
+        question = _Question(block, block, self._clock.now())
+        return self._ask(at, question, lambda: self._looked_up(at, question), tries)
 
-    def write(self, servo: int, register: Register, value: int) -> None:
+    def write(self, at: At, register: Register, value: int) -> None:
         """Write ``value``. Sent once: without a reply (NoReply) it may have been carried out or not.
 
         Raises BadRequest for a value that does not fit the register or that the servo refuses, and NotConnected.
         """
+        self.write_block(at, register.address, self._encoded(at.id, register, value))
+
+    def write_block(self, at: At, address: int, data: bytes) -> None:
+        """Write ``data`` from ``address`` on. Sent once, raises as ``write``."""
+        self._order(at, f"write of {data.hex(' ')} at {address}", self._codec(at).write(at.id, address, data))
+
+    def reboot(self, at: At) -> None:
+        """Start a servo anew: it goes limp. Raises BadRequest in protocol 1.0, else as ``write``."""
+        self._order(at, "reboot", self._codec(at).reboot(at.id))
+
+    def reset(self, at: At, keep: Keep) -> None:
+        """Set a servo back to what it was delivered as, but for what it is to ``keep``. Raises as ``write``."""
+        self._order(at, f"factory reset that keeps {keep}", self._codec(at).reset(at.id, keep))
+
+    # --- many servos --------------------------------------------------------------------------------------------------
+
+    def read_many(self, wanted: Mapping[At, Block], *, how: Literal["bulk", "sync"]) -> dict[At, bytes]:
+        """Read a block of each servo with one request; a sync read wants the same of all. Tried once.
+
+        Returns the blocks of those that answered; the rest are missing. Raises BadRequest, NotConnected.
+        """
+        if not wanted:
+            self._opened()
+            return {}
+        protocol, *others = {at.protocol for at in wanted}
+        if others:
+            raise BadRequest(f"{self.name}: one request cannot ask servos of both protocols", hint="ask them apart")
+        blocks = {at.id: block for at, block in wanted.items()}
+        codec = self._common(protocol, blocks)
+        if how == "sync" and len(set(blocks.values())) > 1:
+            raise BadRequest(f"{self.name}: a sync read reads the same of all servos", hint="use a bulk read")
+        with self._lock:
+            now, question = self._clock.now(), object()
+            asked = {servo: Wanted(question, block.size, now) for servo, block in blocks.items()}
+            for servo, want in asked.items():
+                if not self._overdue.clear(servo, want, now):  # it is left to be read by itself
+                    del blocks[servo]
+            if not blocks:
+                return {}
+            request = codec.bulk_read(blocks)
+            if how == "sync":
+                request = codec.sync_read(blocks, next(iter(blocks.values())))
+            replies = self._transact(codec, request, {servo: asked[servo] for servo in blocks})
+        return {at: replies[at.id].data for at in wanted if at.id in replies and replies[at.id].data}
+
+    def sync_write(self, protocol: Protocol, register: Register, values: Mapping[int, int]) -> None:
+        """Write ``register`` of many servos at once, which none acknowledges.
+
+        Raises BadRequest for a value that does not fit the register, and NotConnected.
+        """
+        encoded = {servo: self._encoded(servo, register, value) for servo, value in values.items()}
+        self.sync_write_block(protocol, register.address, encoded)
+
+    def sync_write_block(self, protocol: Protocol, address: int, blocks: Mapping[int, bytes]) -> None:
+        """Write a block of the same size from ``address`` to many servos, in as few packets as hold it.
+
+        Raises BadRequest for blocks of several sizes or that are too long, NotConnected.
+        """
+        self._opened()
+        if not blocks:
+            return
+        codec = self._common(protocol, blocks)
+        size = max(len(block) for block in blocks.values())
+        room = codec.sync_room(size)
+        if not room or any(len(block) != size for block in blocks.values()):
+            sizes = sorted({len(block) for block in blocks.values()})
+            raise BadRequest(f"{self.name}: a sync write cannot hold blocks of {sizes} bytes")
+        rest = iter(blocks.items())
+        with self._lock:
+            while some := dict(islice(rest, room)):
+                self._transact(codec, codec.sync_write(address, size, some), {})
+
+    def find(self, *, protocol: Protocol, ids: Iterable[int]) -> Iterator[Identity]:
+        """Look for the servos ``ids`` at this rate: in protocol 2.0 by one ping for all, else one after the other.
+
+        Each is tried once. Raises NotConnected.
+        """
+        sought = [At(servo, protocol) for servo in ids if servo <= CODECS[protocol].last_id]
+        if protocol == 2:
+            request = CODECS[protocol].ping(BROADCAST)
+            wanted = {at.id: Wanted(request, 3, self._clock.now()) for at in sought}
+            slots = (CODECS[protocol].last_id + 1) * ROLL_CALL
+            for servo, reply in self._transact(CODECS[protocol], request, wanted, wait=slots).items():
+                if reply.data:
+                    yield _identity(At(servo, protocol), reply.data)
+            return
+        for at in sought:
+            try:
+                yield self.identify(at, tries=1)
+            except (NoReply, BadRequest):
+                continue
+
+    # --- how ----------------------------------------------------------------------------------------------------------
+
+    def _ask(self, at: At, what: object, attempt: Callable[[], Reply | None], tries: int) -> bytes:
+        """Make an attempt until it is answered, ``tries`` times at most; return the data of the answer."""
+        tally = self.tally(at.id)
+        damaged = tally.corrupt
+        for _ in range(tries):
+            if (reply := attempt()) is None:
+                continue
+            if not reply.data and reply.faults & REFUSAL:
+                tally.refused += 1
+                raise BadRequest(
+                    f"{self.name}: servo {at.id} refused a {what}: {(reply.faults & REFUSAL).words}",
+                    hint=_cure(reply.faults),
+                )
+            return reply.data
+        raise self._silence(at, what, tries, tally.corrupt - damaged)
+
+    def _looked_up(self, at: At, question: _Question) -> Reply | None:
+        """Read a block once."""
+        codec, block = self._codec(at), question.block
+        with self._lock:
+            wide = question.asked = self._overdue.widened(at.id, question.asked, question, question.began)
+            wanted = Wanted(question, wide.size, question.began)
+            reply = self._transact(codec, codec.read(at.id, wide), {at.id: wanted}).get(at.id)
+        if reply is None or not reply.data or wide is block:
+            return reply
+        start = block.address - wide.address
+        return reply._replace(data=reply.data[start : start + block.size])
+
+    def _told(self, at: At, request: Packet, size: int) -> Reply | None:
+        """Send anything else once."""
+        wanted = Wanted(request, size, self._clock.now())
+        return self._transact(self._codec(at), request, {at.id: wanted}).get(at.id)
+
+    def _order(self, at: At, what: str, request: Packet) -> None:
+        """Send what must not be repeated blindly, for it may have been carried out although no reply came."""
+        self._ask(at, what, lambda: self._told(at, request, 0), 1)
+
+    def _encoded(self, servo: int, register: Register, value: int) -> bytes:
         if not register.lower <= value <= register.upper:
             raise BadRequest(
                 f"{self.name}: servo {servo}: {register.name} takes {register.lower}..{register.upper}, not {value}"
             )
-        self.write_block(servo, register.address, register.encode(value))
+        return register.encode(value)
 
-    def write_block(self, servo: int, address: int, data: bytes) -> None:
-        """Write ``data`` from ``address`` on. Sent once, raises as ``write``."""
-        what = f"write of {data.hex(' ')} at {address}"
-        # A request that arrived damaged was not carried out, but a servo says so seldom enough not to retry here.
-        self._retried(servo, what, Instruction.WRITE, bytes((address,)) + data, 0, 1)
+    def _codec(self, at: At) -> Codec:
+        return self._common(at.protocol, (at.id,))
 
-    def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
-        """Write ``register`` of many servos in one packet, which none acknowledges. Raises NotConnected."""
-        self.sync_write_block(register.address, {servo: register.encode(value) for servo, value in values.items()})
+    def _common(self, protocol: Protocol, servos: Iterable[int]) -> Codec:
+        """Return the protocol, if servos can have such IDs in it."""
+        codec = CODECS[protocol]
+        for servo in servos:
+            if not 0 <= servo <= codec.last_id:
+                raise BadRequest(
+                    f"{self.name}: a servo's ID is 0..{codec.last_id} in protocol {protocol}.0, not {servo}"
+                )
+        return codec
 
-    def sync_write_block(self, address: int, blocks: Mapping[int, bytes]) -> None:
-        """Write a block of the same size from ``address`` to many servos at once. Raises as ``sync_write``."""
-        if not blocks:
-            self._opened()
-            return
-        sizes = {len(block) for block in blocks.values()}
-        parameters = [byte for servo, block in blocks.items() for byte in (servo, *block)]
-        if len(sizes) != 1 or len(parameters) > 242:  # the SDK sends packets of at most 250 bytes
-            raise BadRequest(f"{self.name}: one sync write cannot hold {len(blocks)} blocks of {sorted(sizes)} bytes")
-        with self._lock:
-            port = self._opened()
-            try:
-                self._packets.syncWriteTxOnly(port, address, sizes.pop(), parameters, len(parameters))
-            except (serial.SerialException, OSError, termios.error) as error:
-                raise self._lost(error) from error
-            finally:
-                port.is_using = False
-
-    def faults(self, servo: int) -> Fault:
-        """Return the error bits of the newest reply of ``servo``; none if it never replied."""
-        return self._faults.get(servo, Fault(0))
-
-    def tally(self, servo: int) -> Tally:
-        """Return the figures of ``servo`` since the bus was made."""
-        return self._tallies.setdefault(servo, Tally())
-
-    def _opened(self) -> Port:
-        if self._handler is None:
-            raise NotConnected(str(self._trouble), hint=self._trouble.hint)
-        return self._handler
-
-    def _retried(self, servo: int, what: str, code: Instruction, parameters: bytes, size: int, tries: int) -> bytes:
-        """Send a request until it is answered, ``tries`` times at most; return the ``size`` bytes of the answer."""
-        if not 0 <= servo < BROADCAST:
-            raise BadRequest(f"{self.name}: a servo's ID is 0..253, not {servo}")
-        damaged = self.tally(servo).corrupt
-        for _ in range(tries):
-            reply = self._exchange(servo, [0, 0, servo, len(parameters) + 2, code, *parameters, 0], size)
-            if reply is None:
-                continue
-            faults = Fault(reply[4])
-            self._faults[servo] = faults & ~REFUSAL
-            if faults & REFUSAL and len(reply) == 6:
-                raise BadRequest(f"{self.name}: servo {servo} refused a {what}: {faults.words}")
-            return reply[5:-1]
-        raise self._silence(servo, what, tries, self.tally(servo).corrupt - damaged)
-
-    def _exchange(self, servo: int, packet: list[int], size: int) -> bytes | None:
-        """Send one packet and return the whole reply if it is sound: ``size`` bytes of data, or a refusal."""
-        with self._lock:
-            port = self._opened()
-            tally = self.tally(servo)
-            tally.tries += 1
-            try:
-                reply, result, _ = self._packets.txRxPacket(port, packet)
-            except (serial.SerialException, OSError, termios.error) as error:
-                raise self._lost(error) from error
-            finally:
-                port.is_using = False  # the SDK leaves it set after an exception
-            if result == COMM_RX_TIMEOUT:
-                tally.misses += 1
-            elif result == COMM_RX_CORRUPT or (result == COMM_SUCCESS and not _sound(reply, size)):
-                tally.corrupt += 1
-            elif result == COMM_SUCCESS:
-                return bytes(reply)
-            else:
-                raise self._lost(OSError(self._packets.getTxRxResult(result)))
-            return None
-
-    def _silence(self, servo: int, what: str, tries: int, damaged: int) -> NoReply:
+    def _silence(self, at: At, what: object, tries: int, damaged: int) -> NoReply:
         where = f"{self.port} at {self.baud} baud"
         if damaged:
             return NoReply(
-                f"{self.name}: servo {servo}: {damaged} of {tries} replies to a {what} damaged on {where}",
-                hint=f"unplug the other servos: two with ID {servo} disturb each other; then try another cable",
+                f"{self.name}: servo {at.id}: {damaged} of {tries} replies to a {what} damaged on {where}",
+                hint=f"unplug the other servos: two with ID {at.id} disturb each other; then try another cable",
             )
         return NoReply(
-            f"{self.name}: servo {servo}: no reply to a {what} on {where} ({tries} tries)",
-            hint=f"check its power and cable, its ID ({servo}), its baud rate ({self.baud}), its status return level",
+            f"{self.name}: servo {at.id}: no reply to a {what} on {where} ({tries} tries)",
+            hint=f"check its power and cable, its ID ({at.id}), its baud rate ({self.baud}), its protocol "
+            f"({at.protocol}.0), its status return level",
         )
 
-    def _lost(self, error: Exception) -> NotConnected:
-        trouble = explain(self.name, self.port, error)
-        self._release(trouble)
-        return trouble
 
-    def _release(self, why: NotConnected) -> None:
-        with self._lock:
-            line, self._line, self._handler = self._line, None, None
-            self._trouble = why
-            if line is not None:
-                with suppress(serial.SerialException, OSError, termios.error):  # it may be gone already
-                    line.close()
+def _identity(at: At, data: bytes) -> Identity:
+    return Identity(at, int.from_bytes(data[:2], "little"), data[2])
 
 
-def _sound(reply: list[int], size: int) -> bool:
-    """Whether a reply carries ``size`` bytes of data, or none because the request is refused, and no checksum error."""
-    faults = Fault(reply[4])
-    data = len(reply) - 6
-    expected = data == size or (data == 0 and bool(faults & REFUSAL))
-    return expected and reply[3] == data + 2 and not faults & Fault.CHECKSUM
+def _cure(faults: Fault) -> str:
+    """Say what helps against a refusal."""
+    if faults & Fault.ACCESS:
+        return "some registers are read-only, and settings (EEPROM) can be written with the torque off alone"
+    if faults & (Fault.ANGLE_LIMIT | Fault.LIMIT):
+        return "compare it with the limits that are set in the servo: mission servo info ID"
+    return ""

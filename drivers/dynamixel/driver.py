@@ -1,36 +1,39 @@
 """An arm of Dynamixel servos as named joints: ``drivers.api.Joints`` over one bus.
 
-A thread of the driver finds the servos, reads them and finds them again (``watch``); commands go out at once from the
-caller's thread. Nothing is ever written to a servo's EEPROM.
+A thread of the driver finds the servos, reads them and finds them again (``watch``), and leads joints that follow
+others (``leading``); commands go out at once from the caller's thread. Nothing is ever written to a servo's EEPROM.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from math import isfinite
 from threading import Event, RLock, Thread
 from typing import Literal
 
-from drivers.api import Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api import Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.clock import Clock
+from drivers.dynamixel.adapter import timer_of
 from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.joint import Joint, JointSpec, check
-from drivers.dynamixel.models import GOAL_POSITION, MODELS
-from drivers.dynamixel.port import timer_of
-from drivers.dynamixel.torque import ready, recover, settle
+from drivers.dynamixel.leading import Leading
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.pace import Pace
+from drivers.dynamixel.refusals import check_couplings, check_move, check_names
+from drivers.dynamixel.telling import REMEDY, Telling
+from drivers.dynamixel.torque import go, recover, settle
 from drivers.dynamixel.watch import Watch
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 
-PERIOD = 0.025
-"""Seconds from one round of readings to the next."""
+RATE = 100.0
+"""Rounds of readings a second, as far as the wire can carry them."""
 
 RETRY = 0.5
 """Seconds between attempts to open the port."""
 
 FRESH = 0.25
 """Seconds after which a reading is stale."""
-
 
 SLOW_ADAPTER = 0.004
 """Seconds for which an adapter may hold a reply back before it is worth a word."""
@@ -39,8 +42,9 @@ SLOW_ADAPTER = 0.004
 class DynamixelJoints:
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
-    ``at_rest`` says what rest means for this arm: stiff where it is, or without torque. ``report`` hears what the
-    servos tell, ``changed`` is called after every round of readings, both from the driver's thread.
+    ``rate`` (Hz) is how often the joints are read, unless the wire needs longer. ``at_rest`` says what rest means for
+    this arm: stiff where it is, or without torque. ``report`` hears what the servos tell, ``changed`` is called after
+    every round of readings, both mostly from the driver's thread.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
@@ -50,23 +54,32 @@ class DynamixelJoints:
         joints: Mapping[str, JointSpec],
         clock: Clock,
         *,
+        rate: float = RATE,
         at_rest: Literal["hold", "relax"] = "hold",
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "arm",
     ) -> None:
         check(name, dict(joints))
+        if not 0 < rate <= 1000:
+            raise BadRequest(f"{name}: joints are read 1 to 1000 times a second, not {rate}")
         self._name = name
         self._bus = bus
         self._joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
         self._clock = clock
+        self._rate = rate
         self._stiff_at_rest = at_rest == "hold"
         self._report = guarded(report)
         self._changed = guarded(changed)
         self._lock = RLock()
-        self._watch = Watch(name, bus, self._joints, self._lock, clock, self._report)
+        self._telling = Telling(name, self._joints, self._report)
+        self._clamping = Clamping(name, self._joints, self._report)
+        self._leading = Leading(bus, self._joints, self._clamping, self._telling)
+        self._watch = Watch(bus, self._joints, self._lock, clock, self._telling)
+        self._pace = Pace(rate)
         self._ending = Event()
         self._thread: Thread | None = None
+        self._unrested = ""  # those that could not be brought to rest, as told last
         self._connections = 0
         self._fault = ""  # the newest of the driver's own that was reported
 
@@ -79,6 +92,8 @@ class DynamixelJoints:
     def limits(self) -> Mapping[str, JointLimits]:
         """The joints by name, in the order of the robot file."""
         return {name: joint.limits for name, joint in self._joints.items()}
+
+    # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Start the thread that looks for the servos; does nothing if it runs."""
@@ -110,55 +125,67 @@ class DynamixelJoints:
             return  # it was never there: nothing was moved
         why = ""
         try:
-            failed = self._settle(stiff=self._stiff_at_rest)
+            failed = self._settle(self._joints, stiff=self._stiff_at_rest)
         except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
             failed, why = list(self._joints.values()), f" ({type(error).__name__}: {error})"
-        if failed:
+        unrested = ", ".join(joint.title for joint in failed) + why
+        if failed and unrested != self._unrested:  # a run rests its robot, then closes it, which rests it once more
             what = "held" if self._stiff_at_rest else "relaxed"
-            names = ", ".join(joint.title for joint in failed)
             cure = "switch their power off by hand"
-            self._report(Notice(self._name, "fault", f"could not be {what}: {names}{why}", cure))
+            self._report(Notice(self._name, "fault", f"could not be {what}: {unrested}", cure))
+        self._unrested = unrested
 
-    def hold(self) -> None:
-        """Stand still and stiff where it is now. Safe from any state; does not raise when offline."""
-        self._settle(stiff=True)
+    # --- what behaviours ask ------------------------------------------------------------------------------------------
 
-    def relax(self) -> None:
-        """Switch the torque off. Safe from any state; does not raise when offline."""
-        self._settle(stiff=False)
+    def hold(self, joints: Collection[str] | None = None) -> None:
+        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
 
-    def recover(self) -> tuple[str, ...]:
-        """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
-
-        For a person to ask for who has removed the cause. Raises NotConnected.
+        Safe from any state; does not raise when offline. Raises BadRequest for an unknown joint.
         """
-        with self._lock:
-            return tuple(joint.name for joint in recover(self._bus, self._joints.values()))
+        self._settle(self._joints if joints is None else joints, stiff=True)
+
+    def relax(self, joints: Collection[str] | None = None) -> None:
+        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
+        self._settle(self._joints if joints is None else joints, stiff=False)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
-        Joints whose servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
+        Joints that followed others do so no more. Goals that had to be clamped are told, once an episode. Joints whose
+        servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back.
         """
         speeds = speeds or {}
-        self._reject(goals, speeds)
-        accepted = {name: self._joints[name].clamp(goal) for name, goal in goals.items()}
+        check_move(self._name, goals, speeds, self._joints)
         with self._lock:
-            self._bus.require()
-            if not self._watch.connected:  # what is told to a servo before its settings are restored would be undone
-                raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
-            named = [self._joints[name] for name in goals]
-            going = ready(self._bus, named, now=self._clock.now())
-            orders = {}
-            for joint in named:
-                joint.left_out = joint not in going
-            for joint in going:
-                joint.goal, joint.wanted = accepted[joint.name], True
-                speed = speeds.get(joint.name, joint.limits.speed)
-                orders[joint.spec.id] = joint.order(joint.ticks(joint.goal), speed)
-            self._bus.sync_write_block(GOAL_POSITION.address, orders)
+            self._require()
+            now = self._clock.now()
+            accepted = self._clamping.accept(goals, now)
+            self._leading.end(goals)
+            go(self._bus, [self._joints[name] for name in goals], accepted, speeds, now)
         return accepted
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """Let joints follow others in every round from now on, until told otherwise; () ends it.
+
+        Joints that follow no more stand where they are. When the bus comes back after it was gone, they go on to
+        follow. Raises BadRequest for couplings that cannot be, and NotConnected, but not in order to end them.
+        """
+        check_couplings(self._name, couplings, self._joints)
+        with self._lock:
+            if couplings:
+                self._require()
+            if freed := self._leading.begin(couplings):
+                self._settle(freed, stiff=True)
+
+    def recover(self) -> tuple[str, ...]:
+        """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
+
+        Those of protocol 2.0 start again for it, and are stiff about half a second later. For a person to ask for who
+        has removed the cause. Raises NotConnected.
+        """
+        with self._lock:
+            return tuple(joint.name for joint in recover(self._bus, self._joints.values(), now=self._clock.now()))
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The newest state of each joint; stale after ``FRESH`` seconds without a reading."""
@@ -167,71 +194,80 @@ class DynamixelJoints:
 
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
-        counters = {"connections": self._connections, "tries": 0, "misses": 0, "corrupt": 0}
-        for name, joint in self._joints.items():
-            tally = self._bus.tally(joint.spec.id)
-            counters["tries"] += tally.tries
-            counters["misses"] += tally.misses
-            counters["corrupt"] += tally.corrupt
-            counters[f"misses of {name}"] = tally.misses
+        counters = self._counters()
         try:
             self._bus.require()
         except NotConnected as error:
             return Health(False, str(error), error.hint, counters)
         wrong = [] if self._watch.connected else ["looking for the servos"]
         wrong += [f"{j.title} {j.complaint}" for j in self._joints.values() if not j.driven]
-        wrong += [f"{j.title} has shut down" for j in self._joints.values() if j.driven and j.shut]
         hint = self._watch.hint if wrong else ""
+        if shut := [f"{j.title} has shut down" for j in self._joints.values() if j.driven and j.shut]:
+            wrong, hint = wrong + shut, hint or REMEDY
         if not wrong and self._bus.latency > SLOW_ADAPTER:
             wrong = [f"the adapter holds every reply back for {self._bus.latency * 1000:.0f} ms"]
             hint = f"echo 1 | sudo tee {timer_of(self._bus.port)}"
         online = self._watch.online and self._thread is not None and self._thread.is_alive()
         return Health(online, f"{self._name}: {'; '.join(wrong)}" if wrong else "", hint, counters)
 
+    def _counters(self) -> dict[str, int]:
+        """Return the figures of the wire and of each servo."""
+        pace = self._pace
+        counters = {"connections": self._connections, "rounds": pace.rounds}
+        counters |= {"achieved rate (Hz)": round(pace.achieved), "utilisation (%)": round(100 * pace.share)}
+        tallies = {name: self._bus.tally(joint.spec.id) for name, joint in self._joints.items()}
+        for figure in ("tries", "misses", "corrupt", "late", "refused"):
+            counters[figure] = sum(getattr(tally, figure) for tally in tallies.values())
+        return counters | {f"misses of {name}": tally.misses for name, tally in tallies.items()}
+
     def _quality(self, reading: Reading[JointState]) -> Quality:
         if reading.value is None:
             return Quality.NONE
         return Quality.GOOD if self._clock.now() - reading.stamp <= FRESH else Quality.STALE
 
-    def _reject(self, goals: Mapping[str, float], speeds: Mapping[str, float]) -> None:
-        """Raise BadRequest with all that is wrong with a move."""
-        unknown = sorted((goals.keys() | speeds.keys()) - self._joints.keys())
-        wrong = [f"no joint {name!r} (there are {', '.join(self._joints)})" for name in unknown]
-        for what, values in (("goal", goals), ("speed", speeds)):
-            wrong += [
-                f"{name}: a {what} of {value} is not finite" for name, value in values.items() if not isfinite(value)
-            ]
-        if wrong:
-            raise BadRequest(f"{self._name}: {'; '.join(wrong)}")
+    def _require(self) -> None:
+        """Raise NotConnected unless what is told to a servo now lasts: restoring its settings would undo it."""
+        self._bus.require()
+        if not self._watch.connected:
+            raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
 
-    def _settle(self, *, stiff: bool) -> list[Joint]:
+    def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints whose servo did not confirm it."""
+        check_names(self._name, set(names), self._joints)
         with self._lock:
-            for joint in self._joints.values():
+            self._leading.end(names)
+            joints = [self._joints[name] for name in names]
+            for joint in joints:
                 joint.wanted = stiff
-            return settle(self._bus, self._joints.values(), stiff=stiff, now=self._clock.now())
+            return settle(self._bus, joints, stiff=stiff, now=self._clock.now())
+
+    # --- the driver's thread ------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            started = self._clock.now()
-            pause = 0.0
+            pause = RETRY
             try:
                 self._round()
+                pause = self._pace.rest(self._clock.now(), self._bus.busy())
             except NotConnected as error:
                 self._watch.lost(error)
-                pause = RETRY
             except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
                 self._complain(error)
-                pause = RETRY
             self._changed()
-            self._ending.wait(pause or max(PERIOD / 5, started + PERIOD - self._clock.now()))
+            self._ending.wait(pause)
 
     def _round(self) -> None:
-        if self._watch.connected:
-            self._watch.look()
-        else:
+        if not self._watch.connected:
             self._watch.connect()
             self._connections += 1
+            self._telling.slow(self._rate, self._bus.baud)
+            self._pace.begin(self._clock.now(), self._bus.busy())
+            return
+        began = self._clock.now()
+        self._watch.read()
+        with self._lock:
+            self._leading.lead(since=began, now=self._clock.now())
+        self._watch.tend()
 
     def _complain(self, error: BaseException) -> None:
         """Report what is wrong with the driver itself, unless it is the same as before."""

@@ -1,45 +1,99 @@
 """How a servo joins the robot: it is identified, then its volatile settings are restored; never its EEPROM."""
 
-from drivers.dynamixel import models as m
-from drivers.dynamixel.bus import Bus
+from contextlib import suppress
+
+from drivers.dynamixel import wire2
+from drivers.dynamixel.bus import TRIES, At, Bus
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.models import model_of
+from drivers.dynamixel.register import Block
 from drivers.dynamixel.torque import stiffen
+from drivers.errors import BadRequest, NoReply
+
+NEEDED = (
+    ("drive_mode", 0b111, 0, "is reversed, timed or driven by another"),
+    ("operating_mode", 0xFF, 3, "does not go to positions"),
+    ("homing_offset", -1, 0, "counts from elsewhere"),
+    ("multi_turn_offset", -1, 0, "counts from elsewhere"),
+    ("resolution_divider", 0xFF, 1, "counts in other steps"),
+    ("status_return_level", 0xFF, 2, "acknowledges no writes"),
+)
+"""Registers, which bits of them count, what these must be, and what else is the matter. No model has them all."""
 
 
 def difference(bus: Bus, joint: Joint) -> str:
-    """Return in what the servo is not what the robot file says; empty when it may be driven.
+    """Return in what the servo is not what the robot file says, all of it; empty when it may be driven.
 
     Raises NoReply, NotConnected.
     """
-    number = bus.ping(joint.spec.id, tries=1 if joint.failures else 3)
+    number = bus.ping(joint.at, tries=1 if joint.failures else TRIES)
     if number != joint.model.number:
-        known = next((model.name for model in m.MODELS.values() if model.number == number), "unknown")
-        return f"is model {number} ({known}), not {joint.model.number} ({joint.model.name})"
-    table = bus.read_block(joint.spec.id, 0, m.STATUS_RETURN_LEVEL.end)
-    low, high = m.CW_ANGLE_LIMIT.decode(table), m.CCW_ANGLE_LIMIT.decode(table)
-    if low == high == 0:
-        return "is in wheel mode (both its angle limits are 0)"
-    lowest, highest = joint.bounds
-    if lowest < low or highest > high:
-        return f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"
-    if (level := m.STATUS_RETURN_LEVEL.decode(table)) != m.STATUS_RETURN_LEVEL.upper:
-        return f"acknowledges no writes (status return level {level}, not {m.STATUS_RETURN_LEVEL.upper})"
-    return ""
+        known = model_of(number)
+        return (
+            f"is model {number} ({known.name if known else 'unknown'}), not {joint.model.number} ({joint.model.name})"
+        )
+    for block in (joint.model.table.setup, *joint.model.table.slow):
+        read(bus, joint, block)
+    return " and ".join(_range_faults(joint) + _mode_faults(joint))
+
+
+def absence(bus: Bus, joint: Joint) -> str:
+    """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected."""
+    other = At(joint.spec.id, 2 if joint.at.protocol == 1 else 1)
+    if joint.reading.value is None and other.id <= wire2.LAST_ID:
+        with suppress(NoReply, BadRequest):
+            number = bus.ping(other, tries=1)
+            known = model_of(number)
+            meant = f": write model: {known.name}" if known and known.protocol == other.protocol else ""
+            return f"answers in protocol {other.protocol}.0 alone, as model {number}, not as {joint.model.name}{meant}"
+    return "does not answer"
 
 
 def restore(bus: Bus, joint: Joint) -> None:
     """Give the servo its torque limit and speed, and the torque that was last asked for; as found if nobody asked.
 
-    One that has shut itself down stays so. Raises NoReply, NotConnected, BadRequest.
+    Its slow registers have just been read. One that has shut itself down stays so. Raises NoReply, NotConnected,
+    BadRequest.
     """
-    servo = joint.spec.id
+    table = joint.model.table
     joint.goal = None
-    joint.shut = bus.read(servo, m.TORQUE_LIMIT) == 0
+    joint.shut = joint.down
+    joint.torque = bool(joint.value("torque_enable"))
     if joint.wanted is False:
-        bus.write(servo, m.TORQUE_ENABLE, 0)
-    if not joint.shut:
-        bus.write(servo, m.TORQUE_LIMIT, round(joint.spec.torque_limit * m.FULL))
-        bus.write(servo, m.MOVING_SPEED, joint.model.speed_ticks(joint.limits.speed))
-        if joint.wanted:
-            stiffen(bus, joint)
-    joint.torque = bool(bus.read(servo, m.TORQUE_ENABLE))
+        bus.write(joint.at, table["torque_enable"], 0)
+        joint.torque = False
+    if joint.shut:
+        return
+    if "bus_watchdog" in table and joint.value("bus_watchdog"):
+        bus.write(joint.at, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
+    bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
+    bus.write(joint.at, table[table.speed], joint.speed_ticks(joint.limits.speed))
+    if joint.wanted:
+        stiffen(bus, joint)
+
+
+def read(bus: Bus, joint: Joint, block: Block, *, tries: int = TRIES) -> None:
+    """Read a block of the servo's table into the joint's copy. Raises NoReply, NotConnected, BadRequest."""
+    joint.take(block, bus.read_block(joint.at, block.address, block.size, tries=tries))
+
+
+def _range_faults(joint: Joint) -> list[str]:
+    """Say in what the limits of the servo do not suit the joint."""
+    low, high = (joint.value(register) for register in joint.model.table.limits)
+    lowest, highest = joint.bounds
+    if low == high == 0:
+        return ["is in wheel mode (both its angle limits are 0)"]
+    if low == high == joint.model.last:
+        return [f"is in multi-turn mode (both its angle limits are {high})"]
+    if lowest < low or highest > high:
+        return [f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"]
+    return []
+
+
+def _mode_faults(joint: Joint) -> list[str]:
+    """Say in which other settings the servo does not do what its joint needs."""
+    found = []
+    for register, mask, needed, words in NEEDED:
+        if register in joint.model.table and (value := joint.value(register)) & mask != needed:
+            found.append(f"{words} ({register.replace('_', ' ')} {value}, not {needed})")
+    return found

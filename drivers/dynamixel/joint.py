@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from drivers.api import JointLimits, JointState, Quality, Reading
-from drivers.dynamixel.models import FULL, GOAL_POSITION, MODELS, MOVING_SPEED, Model
-from drivers.dynamixel.wire import Fault
+from drivers.dynamixel import wire, wire2
+from drivers.dynamixel.bus import At
+from drivers.dynamixel.models import MODELS, Model
+from drivers.dynamixel.register import Block, Register
+from drivers.dynamixel.wire import LASTING, Fault
 from drivers.errors import BadRequest
 
 
@@ -35,8 +38,9 @@ class JointSpec:
         """Return what is wrong with this description, in words."""
         found = []
         model = MODELS.get(self.model)
-        if not 0 <= self.id <= 253:
-            found.append(f"id is 0..253, not {self.id}")
+        highest = wire2.LAST_ID if model and model.protocol == 2 else wire.LAST_ID
+        if not 0 <= self.id <= highest:
+            found.append(f"id is 0..{highest}, not {self.id}")
         if self.direction not in (-1, 1):
             found.append(f"direction is 1 or -1, not {self.direction}")
         if not self.speed > 0 or not isfinite(self.speed):
@@ -63,7 +67,8 @@ class Joint:
     """One joint with its servo, and what the driver knows of it at present.
 
     ``complaint`` says why the servo is not driven, and is empty when it is. ``wanted`` is the torque that was asked
-    for: None as long as nobody did. ``shut`` is true after the servo has shut itself down.
+    for: None as long as nobody did. ``shut`` is true after the servo has shut itself down. ``table`` is a copy of the
+    servo's control table, as far as it was read.
     """
 
     name: str
@@ -76,11 +81,25 @@ class Joint:
     checked: float = 0.0  # when its slow registers were read
     reading: Reading[JointState] = field(default_factory=lambda: Reading(None, 0.0, Quality.NONE))
     faults: Fault = field(default=Fault(0))
+    told: Fault = field(default=Fault(0))  # what its newest reply complained of
     torque: bool = False
     wanted: bool | None = None
     shut: bool = False
     goal: float | None = None
     left_out: bool = False  # the last move of it went without it
+    at: At = field(init=False)
+    table: bytearray = field(init=False, repr=False)
+    _senses: tuple[Register, ...] = field(init=False, repr=False)  # what its state is made of
+    limits: JointLimits = field(init=False)
+
+    def __post_init__(self) -> None:
+        spec, model = self.spec, self.model
+        self.at = At(spec.id, model.protocol)
+        self.table = bytearray(model.table.size)
+        senses = ("present_position", model.table.velocity, model.table.effort)
+        others = ("present_voltage", "present_temperature", "moving")
+        self._senses = tuple(model.table[name] for name in (*senses, *others))
+        self.limits = JointLimits(spec.lower, spec.upper, min(spec.speed, model.top_speed))
 
     @property
     def title(self) -> str:
@@ -92,11 +111,47 @@ class Joint:
         """True while the servo answers and is what it should be."""
         return not self.complaint
 
+    # --- the servo's control table ------------------------------------------------------------------------------------
+
+    def take(self, block: Block, data: bytes) -> None:
+        """Copy what was read."""
+        self.table[block.address : block.address + block.size] = data
+
+    def value(self, register: str) -> int:
+        """Return what a register held when it was read last."""
+        return self.model.table[register].decode(self.table)
+
+    def state(self) -> JointState:
+        """Return what the servo felt when it was read last, as the joint feels it."""
+        position, speed, effort, voltage, temperature, moving = [each.decode(self.table) for each in self._senses]
+        model, direction = self.model, self.spec.direction
+        return JointState(
+            position=self.angle(position),
+            velocity=model.speed(speed) * direction,
+            goal=self.goal,
+            load=model.load(effort) * direction,
+            voltage=voltage / 10,
+            temperature=float(temperature),
+            moving=bool(moving),
+            torque=self.torque,
+        )
+
     @property
-    def limits(self) -> JointLimits:
-        """How far and how fast it may go."""
-        top = FULL * self.model.speed_unit
-        return JointLimits(self.spec.lower, self.spec.upper, min(self.spec.speed, top))
+    def ailing(self) -> Fault:
+        """What ails the servo: protocol 1.0 tells it in every reply, 2.0 in one of the slow registers."""
+        return self.told & LASTING if self.at.protocol == 1 else wire2.hardware_faults(self.value("hardware_error"))
+
+    @property
+    def down(self) -> bool:
+        """Whether it had shut itself down when its slow registers were read last.
+
+        In protocol 1.0 a shutdown sets the torque limit to 0, in 2.0 it switches the torque off until a reboot.
+        """
+        if self.at.protocol == 1:
+            return self.value("torque_limit") == 0
+        return bool(self.value("hardware_error") & self.value("shutdown")) and not self.value("torque_enable")
+
+    # --- angles, and what they are to the servo -----------------------------------------------------------------------
 
     def clamp(self, angle: float) -> float:
         """Return the nearest angle of the joint within its limits."""
@@ -136,10 +191,24 @@ class Joint:
         low, high = self.bounds
         return min(max(ticks, low), high)
 
-    def order(self, goal: int, speed: float) -> bytes:
-        """Return the four bytes at ``GOAL_POSITION``: a goal in ticks, and a speed in rad/s within its limits."""
+    def order(self, goal: int, speed: float) -> tuple[int, bytes]:
+        """Return the write that sends it to ``goal`` (ticks) at ``speed`` (rad/s) within its limits; see ``Model``."""
+        return self.model.order(goal, self.speed_ticks(speed))
+
+    def speed_ticks(self, speed: float) -> int:
+        """Return a speed (rad/s) within the limits as a step: at least 1, and no more than the servo takes."""
         limited = min(max(speed, 0.0), self.limits.speed)
-        return GOAL_POSITION.encode(goal) + MOVING_SPEED.encode(self.model.speed_ticks(limited))
+        return self._capped(self.model.speed_ticks(limited), "velocity_limit")
+
+    @property
+    def torque_ticks(self) -> int:
+        """The torque limit that it is to have, and no more than the servo takes."""
+        return self._capped(self.model.torque_ticks(self.spec.torque_limit), self.model.table.torque_ceiling)
+
+    def _capped(self, steps: int, ceiling: str) -> int:
+        """Return ``steps``, or what the register ``ceiling`` allows; it holds 0 as long as it was not read."""
+        most = self.value(ceiling) if ceiling in self.model.table else 0
+        return min(steps, most) if most else steps
 
 
 def check(who: str, specs: dict[str, JointSpec]) -> None:
@@ -149,5 +218,8 @@ def check(who: str, specs: dict[str, JointSpec]) -> None:
     for name, spec in specs.items():
         if (first := owners.setdefault(spec.id, name)) != name:
             found.append(f"{name}: servo {spec.id} is {first} already")
+    protocols = {MODELS[spec.model].protocol for spec in specs.values() if spec.model in MODELS}
+    if 2 in protocols and (taken := wire2.HEADER[2]) in owners:
+        found.append(f"{owners[taken]}: servo {taken} takes packets of protocol 2.0 for its own: give it another ID")
     if found:
         raise BadRequest(f"{who}: {'; '.join(found)}", hint="correct the joints in the robot file")

@@ -1,97 +1,36 @@
-"""Dynamixel models as data: control tables, and what a tick is worth in SI units.
+"""Dynamixel models as data: the control table of each, and what a tick is worth in SI units.
 
-A model is one row at the end of this file. Registers are little-endian and unsigned; signed figures are a size in bits
-0..9 and a direction in bit 10. Positive is anticlockwise, seen facing the horn. Source: ROBOTIS e-Manual, AX series.
+A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn. Source: ROBOTIS e-Manual.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi, radians
+from difflib import get_close_matches
+from math import radians
 from types import MappingProxyType
+from typing import Literal
 
-RPM = 2 * pi / 60
-CLOCKWISE = 0x400
-"""The bit that turns a speed or a load clockwise."""
-
-FULL = 1023
-"""The largest size of a speed, a load or a torque."""
-
-
-@dataclass(frozen=True, slots=True)
-class Register:
-    """One entry of a control table. ``size`` in bytes; ``lower`` and ``upper`` bound what may be written."""
-
-    name: str
-    address: int
-    size: int
-    default: int
-    lower: int
-    upper: int
-    writable: bool = True
-    eeprom: bool = False  # survives a power cut; the others start from their defaults
-
-    @property
-    def end(self) -> int:
-        """The address behind it."""
-        return self.address + self.size
-
-    def encode(self, value: int) -> bytes:
-        """Return ``value`` as the table holds it. Raises OverflowError if it does not fit."""
-        return value.to_bytes(self.size, "little")
-
-    def decode(self, data: bytes | bytearray, start: int = 0) -> int:
-        """Return the value from ``data``, a copy of the table that begins at address ``start``."""
-        return int.from_bytes(data[self.address - start : self.end - start], "little")
-
-
-def _eeprom(name: str, address: int, size: int, default: int, lower: int, upper: int) -> Register:
-    return Register(name, address, size, default, lower, upper, eeprom=True)
-
-
-def _present(name: str, address: int, size: int) -> Register:
-    return Register(name, address, size, 0, 0, 0, writable=False)
-
-
-MODEL_NUMBER = Register("model_number", 0, 2, 0, 0, 0, writable=False, eeprom=True)
-FIRMWARE = Register("firmware", 2, 1, 24, 0, 0, writable=False, eeprom=True)
-ID = _eeprom("id", 3, 1, 1, 0, 253)
-BAUD = _eeprom("baud", 4, 1, 1, 0, 254)  # a code: see baud_of
-RETURN_DELAY = _eeprom("return_delay", 5, 1, 250, 0, 254)  # 2 µs
-CW_ANGLE_LIMIT = _eeprom("cw_angle_limit", 6, 2, 0, 0, 1023)  # ticks; both limits 0: wheel mode
-CCW_ANGLE_LIMIT = _eeprom("ccw_angle_limit", 8, 2, 1023, 0, 1023)
-TEMPERATURE_LIMIT = _eeprom("temperature_limit", 11, 1, 70, 0, 150)  # degrees Celsius
-LOWEST_VOLTAGE = _eeprom("lowest_voltage", 12, 1, 60, 50, 250)  # 0.1 V
-HIGHEST_VOLTAGE = _eeprom("highest_voltage", 13, 1, 140, 50, 250)
-MAX_TORQUE = _eeprom("max_torque", 14, 2, 1023, 0, 1023)  # copied to TORQUE_LIMIT at power-on
-STATUS_RETURN_LEVEL = _eeprom("status_return_level", 16, 1, 2, 0, 2)  # 0 ping, 1 and read, 2 and everything else
-ALARM_LED = _eeprom("alarm_led", 17, 1, 36, 0, 127)  # masks of error bits
-SHUTDOWN = _eeprom("shutdown", 18, 1, 36, 0, 127)
-TORQUE_ENABLE = Register("torque_enable", 24, 1, 0, 0, 1)
-LED = Register("led", 25, 1, 0, 0, 1)
-CW_MARGIN = Register("cw_compliance_margin", 26, 1, 1, 0, 255)  # ticks
-CCW_MARGIN = Register("ccw_compliance_margin", 27, 1, 1, 0, 255)
-CW_SLOPE = Register("cw_compliance_slope", 28, 1, 32, 0, 254)
-CCW_SLOPE = Register("ccw_compliance_slope", 29, 1, 32, 0, 254)
-GOAL_POSITION = Register("goal_position", 30, 2, 0, 0, 1023)  # writing it switches the torque on
-MOVING_SPEED = Register("moving_speed", 32, 2, 0, 0, 2047)  # 0: as fast as it can
-TORQUE_LIMIT = Register("torque_limit", 34, 2, 1023, 0, 1023)  # 0 after a shutdown
-PRESENT_POSITION = _present("present_position", 36, 2)
-PRESENT_SPEED = _present("present_speed", 38, 2)
-PRESENT_LOAD = _present("present_load", 40, 2)
-PRESENT_VOLTAGE = _present("present_voltage", 42, 1)  # 0.1 V
-PRESENT_TEMPERATURE = _present("present_temperature", 43, 1)  # degrees Celsius
-REGISTERED = _present("registered", 44, 1)
-MOVING = _present("moving", 46, 1)
-LOCK = Register("lock", 47, 1, 0, 0, 1)  # 1 closes the EEPROM until the power is cut
-PUNCH = Register("punch", 48, 2, 32, 0, 1023)
-
-_AX = (
-    *(MODEL_NUMBER, FIRMWARE, ID, BAUD, RETURN_DELAY, CW_ANGLE_LIMIT, CCW_ANGLE_LIMIT, TEMPERATURE_LIMIT),
-    *(LOWEST_VOLTAGE, HIGHEST_VOLTAGE, MAX_TORQUE, STATUS_RETURN_LEVEL, ALARM_LED, SHUTDOWN),
-    *(TORQUE_ENABLE, LED, CW_MARGIN, CCW_MARGIN, CW_SLOPE, CCW_SLOPE, GOAL_POSITION, MOVING_SPEED, TORQUE_LIMIT),
-    *(PRESENT_POSITION, PRESENT_SPEED, PRESENT_LOAD, PRESENT_VOLTAGE, PRESENT_TEMPERATURE),
-    *(REGISTERED, MOVING, LOCK, PUNCH),
+from drivers.dynamixel.register import Register, Table
+from drivers.dynamixel.tables import (
+    MOVING_SPEED,
+    TABLE_AX,
+    TABLE_EX,
+    TABLE_MX,
+    TABLE_MX2,
+    TABLE_MX2_64,
+    TABLE_MX2_106,
+    TABLE_MX_CURRENT,
+    TABLE_MX_PAIR,
+    TABLE_X,
+    TABLE_X_CURRENT,
 )
+from drivers.dynamixel.units import RPM, Protocol, baud_of
+from drivers.errors import BadRequest
+
+Reads = Literal["single", "bulk", "sync"]
+"""How the state of several servos is read best: one by one, by one bulk read, or by one sync read."""
+
+Wiring = Literal["TTL", "RS-485", "either"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,19 +38,38 @@ class Model:
     """One kind of servo.
 
     ``tick`` is the angle of one position step and ``speed_unit`` (rad/s) of one speed step; ``centre`` is the tick of
-    angle zero, ``last`` the highest one; ``free_speed`` is what the unloaded motor reaches at its nominal voltage.
-    ``defaults`` holds those defaults of ``registers`` in which this model differs, by name.
+    angle zero, ``last`` the highest one. ``full`` is all its torque and ``fastest`` its highest speed, in steps of the
+    registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
+    ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
+    voltage. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
     """
 
     name: str
     number: int
-    registers: tuple[Register, ...]
+    protocol: Protocol
+    table: Table
+    reads: Reads
     tick: float
     centre: int
     last: int
     speed_unit: float
     free_speed: float
+    stall_torque: float
+    full: int
+    fastest: int
+    effort_unit: float
+    bus: Wiring
     defaults: Mapping[str, int]
+
+    @property
+    def default_baud(self) -> int:
+        """The rate that it runs at as delivered."""
+        return baud_of(self.default(self.table["baud"]), self.protocol)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed that it can be told, in rad/s."""
+        return self.fastest * self.speed_unit
 
     def default(self, register: Register) -> int:
         """Return what ``register`` holds as delivered."""
@@ -127,58 +85,133 @@ class Model:
 
     def speed(self, raw: int) -> float:
         """Return a present speed in rad/s."""
-        return signed(raw) * self.speed_unit
+        return raw * self.speed_unit
 
     def speed_ticks(self, speed: float) -> int:
-        """Return ``speed`` (rad/s) for ``MOVING_SPEED``: at least 1, since 0 would mean as fast as it can."""
-        return min(max(round(speed / self.speed_unit), 1), FULL)
+        """Return ``speed`` (rad/s) as a step: at least 1, since 0 would mean as fast as it can."""
+        return min(max(round(speed / self.speed_unit), 1), self.fastest)
+
+    def load(self, raw: int) -> float:
+        """Return a present load or current as a share of the stall torque, positive anticlockwise."""
+        return raw * self.effort_unit
+
+    def torque_ticks(self, share: float) -> int:
+        """Return a share of the stall torque as a limit: at least 1, since 0 looks like a shutdown."""
+        return min(max(round(share * self.full), 1), self.full)
+
+    def order(self, goal: int, speed: int) -> tuple[int, bytes]:
+        """Return the one write that sends it to ``goal`` (ticks) at ``speed`` (steps): its address, and its bytes."""
+        place, pace = self.table[self.table.goal], self.table[self.table.speed]
+        if place.address < pace.address:
+            return place.address, place.encode(goal) + pace.encode(speed)
+        return pace.address, pace.encode(speed) + place.encode(goal)
 
 
-def signed(raw: int) -> int:
-    """Return a size with its direction bit as a number: clockwise is negative."""
-    size = raw & FULL
-    return -size if raw & CLOCKWISE else size
+def model_of(number: int) -> Model | None:
+    """Return the model that answers with ``number``; None if it is not one of ours."""
+    return next((model for model in MODELS.values() if model.number == number), None)
 
 
-def unsigned(value: float) -> int:
-    """Return ``value`` as a size, cut off at ``FULL``, with its direction bit."""
-    size = min(abs(round(value)), FULL)
-    return size | CLOCKWISE if value < 0 else size
+def model_named(name: str) -> Model:
+    """Return the model that somebody has called ``name``. Raises BadRequest, with what may be meant."""
+    if name in MODELS:
+        return MODELS[name]
+    near = [known for known in MODELS if known.startswith(name.upper())]
+    near = near or get_close_matches(name.upper(), MODELS, cutoff=0.6)
+    meant = f"did you mean {' or '.join(near)}?" if near and name else f"models are {', '.join(MODELS)}"
+    raise BadRequest(f"no servo model {name!r}", hint=meant)
 
 
-def baud_of(code: int) -> int:
-    """Return the rate that ``BAUD`` stands for: 2 000 000 / (code + 1), with the usual rate where one is meant."""
-    return _USUAL.get(code, round(2_000_000 / (code + 1)))
+@dataclass(frozen=True, slots=True)
+class _Family:
+    """What servos of one kind share: ``degrees`` cut into ``ticks``, and speeds in steps of ``rpm``."""
+
+    protocol: Protocol
+    reads: Reads
+    degrees: float
+    ticks: int
+    rpm: float
+    load_unit: float  # a share of the stall torque
 
 
-def baud_code(baud: int) -> int:
-    """Return the code of the nearest rate that ``BAUD`` can name."""
-    return min(max(round(2_000_000 / baud) - 1, BAUD.lower), BAUD.upper)
+_AX = _Family(1, "single", 300, 1024, 0.111, 1 / 1023)  # and RX
+_EX = _Family(1, "single", 250.92, 4096, 0.111, 1 / 1023)
+_MX = _Family(1, "bulk", 360, 4096, 0.114, 1 / 1023)
+_X = _Family(2, "sync", 360, 4096, 0.229, 1 / 1000)  # and MX with the firmware of protocol 2.0
 
 
-_USUAL = MappingProxyType({16: 115_200, 34: 57_600, 103: 19_200, 207: 9600})
+def _model(
+    family: _Family,
+    name: str,
+    number: int,
+    table: Table,
+    bus: Wiring,
+    stall_torque: float,
+    free_rpm: float,
+    defaults: Mapping[str, int],
+    current: tuple[float, float] | None = None,
+) -> Model:
+    """Make one row: the torque in Nm, the speed in turns a minute, and defaults by the names of their registers.
 
-
-def _ax(name: str, number: int, *, free_rpm: float, temperature_limit: int, max_torque: int) -> Model:
-    """Make a model of the AX family, which share 1024 ticks over 300 degrees and a speed unit of 0.111 rpm."""
-    defaults = {
-        MODEL_NUMBER.name: number,
-        TEMPERATURE_LIMIT.name: temperature_limit,
-        MAX_TORQUE.name: max_torque,
-        TORQUE_LIMIT.name: max_torque,
-    }
+    ``current`` is for a servo that reports its current instead of a load: one step of it, and the stall current (A).
+    """
+    delivered = {"model_number": number, **defaults}
     return Model(
-        name, number, _AX, radians(300) / 1024, 512, 1023, 0.111 * RPM, free_rpm * RPM, MappingProxyType(defaults)
+        name=name,
+        number=number,
+        protocol=family.protocol,
+        table=table,
+        reads=family.reads,
+        tick=radians(family.degrees) / family.ticks,
+        centre=family.ticks // 2,
+        last=family.ticks - 1,
+        speed_unit=family.rpm * RPM,
+        free_speed=free_rpm * RPM,
+        stall_torque=stall_torque,
+        full=table[table.torque_ceiling].upper,
+        fastest=delivered.get("velocity_limit", MOVING_SPEED.upper),
+        effort_unit=current[0] / current[1] if current else family.load_unit,
+        bus=bus,
+        defaults=MappingProxyType(delivered),
     )
 
+
+_WHEEL = {"cw_compliance_margin": 4, "ccw_compliance_margin": 4, "cw_compliance_slope": 64, "ccw_compliance_slope": 64}
+_WEAKER = {"max_torque": 983, "torque_limit": 983}
+_RX = {"baud": 34, "highest_voltage": 190}
+_XL = {"temperature_limit": 72, "highest_voltage": 140, "lowest_voltage": 60, "velocity_limit": 265} | {
+    "velocity_i_gain": 1000,
+    "position_d_gain": 4000,
+    "position_p_gain": 640,
+}
+_XM = {"position_p_gain": 800}
+_AMPS = (0.00269, 2.3)  # of the XM430: one step of its current, and its stall current
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
         model.name: model
         for model in (
-            _ax("AX-12A", 12, free_rpm=59, temperature_limit=70, max_torque=1023),
-            _ax("AX-18A", 18, free_rpm=97, temperature_limit=75, max_torque=983),
+            # family, name, number, control table, wiring, Nm, rpm, what differs from the table's defaults, current
+            _model(_AX, "AX-12A", 12, TABLE_AX, "TTL", 1.5, 59, {"temperature_limit": 70}),
+            _model(_AX, "AX-12W", 300, TABLE_AX, "TTL", 0.2, 54, {"temperature_limit": 70, **_WHEEL}),
+            _model(_AX, "AX-18A", 18, TABLE_AX, "TTL", 1.8, 97, {"temperature_limit": 75, **_WEAKER}),
+            _model(_AX, "RX-24F", 24, TABLE_AX, "RS-485", 2.6, 126, _RX),
+            _model(_AX, "RX-28", 28, TABLE_AX, "RS-485", 3.7, 85, _RX),
+            _model(_AX, "RX-64", 64, TABLE_AX, "RS-485", 5.3, 64, _RX),
+            _model(_EX, "EX-106+", 107, TABLE_EX, "RS-485", 10.9, 91, {"baud": 34, "highest_voltage": 240}),
+            _model(_MX, "MX-28", 29, TABLE_MX, "either", 2.5, 55, {"highest_voltage": 160}),
+            _model(_MX, "MX-64", 310, TABLE_MX_CURRENT, "either", 6.0, 63, {"highest_voltage": 240}),
+            _model(_MX, "MX-106", 320, TABLE_MX_PAIR, "either", 8.4, 45, {"highest_voltage": 160}),
+            _model(_X, "MX-28(2.0)", 30, TABLE_MX2, "either", 2.5, 55, {"velocity_limit": 380}),
+            _model(_X, "MX-64(2.0)", 311, TABLE_MX2_64, "either", 6.0, 63, {"velocity_limit": 435}, (0.00336, 4.1)),
+            _model(_X, "MX-106(2.0)", 321, TABLE_MX2_106, "either", 8.4, 45, {"velocity_limit": 360}, (0.00336, 5.2)),
+            _model(_X, "XL430-W250", 1060, TABLE_X, "TTL", 1.5, 61, _XL),
+            _model(_X, "XM430-W210", 1030, TABLE_X_CURRENT, "either", 3.0, 77, {"velocity_limit": 330, **_XM}, _AMPS),
+            _model(_X, "XM430-W350", 1020, TABLE_X_CURRENT, "either", 4.1, 46, {"velocity_limit": 200, **_XM}, _AMPS),
         )
     }
 )
-"""The models by name. AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program."""
+"""The models by name. AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program.
+
+MX come with either firmware, which answer with different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
+"""

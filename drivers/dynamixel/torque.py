@@ -1,39 +1,77 @@
-"""Stiff and limp: the torque of servos switched so that none of them jumps.
+"""Stiff and limp: the torque of servos switched so that none of them jumps, and joints sent on their way.
 
 Whenever torque is switched on, the goal is first set to where the servo stands, with a finite speed: an old goal would
 be taken up at once.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.models import FULL, GOAL_POSITION, PRESENT_POSITION, TORQUE_ENABLE, TORQUE_LIMIT
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
 
 RECENT = 0.06
 """Seconds for which a reading still says where a joint is."""
 
+REBOOT = 0.5
+"""Seconds that a servo of protocol 2.0 is given to start again."""
+
+
+def send(bus: Bus, orders: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
+    """Write each servo some bytes from an address on: in one packet for all, or one for each kind of control table.
+
+    None acknowledges it. Raises NotConnected.
+    """
+    bus.require()
+    packets: dict[tuple[int, int], list[tuple[Joint, bytes]]] = {}
+    for joint, (address, data) in orders:
+        packets.setdefault((joint.at.protocol, address), []).append((joint, data))
+    for (_, address), blocks in packets.items():
+        protocol = blocks[0][0].at.protocol
+        bus.sync_write_block(protocol, address, {joint.spec.id: data for joint, data in blocks})
+
+
+def switch(bus: Bus, joints: Iterable[Joint], *, on: bool) -> None:
+    """Switch the torque of many servos, which none acknowledges. Raises NotConnected."""
+    orders = []
+    for joint in joints:
+        enable = joint.model.table["torque_enable"]
+        orders.append((joint, (enable.address, enable.encode(int(on)))))
+    send(bus, orders)
+
 
 def stiffen(bus: Bus, joint: Joint) -> None:
     """Make one joint stiff where it stands, every step acknowledged. Raises NoReply, NotConnected, BadRequest."""
-    goal = joint.nearest(bus.read(joint.spec.id, PRESENT_POSITION))
-    bus.write_block(joint.spec.id, GOAL_POSITION.address, joint.order(goal, joint.limits.speed))
-    bus.write(joint.spec.id, TORQUE_ENABLE, 1)
+    table = joint.model.table
+    goal = joint.nearest(bus.read(joint.at, table["present_position"]))
+    bus.write_block(joint.at, *joint.order(goal, joint.limits.speed))
+    bus.write(joint.at, table["torque_enable"], 1)
     joint.goal, joint.torque = joint.angle(goal), True
 
 
 def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
     """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected."""
     places = [(joint, joint.position_at(now)) for joint in joints]
-    goals = {j.name: (j, j.nearest(j.ticks(place))) for j, place in places if place is not None}
-    bus.sync_write_block(
-        GOAL_POSITION.address, {j.spec.id: j.order(goal, j.limits.speed) for j, goal in goals.values()}
-    )
-    bus.sync_write(TORQUE_ENABLE, {j.spec.id: 1 for j, _ in goals.values()})
-    for joint, goal in goals.values():
+    goals = [(joint, joint.nearest(joint.ticks(place))) for joint, place in places if place is not None]
+    send(bus, [(joint, joint.order(goal, joint.limits.speed)) for joint, goal in goals])
+    switch(bus, [joint for joint, _ in goals], on=True)
+    for joint, goal in goals:
         joint.goal, joint.torque = joint.angle(goal), True
+
+
+def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
+    """Send joints to their goals (rad, within the limits) at their speeds (rad/s) or, without one, at their limit's.
+
+    Limp ones become stiff first. Those that cannot go are marked as left out. Raises NotConnected.
+    """
+    going = ready(bus, joints, now=now)
+    for joint in joints:
+        joint.left_out = joint not in going
+    for joint in going:
+        joint.goal, joint.wanted = goals[joint.name], True
+    orders = [(joint, speeds.get(joint.name, joint.limits.speed)) for joint in going]
+    send(bus, [(joint, joint.order(joint.ticks(goals[joint.name]), speed)) for joint, speed in orders])
 
 
 def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
@@ -53,7 +91,7 @@ def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
 
 
 def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
-    """Hold or relax all joints, first together, then each until it acknowledges; return those that did not.
+    """Hold or relax joints, first together, then each until it acknowledges; return those that did not.
 
     Never raises. Left alone are servos that were never there, that are not what they should be, or (when holding)
     that have shut themselves down.
@@ -68,7 +106,7 @@ def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> lis
             stiffen_together(bus, recent, now=now)
             together = recent
         else:
-            bus.sync_write(TORQUE_ENABLE, {joint.spec.id: 0 for joint in touched})
+            switch(bus, touched, on=False)
     names = {joint.name for joint in together}
     return [joint for joint in touched if not _settled(bus, joint, stiff=stiff, told=joint.name in names)]
 
@@ -82,7 +120,7 @@ def _settled(bus: Bus, joint: Joint, *, stiff: bool, told: bool) -> bool:
             if stiff and not told:
                 stiffen(bus, joint)
             else:
-                bus.write(joint.spec.id, TORQUE_ENABLE, int(stiff))
+                bus.write(joint.at, joint.model.table["torque_enable"], int(stiff))
         except NotConnected:
             return False
         except (NoReply, BadRequest):
@@ -94,9 +132,10 @@ def _settled(bus: Bus, joint: Joint, *, stiff: bool, told: bool) -> bool:
     return False
 
 
-def recover(bus: Bus, joints: Iterable[Joint]) -> list[Joint]:
-    """Give joints that have shut down their torque back, where they stand; return those that took it.
+def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
+    """Give joints that have shut down their torque back, where they stand; return those that take it.
 
+    A servo of protocol 2.0 has to start anew for it: whoever looks for servos that are not driven finds it again.
     Raises NotConnected.
     """
     recovered = []
@@ -105,9 +144,11 @@ def recover(bus: Bus, joints: Iterable[Joint]) -> list[Joint]:
         if not (joint.driven and joint.shut):
             continue
         try:
-            stiffen(bus, joint)  # still without force: the goal must not lie elsewhere when the force returns
-            bus.write(joint.spec.id, TORQUE_LIMIT, round(joint.spec.torque_limit * FULL))
-            bus.write(joint.spec.id, TORQUE_ENABLE, 1)
+            if joint.at.protocol == 1:
+                _rearm(bus, joint)
+            else:
+                bus.reboot(joint.at)
+                joint.complaint, joint.due, joint.torque = "is starting again", now + REBOOT, False
         except NotConnected:
             raise
         except DriverError:
@@ -115,3 +156,11 @@ def recover(bus: Bus, joints: Iterable[Joint]) -> list[Joint]:
         joint.shut, joint.wanted = False, True
         recovered.append(joint)
     return recovered
+
+
+def _rearm(bus: Bus, joint: Joint) -> None:
+    """Give a servo of protocol 1.0 its force back. Raises NoReply, NotConnected, BadRequest."""
+    table = joint.model.table
+    stiffen(bus, joint)  # still without force: the goal must not lie elsewhere when the force returns
+    bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
+    bus.write(joint.at, table["torque_enable"], 1)

@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from threading import RLock
 
-from drivers.api import JointState, Notice, Quality, Reading, Report
+from drivers.api import Quality, Reading
 from drivers.clock import Clock
-from drivers.dynamixel import models as m
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.joining import difference, restore
+from drivers.dynamixel.gathering import Gathering
+from drivers.dynamixel.joining import absence, difference, read, restore
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.wire import LASTING, Fault
+from drivers.dynamixel.telling import Telling
+from drivers.dynamixel.wire import Fault
 from drivers.errors import BadRequest, NoReply, NotConnected
 
 MISSING_AFTER = 3
@@ -18,42 +19,38 @@ MISSING_AFTER = 3
 SLOWLY = 1.0
 """Seconds between readings of what changes seldom, and between attempts to find a missing servo."""
 
-STATE = (m.PRESENT_POSITION.address, m.MOVING.end - m.PRESENT_POSITION.address)
-"""Address and size of the block that is read in every round: position to moving."""
-
-SETTINGS = (m.TORQUE_ENABLE.address, m.TORQUE_LIMIT.end - m.TORQUE_ENABLE.address)
-"""Address and size of the block that is read slowly: torque enable to torque limit."""
+PATIENCE = 0.2
+"""Seconds for which a servo that has missed two readings in a row is left alone, lest it slow the others down."""
 
 
 class Watch:
-    """Keeps the driver's picture of its joints up to date. All but what it tells is for one thread.
+    """Keeps the driver's picture of its joints up to date. For one thread.
 
     ``connected`` is True once every servo was looked for on a port that is open. ``lock`` is the driver's own, held
     wherever a servo's torque or goal is changed.
     """
 
-    def __init__(
-        self, name: str, bus: Bus, joints: Mapping[str, Joint], lock: RLock, clock: Clock, report: Report
-    ) -> None:
+    def __init__(self, bus: Bus, joints: Mapping[str, Joint], lock: RLock, clock: Clock, telling: Telling) -> None:
         self.connected = False
-        self._name = name
         self._bus = bus
-        self._joints = joints
+        self._joints = tuple(joints.values())
         self._lock = lock
         self._clock = clock
-        self._report = report
-        self._was_online = False
-        self._left_out: frozenset[str] = frozenset()
+        self._telling = telling
+        self._gathering = Gathering(bus, clock)
 
     @property
     def online(self) -> bool:
         """True while the servos were looked for on a port that is open, and at least one answers."""
-        return self.connected and self._bus.is_open and any(joint.answers for joint in self._joints.values())
+        return self.connected and self._bus.is_open and any(joint.answers for joint in self._joints)
 
     @property
     def hint(self) -> str:
         """What to look at when servos are missing or differ."""
-        return f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named"
+        return (
+            f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
+            "`mission servo scan` shows what answers"
+        )
 
     def connect(self) -> None:
         """Open the port and look for every servo; tell in one notice all that are missing or not what they should be.
@@ -61,152 +58,131 @@ class Watch:
         Raises NotConnected.
         """
         self._bus.open()
-        for joint in self._joints.values():
+        self._gathering.reset()
+        for joint in self._joints:
             joint.answers, joint.failures = False, 0
             self._join(joint)
         self.connected = True  # only now: a joint that is looked for is stopped where it stands
-        wrong = [f"{joint.title} {joint.complaint}" for joint in self._joints.values() if not joint.driven]
         self._tell_presence()
-        if wrong:
-            self._tell("fault", f"{len(wrong)} of {len(self._joints)} servos: {'; '.join(wrong)}", self.hint)
+        self._telling.differences(self.hint)
 
     def lost(self, error: NotConnected) -> None:
         """Take note that the port is gone."""
         self.connected = False
-        self._tell_presence(str(error), error.hint)
+        self._telling.away(str(error), error.hint)
 
     def end(self) -> None:
         """Forget the connection without a word: it was closed on purpose."""
-        self.connected = self._was_online = False
+        self.connected = False
+        self._telling.end()
 
-    def look(self) -> None:
-        """Read every servo that is due, once. Raises NotConnected."""
+    def read(self) -> None:
+        """Read every servo that is driven, once. Raises NotConnected."""
         self._bus.require()
-        for joint in self._joints.values():
-            if self._clock.now() >= joint.due:
-                if joint.driven:
-                    self._read(joint)
-                else:
-                    self._find(joint)
+        now = self._clock.now()
+        for joint, answered in self._gathering.read([j for j in self._joints if j.driven and now >= j.due]):
+            if answered:
+                self._take(joint)
+            else:
+                self._miss(joint)
+
+    def tend(self) -> None:
+        """Do what is due but seldom, for one servo each: look for one that is missing, and check one that is not.
+
+        Raises NotConnected.
+        """
+        now = self._clock.now()
+        if missing := [joint for joint in self._joints if not joint.driven and now >= joint.due]:
+            self._find(min(missing, key=lambda joint: joint.due))
+        if waiting := [joint for joint in self._joints if joint.driven and now - joint.checked >= SLOWLY]:
+            self._check(min(waiting, key=lambda joint: joint.checked))
         self._tell_presence()
-        self._tell_left_out()
+        self._telling.left_out()
 
     def _find(self, joint: Joint) -> None:
         """Look for a servo that is not driven, and tell if something about it has changed."""
         before = joint.complaint
         self._join(joint)
-        if joint.driven:
-            self._tell("online", f"{joint.title} is back")
-        elif joint.complaint != before:
-            self._tell("fault", f"{joint.title} {joint.complaint}", self.hint)
+        if joint.complaint != before:
+            self._telling.found(joint, self.hint)
 
     def _join(self, joint: Joint) -> None:
         """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""
         with self._lock:
             try:
-                joint.complaint = difference(self._bus, joint)
+                complaint = difference(self._bus, joint)
                 joint.answers = True
-                if joint.driven:
+                if not complaint:
                     restore(self._bus, joint)
             except NoReply:
-                joint.complaint, joint.answers = "does not answer", False
+                complaint, joint.answers = absence(self._bus, joint), False
             except BadRequest as error:
-                joint.complaint = f"refuses its settings ({error})"
+                complaint = f"refuses its settings ({error})"
+            joint.complaint = complaint
         joint.checked = self._clock.now()
-        joint.due = joint.checked + SLOWLY
+        joint.due = 0.0 if joint.driven else joint.checked + SLOWLY
         joint.failures = 0 if joint.driven else MISSING_AFTER
         if joint.driven:
-            self._read(joint)
+            for each, answered in self._gathering.read([joint]):
+                if answered:
+                    self._take(each)
             if joint.shut:
-                self._tell_shut(joint)
+                self._telling.shut(joint)
 
-    def _read(self, joint: Joint) -> None:
-        """Take one reading; after a miss wait longer before the next, lest one servo slow the others down."""
-        try:
-            self._take_state(joint)
-            if self._clock.now() - joint.checked >= SLOWLY:
-                self._check(joint)
-        except (NoReply, BadRequest):
-            joint.failures += 1
-            joint.due = self._clock.now() + min(SLOWLY, 0.05 * 2**joint.failures)
-            if joint.failures >= MISSING_AFTER:
-                joint.complaint, joint.answers = "does not answer", False
-                self._tell("fault", f"{joint.title} does not answer any more", self.hint)
-        else:
-            joint.failures, joint.due = 0, 0.0
+    def _take(self, joint: Joint) -> None:
+        """Take in what a servo felt."""
+        joint.failures, joint.due = 0, 0.0
+        joint.reading = Reading(joint.state(), self._clock.now(), Quality.GOOD)
+        told = self._bus.faults(joint.spec.id)
+        if told != joint.told:
+            if told & ~joint.told & Fault.ALERT:
+                joint.checked = -SLOWLY  # it is checked next, and says what is the matter
+            joint.told = told
+            self._feel(joint)
 
-    def _take_state(self, joint: Joint) -> None:
-        start, size = STATE
-        data = self._bus.read_block(joint.spec.id, start, size)
-        state = JointState(
-            position=joint.angle(m.PRESENT_POSITION.decode(data, start)),
-            velocity=joint.model.speed(m.PRESENT_SPEED.decode(data, start)) * joint.spec.direction,
-            goal=joint.goal,
-            load=m.signed(m.PRESENT_LOAD.decode(data, start)) / m.FULL * joint.spec.direction,
-            voltage=m.PRESENT_VOLTAGE.decode(data, start) / 10,
-            temperature=float(m.PRESENT_TEMPERATURE.decode(data, start)),
-            moving=bool(m.MOVING.decode(data, start)),
-            torque=joint.torque,
-        )
-        joint.reading = Reading(state, self._clock.now(), Quality.GOOD)
-        faults = self._bus.faults(joint.spec.id) & LASTING
-        risen, joint.faults = faults & ~joint.faults, faults
+    def _feel(self, joint: Joint) -> None:
+        """Tell what newly ails a servo."""
+        ailing = joint.ailing
+        risen, joint.faults = ailing & ~joint.faults, ailing
         if risen:
-            self._tell_faults(joint, state, risen)
+            self._telling.faults(joint, risen)
+
+    def _miss(self, joint: Joint) -> None:
+        """Ask again in the next round, then once more after a while; then count the servo as missing."""
+        joint.failures += 1
+        now = self._clock.now()
+        joint.due = now + PATIENCE if joint.failures > 1 else now
+        if joint.failures >= MISSING_AFTER:
+            joint.complaint, joint.answers, joint.due = "does not answer", False, now + SLOWLY
+            self._telling.gone(joint, self.hint)
 
     def _check(self, joint: Joint) -> None:
         """Look whether the servo has shut down, or has lost its settings in a dip of the supply."""
-        start, size = SETTINGS
-        with self._lock:
-            data = self._bus.read_block(joint.spec.id, start, size)
-            joint.checked = self._clock.now()
-            joint.torque = bool(m.TORQUE_ENABLE.decode(data, start))
-            shut = m.TORQUE_LIMIT.decode(data, start) == 0
-            newly_shut, joint.shut = shut and not joint.shut, shut
-            lost = bool(joint.wanted) and not joint.torque and not shut
-            if lost:
-                restore(self._bus, joint)
+        joint.checked = self._clock.now()
+        try:
+            with self._lock:
+                for block in joint.model.table.slow:
+                    read(self._bus, joint, block, tries=1)
+                joint.torque = bool(joint.value("torque_enable"))
+                newly_shut, joint.shut = joint.down and not joint.shut, joint.down
+                if lost := self._forgot(joint):
+                    restore(self._bus, joint)
+        except (NoReply, BadRequest):
+            self._miss(joint)
+            return
+        self._feel(joint)
         if newly_shut:
-            self._tell_shut(joint)
+            self._telling.shut(joint)
         if lost:
-            what = f"{joint.title} had lost its settings and was made stiff again where it stood"
-            self._tell("fault", what, "its supply dips: measure it at the last servo while the arm moves")
+            self._telling.dipped(joint)
 
-    def _tell(self, kind: str, what: str, hint: str = "") -> None:
-        self._report(Notice(self._name, kind, what, hint))
+    def _forgot(self, joint: Joint) -> bool:
+        """Whether a servo that has not shut down is without its torque or its torque limit."""
+        limp = bool(joint.wanted) and not joint.torque
+        return not joint.shut and (limp or joint.value(joint.model.table.torque_limit) != joint.torque_ticks)
 
-    def _tell_presence(self, why: str = "no servo answers", hint: str = "") -> None:
-        """Tell when the arm as a whole has come or gone."""
-        online = self.online
-        if online and not self._was_online:
-            answering = sum(joint.answers for joint in self._joints.values())
-            self._tell("online", f"{answering} of {len(self._joints)} servos answer on {self._bus.port}")
-        elif self._was_online and not online:
-            self._tell("offline", why, hint or self.hint)
-        self._was_online = online
-
-    def _tell_left_out(self) -> None:
-        """Tell of joints that moves have begun to leave out."""
-        left_out = frozenset(joint.name for joint in self._joints.values() if joint.left_out)
-        for name in sorted(left_out - self._left_out):
-            joint = self._joints[name]
-            why = joint.complaint or ("has shut down" if joint.shut else "did not say where it stands")
-            self._tell("fault", f"a move left {joint.title} out: it {why}")
-        self._left_out = left_out
-
-    def _tell_faults(self, joint: Joint, state: JointState, risen: Fault) -> None:
-        figures = f"{state.voltage:.1f} V, {state.temperature:.0f} °C, load {state.load:+.0%}"
-        cures = {
-            Fault.VOLTAGE: "measure the supply at the last servo while the arm moves",
-            Fault.OVERHEATING: "relax the arm and let it cool",
-            Fault.OVERLOAD: "free the joint, or take the load off it",
-        }
-        hint = "; ".join(cure for fault, cure in cures.items() if fault & risen)
-        self._tell("fault", f"{joint.title} reports {risen.words} ({figures})", hint)
-
-    def _tell_shut(self, joint: Joint) -> None:
-        self._tell(
-            "fault",
-            f"{joint.title} has shut down: its torque limit is 0",
-            "free the joint, then switch the arm's power off and on",
-        )
+    def _tell_presence(self) -> None:
+        if self.online:
+            self._telling.here(self._bus.port)
+        else:
+            self._telling.away("no servo answers", self.hint)

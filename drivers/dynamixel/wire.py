@@ -2,21 +2,28 @@
 
 Request: ``FF FF ID LEN INST P1..PN CHK``; reply (status): ``FF FF ID LEN ERR P1..PN CHK``, with LEN = N + 2 and CHK the
 inverted low byte of the sum of everything between header and checksum. Source: ROBOTIS e-Manual, protocol 1.0.
-Protocol 2.0 frames, stuffs and checks differently: it belongs in a module of its own beside this one.
+``wire2`` is protocol 2.0 in the same terms; what both have in common is here.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from functools import lru_cache
+from typing import ClassVar
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
 """The ID that every servo obeys and none answers."""
+
+LAST_ID = 0xFD
 
 GAP = 0.1
 """Seconds of silence inside a packet after which a servo forgets what it has heard of it."""
 
 LONGEST = 0xFF - 2
 """Parameters that one packet can hold, in bytes."""
+
+BUFFER = 143
+"""Bytes of a whole packet that every servo has room for. Source: e-Manual, sync write of the RX-64."""
 
 
 class Instruction(IntEnum):
@@ -29,11 +36,11 @@ class Instruction(IntEnum):
     ACTION = 0x05
     FACTORY_RESET = 0x06
     SYNC_WRITE = 0x83  # to BROADCAST: address, size, then (id, data) for each servo
-    BULK_READ = 0x92  # MX only
+    BULK_READ = 0x92  # MX only; to BROADCAST: 0, then (size, id, address) for each servo
 
 
 class Fault(IntFlag):
-    """The error bits of a status packet."""
+    """What a reply can complain about. The bits up to INSTRUCTION are the error byte of protocol 1.0."""
 
     VOLTAGE = 1
     ANGLE_LIMIT = 2
@@ -42,6 +49,14 @@ class Fault(IntFlag):
     CHECKSUM = 16
     OVERLOAD = 32
     INSTRUCTION = 64
+    # Protocol 2.0 alone:
+    ENCODER = 128
+    SHOCK = 256  # electrical, or too little power
+    ACCESS = 512  # a register that cannot be written, or not while the torque is on
+    FAILED = 1024  # the request could not be carried out
+    LENGTH = 2048  # too few bytes for the register
+    LIMIT = 4096  # beyond a limit that is set in the servo
+    ALERT = 8192  # register 70, hardware_error_status, says what is the matter
 
     @property
     def words(self) -> str:
@@ -49,10 +64,13 @@ class Fault(IntFlag):
         return ", ".join((bit.name or hex(bit)).lower().replace("_", " ") for bit in self)
 
 
-LASTING = Fault.VOLTAGE | Fault.OVERHEATING | Fault.OVERLOAD
-"""Bits that describe the state of the servo, repeated in every reply while it lasts."""
+ERROR_BYTE = 0x7F
+"""The bits of ``Fault`` that protocol 1.0 knows."""
 
-REFUSAL = Fault.ANGLE_LIMIT | Fault.RANGE | Fault.INSTRUCTION
+LASTING = Fault.VOLTAGE | Fault.OVERHEATING | Fault.OVERLOAD | Fault.ENCODER | Fault.SHOCK
+"""Bits that describe the state of the servo, repeated in every reply (protocol 1.0) while it lasts."""
+
+REFUSAL = Fault.ANGLE_LIMIT | Fault.RANGE | Fault.INSTRUCTION | Fault.ACCESS | Fault.FAILED | Fault.LENGTH | Fault.LIMIT
 """Bits that refuse the request itself."""
 
 
@@ -60,6 +78,7 @@ REFUSAL = Fault.ANGLE_LIMIT | Fault.RANGE | Fault.INSTRUCTION
 class Packet:
     """One frame: ``code`` is the instruction of a request, or the error bits of a status.
 
+    (In protocol 2.0 a status has an instruction too, and its error is the first of the parameters.)
     ``intact`` is False when the checksum was wrong: then no field can be relied on.
     """
 
@@ -74,6 +93,7 @@ def checksum(body: bytes) -> int:
     return ~sum(body) & 0xFF
 
 
+@lru_cache(maxsize=512)  # an arm asks the same in every round
 def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Return a request to ``servo`` (0..253, or BROADCAST). Raises ValueError for what no packet can hold."""
     return _frame(servo, instruction, parameters)
@@ -81,12 +101,12 @@ def request(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
 
 def status(servo: int, error: int = 0, parameters: bytes = b"") -> bytes:
     """Return the reply of ``servo`` with its error bits. Raises ValueError for what no packet can hold."""
-    return _frame(servo, error, parameters)
+    return _frame(servo, int(error) & ERROR_BYTE, parameters)
 
 
 def _frame(servo: int, code: int, parameters: bytes) -> bytes:
     if not 0 <= servo <= BROADCAST:
-        raise ValueError(f"a servo's ID is 0..253 or {BROADCAST} for all, not {servo}")
+        raise ValueError(f"a servo's ID is 0..{LAST_ID} or {BROADCAST} for all, not {servo}")
     if len(parameters) > LONGEST:
         raise ValueError(f"a packet holds {LONGEST} parameters, not {len(parameters)}")
     body = bytes((servo, len(parameters) + 2, code)) + parameters
@@ -98,6 +118,10 @@ class Parser:
 
     ``skipped`` counts bytes that belong to no intact packet, ``broken`` frames whose checksum was wrong.
     """
+
+    header: ClassVar[bytes] = HEADER
+    preamble: ClassVar[int] = 4
+    """Bytes from which the size of a packet is known."""
 
     def __init__(self) -> None:
         self.skipped = 0
@@ -112,14 +136,10 @@ class Parser:
         """
         self._buffer += data
         found = []
-        while self._align():
-            end = self._buffer[3] + 4
-            if len(self._buffer) < end:
-                break
-            body = bytes(self._buffer[2 : end - 1])
-            intact = checksum(body) == self._buffer[end - 1]
-            found.append(Packet(body[0], body[2], body[3:], intact))
-            if intact:
+        while self._buffer and (end := self._align()) is not None and len(self._buffer) >= end:
+            packet = self._packet(bytes(self._buffer[:end]))
+            found.append(packet)
+            if packet.intact:
                 del self._buffer[:end]
             else:
                 self.broken += 1
@@ -128,19 +148,31 @@ class Parser:
 
     def reset(self) -> None:
         """Forget a packet that was never finished."""
-        self._skip(len(self._buffer))
+        if self._buffer:
+            self._skip(len(self._buffer))
 
-    def _align(self) -> bool:
-        """Bring a possible packet to the front; False when there is none, or too little of it to know its length."""
-        while (start := self._buffer.find(HEADER)) >= 0:
-            self._skip(start)
-            if len(self._buffer) < 4:
-                return False
-            if self._buffer[2] <= BROADCAST and self._buffer[3] >= 2:
-                return True
+    def _align(self) -> int | None:
+        """Bring a possible packet to the front; return its size, or None while that cannot be told."""
+        while (start := self._buffer.find(self.header)) >= 0:
+            if start:
+                self._skip(start)
+            if len(self._buffer) < self.preamble:
+                return None
+            if (size := self._size()) is not None:
+                return size
             self._skip(1)
-        self._skip(len(self._buffer) - self._buffer.endswith(HEADER[:1]))
-        return False
+        cut = next(n for n in range(len(self.header) - 1, -1, -1) if self._buffer.endswith(self.header[:n]))
+        self._skip(len(self._buffer) - cut)
+        return None
+
+    def _size(self) -> int | None:
+        """Return the size of the packet that may be at the front; None when no packet begins so."""
+        servo, length = self._buffer[2], self._buffer[3]
+        return length + 4 if servo <= BROADCAST and length >= 2 else None
+
+    def _packet(self, frame: bytes) -> Packet:
+        """Return what a frame of the right size says."""
+        return Packet(frame[2], frame[4], frame[5:-1], checksum(frame[2:-1]) == frame[-1])
 
     def _skip(self, count: int) -> None:
         self.skipped += count

@@ -7,19 +7,38 @@ The deadman, the limits and what the touch forbids are applied there, in the lin
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
-from math import inf, isfinite
-from threading import RLock
+from math import inf
 
-from drivers.api import BaseState, Health, Notice, Quality, Reading, Report, Velocity, unheard, unreported
+from drivers.api import (
+    BaseLimits,
+    BaseState,
+    Health,
+    Notice,
+    Quality,
+    Reading,
+    Reflexes,
+    Report,
+    Source,
+    Steered,
+    Steering,
+    Velocity,
+    unheard,
+    unreported,
+    unsteered,
+)
 from drivers.clock import Clock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.history import History
-from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, RequestExtra, SetOutputs
+from drivers.kobuki.arbiter import STILL
+from drivers.kobuki.commands import BaseControl, RequestExtra
 from drivers.kobuki.helm import Helm
-from drivers.kobuki.limits import STILL, Limits, permitted
+from drivers.kobuki.limits import Limits
 from drivers.kobuki.listener import Identity, Listener
+from drivers.kobuki.panel import Panel
+from drivers.kobuki.requests import check, require
 from drivers.kobuki.senses import compare
+from drivers.kobuki.telemetry import Telemetry
 from drivers.kobuki.wire import encode
 from drivers.link import Link
 
@@ -45,12 +64,12 @@ FIRMWARE_MAJOR = 1
 """The one generation of the firmware that speaks this protocol."""
 
 
-class KobukiBase:
+class KobukiBase(Panel):
     """A ``drivers.api.Base`` over a link at ``wire.BAUD``, which it owns: nobody else opens, writes or closes it.
 
     Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard). ``changed`` is called
-    from the link's thread whenever a contact or button changes, and must return at once. Raises ValueError for a
-    limit that is not positive.
+    from the link's thread whenever a contact or button changes, ``steered`` with whatever is new of who commands it;
+    both must return at once. Raises ValueError for a limit that is not positive.
     """
 
     def __init__(
@@ -62,19 +81,22 @@ class KobukiBase:
         max_angular: float = 1.9,
         linear_acceleration: float = 0.5,
         angular_acceleration: float = 3.5,
+        reflexes: Reflexes | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
+        steered: Steered = unsteered,
         name: str = "base",
     ) -> None:
-        self._name = name
-        self._link = link
+        super().__init__(name, link)
         self._clock = clock
         self._report = guarded(report)
         self._changed = guarded(changed)
-        self._helm = Helm(Limits(max_linear, max_angular, linear_acceleration, angular_acceleration))
+        self._steered = guarded(steered)
+        limits = Limits(max_linear, max_angular, linear_acceleration, angular_acceleration)
+        self._limits = limits.told
+        self._helm = Helm(limits, reflexes)
+        self._told = self._helm.steering
         self._closing = False
-        # Held from the choice of a velocity until it is written, so that no older one can follow the zero of ``stop``.
-        self._lock = RLock()
         self._listener = Listener()
         self._headings = History()
         # Written by the link's thread alone, and replaced, never altered: any thread may read them.
@@ -99,31 +121,60 @@ class KobukiBase:
             self._closing = False
         self._link.open(self)
 
-    def drive(self, velocity: Velocity) -> Velocity:
-        """Drive so for ``COMMAND_LIFE`` at most; return what was accepted: limited, and what the touch permits.
+    @property
+    def limits(self) -> BaseLimits:
+        """How fast it goes, and how quickly that changes."""
+        return self._limits
 
-        The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite, and
-        NotConnected when no reports arrive: it does not drive blind, and tells the base to stand still.
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
+
+        The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite and for
+        ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected when no reports arrive: it does not drive
+        blind, and tells the base to stand still.
         """
-        if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
-            raise BadRequest(
-                f"{self._name}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
-                hint="both must be finite numbers",
-            )
+        check(self._name, velocity, source)
         now = self._clock.now()
         if not (self._link.online and self._hears(now)):
             self.stop()
             raise self._unheard(now)
         with self._lock:
-            accepted = self._helm.steer(velocity, now)
-        return permitted(accepted, self._latest.value)
+            require(self._name, self._helm.latched)
+            return self._helm.steer(velocity, now, self._latest.value, source)
 
-    def stop(self) -> None:
-        """Stand still now, without any ramp. Safe from any state, more than once; does not raise when offline."""
+    def stop(self, *, source: Source | None = None) -> None:
+        """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).
+
+        Safe from any state, more than once; does not raise when offline.
+        """
         with self._lock:
-            self._helm.halt()
-            with suppress(NotConnected):
-                self._send(STILL)
+            if self._helm.halt(source):
+                with suppress(NotConnected):
+                    self._send(STILL)
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        with self._lock:
+            self._helm.latch(reason)
+            self.stop()
+
+    def enable(self) -> None:
+        """End a latched stop; nothing of before is in force then."""
+        with self._lock:
+            self._helm.enable()
+
+    @property
+    def latched(self) -> str:
+        """Why it is latched; empty while it is not."""
+        return self._helm.latched
+
+    def steering(self) -> Steering:
+        """Return who commands it, and what came of that, as of the last renewal."""
+        return self._helm.steering
+
+    def telemetry(self) -> Telemetry:
+        """Return the newest of what the base reports beyond its state."""
+        return Telemetry().updated(tuple(self._listener.newest.values()))
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it was measured more than ``STALE_AFTER`` ago."""
@@ -170,7 +221,7 @@ class KobukiBase:
         self._listener.restart()
         self._connected_at, self._asked_at = self._clock.now(), -inf
         self._silent = False
-        self._link.write(encode(SetOutputs(OUTPUTS_AT_START)))
+        self.restore()
 
     def received(self, data: bytes) -> None:
         """Take what the base says, obey what it feels at once, then tell of it."""
@@ -214,7 +265,11 @@ class KobukiBase:
             if self._closing:
                 self._helm.halt()
             self._send(self._helm.velocity(now, felt))
+            steering = self._helm.steering
         self._renewed_at = now
+        if steering != self._told:
+            self._told = steering
+            self._steered(steering)
 
     def _send(self, velocity: Velocity) -> None:
         self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)))

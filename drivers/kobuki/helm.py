@@ -1,41 +1,111 @@
-"""What velocity the base is to have right now: the deadman, the ramp and the touch in one place, without any wire."""
+"""What velocity the base is to have right now: sources, deadman, reflexes and ramp in one place, without any wire."""
 
 from math import inf
 
-from drivers.api import COMMAND_LIFE, BaseState, Velocity
-from drivers.kobuki.limits import STILL, Limits, permitted
+from drivers.api import BaseState, Reflexes, Source, Steering, Velocity
+from drivers.kobuki.arbiter import STILL, Arbiter
+from drivers.kobuki.limits import Limits
+from drivers.kobuki.reflexes import ReflexArc
 
 LONGEST_STEP = 0.1
 """Seconds of acceleration that are made up for at most after a renewal that came late."""
 
+ONLY_LIMITED = "limited"
+
 
 class Helm:
-    """Holds the last command, and turns it into the velocity of each renewal. Not safe between threads."""
+    """Holds what everybody asked for, and turns it into the velocity of each renewal. Not safe between threads.
 
-    def __init__(self, limits: Limits) -> None:
+    ``steering`` is who commands, and what came of it, as of the last renewal; ``latched`` why it stands until it is
+    enabled.
+    """
+
+    def __init__(self, limits: Limits, reflexes: Reflexes | None = None) -> None:
         self._limits = limits
-        self._wanted, self._wanted_at = STILL, -inf
+        self._reflexes = reflexes or Reflexes()
+        self._arbiter = Arbiter()
+        self._arc = ReflexArc(self._reflexes)
         self._going, self._going_at = STILL, -inf
+        self._buttons: frozenset[int] = frozenset()
+        self.steering = Steering(None, STILL, STILL)
+        self.latched = ""
 
-    def steer(self, wanted: Velocity, now: float) -> Velocity:
-        """Ask for a velocity from time ``now``, for ``COMMAND_LIFE``; return it as limited."""
-        self._wanted, self._wanted_at = self._limits.clamp(wanted), now
-        return self._wanted
+    @property
+    def alert(self) -> bool:
+        """True while its reflexes have to know where the base is, from state to state."""
+        return self._arc.alert
 
-    def halt(self) -> None:
-        """Want nothing any more, and begin the next ramp at rest."""
-        self._wanted, self._wanted_at = STILL, -inf
+    def steer(self, wanted: Velocity, now: float, felt: BaseState | None, source: Source = Source.MISSION) -> Velocity:
+        """Ask for a velocity from time ``now``, for ``COMMAND_LIFE``; return what of it is in force with what is felt.
+
+        That is nothing while a more important source has the wheels.
+        """
+        self._arbiter.ask(source, wanted, now)
+        if self.latched or self.steering.source is Source.SAFETY or self._arbiter.decide(now)[0] is not source:
+            return STILL
+        return self._arc.permit(self._limits.clamp(wanted), felt)[0]
+
+    def halt(self, source: Source | None = None) -> bool:
+        """Want no longer what ``source`` wanted, or what anybody did (None); say whether the base is to stand now.
+
+        It does so without a ramp, and begins the next one at rest.
+        """
+        self._arbiter.forget(source)
+        if source is not None and self.steering.source not in (source, None):
+            return False
+        self._arc.calm()
         self._going = STILL
+        self.steering = Steering(None, STILL, STILL)
+        return True
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, for the first reason given."""
+        self.halt()
+        self.latched = self.latched or reason
+
+    def enable(self) -> None:
+        """End a latched stop; nothing of before is in force."""
+        self.halt()
+        self.latched = ""
 
     def velocity(self, now: float, felt: BaseState | None) -> Velocity:
         """Return what to send at time ``now``; ``felt`` is the base's state, None when it is not known.
 
         A command on its way is approached by the ramp. One that has expired or is not permitted ends at once.
         """
-        if now - self._wanted_at > COMMAND_LIFE:
-            self.halt()
+        safety = None
+        if felt is not None:
+            self._press(felt.buttons)
+            safety = self._arc.feel(felt, self._going, now)
+            if self._arc.latching:
+                self.latch(self._arc.latching)
+        source, wanted = self._arbiter.decide(now)
+        if safety is not None:
+            if self.steering.source is not Source.SAFETY:
+                self._going = STILL
+            source, (wanted, because) = Source.SAFETY, safety
+            given = self._arc.permit(wanted, felt)[0]
+        else:
+            limited = self._limits.clamp(wanted)
+            given, because = self._arc.permit(limited, felt)
+            because = because or ("" if limited == wanted else ONLY_LIMITED)
+        if self.latched or source is None:
+            source, given, because = None, STILL, self.latched
+            self._going = STILL
         step = min(now - self._going_at, LONGEST_STEP)
-        ramped = self._limits.approach(self._going, permitted(self._wanted, felt), step)
+        ramped = self._limits.approach(self._going, given, step)
         # Once more, for the ramp may still be on its way down from what was permitted a moment ago.
-        self._going, self._going_at = permitted(ramped, felt), now
+        self._going, self._going_at = self._arc.permit(ramped, felt)[0], now
+        self.steering = Steering(source, wanted, given, because)
         return self._going
+
+    def _press(self, buttons: frozenset[int]) -> None:
+        """Obey the buttons that stop and enable the base, as they go down."""
+        if buttons == self._buttons:
+            return
+        pressed, self._buttons = buttons - self._buttons, buttons
+        stop, enable = self._reflexes.stop_button, self._reflexes.enable_button
+        if stop in pressed:
+            self.latch(f"button {stop} was pressed")
+        elif enable in pressed:
+            self.enable()

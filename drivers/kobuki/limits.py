@@ -1,11 +1,9 @@
-"""How fast the base may go, how quickly it may change that, and what its touch forbids. Pure arithmetic."""
+"""How fast the base may go, and how quickly it may change that. Pure arithmetic."""
 
 from dataclasses import dataclass
 from math import isfinite
 
-from drivers.api import BaseState, Velocity
-
-STILL = Velocity(0.0, 0.0)
+from drivers.api import BaseLimits, Velocity
 
 BRAKING = 1.2
 """How much harder than it speeds up the base may slow down."""
@@ -26,9 +24,16 @@ class Limits:
             if not (isfinite(value) and value > 0):
                 raise ValueError(f"base: {name} must be a positive number, not {value}")
 
+    @property
+    def told(self) -> BaseLimits:
+        """The same as behaviours are told of them."""
+        return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
+
     def clamp(self, wanted: Velocity) -> Velocity:
         """Return ``wanted``, slowed down as a whole until it is within the limits: the path keeps its shape."""
         excess = max(1.0, abs(wanted.linear) / self.max_linear, abs(wanted.angular) / self.max_angular)
+        if excess == 1.0:
+            return wanted
         return Velocity(wanted.linear / excess, wanted.angular / excess)
 
     def approach(self, current: Velocity, wanted: Velocity, seconds: float) -> Velocity:
@@ -47,18 +52,6 @@ class Limits:
             current.linear + share * (wanted.linear - current.linear),
             current.angular + share * (wanted.angular - current.angular),
         )
-
-
-def permitted(wanted: Velocity, felt: BaseState | None) -> Velocity:
-    """Return what of ``wanted`` the base may do with what it feels.
-
-    Nothing with a wheel in the air; not forward with a cliff or a pressed bumper ahead, but back and round.
-    """
-    if felt is None or felt.wheel_drop:
-        return STILL
-    if felt.cliff or felt.bumper:
-        return Velocity(min(wanted.linear, 0.0), wanted.angular)
-    return wanted
 
 
 def _share(current: float, wanted: float, step: float) -> float:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 from drivers.api import BaseState
 from drivers.kobuki.commands import Extra
-from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion, HardwareVersion, Inertia, UniqueId
+from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
 from drivers.kobuki.senses import Senses
-from drivers.kobuki.wire import FrameFinder, decode
+from drivers.kobuki.wire import FrameFinder, Part, decode
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,13 @@ class Listener:
         self._finder = FrameFinder()
         self._senses = Senses()
         self._unknown = self._malformed = 0
+        self.newest: dict[type[Part], Part] = {}
+        """The newest part of each kind, replaced one by one."""
 
     def restart(self) -> None:
         """Begin anew on a port just opened: it may be another base, but the pose goes on from where it was."""
         self.identity = Identity()
+        self.newest = {}
         self._finder.clear()
         self._senses.odometry.anchor()
 
@@ -61,16 +64,20 @@ class Listener:
         self._malformed += decoded.malformed
         core: Core | None = None
         inertia: Inertia | None = None
+        dock: DockInfrared | None = None
         for part in decoded.parts:
+            self.newest[type(part)] = part
             match part:
                 case Core():
                     core = part
                 case Inertia():
                     inertia = part
+                case DockInfrared():
+                    dock = part
                 case HardwareVersion():
                     self.identity = replace(self.identity, hardware=part)
                 case FirmwareVersion():
                     self.identity = replace(self.identity, firmware=part)
                 case UniqueId():
                     self.identity = replace(self.identity, unique_id=part)
-        return self._senses.update(core, inertia, now)
+        return self._senses.update(core, inertia, now, dock)

@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 
-from drivers.api import BaseState, Sides
-from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, Charger, Core, Inertia, Side
+from drivers.api import BaseState, DockBeam, DockSignals, Sides
+from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, Charger, Core, DockInfrared, Inertia, Side
 from drivers.kobuki.odometry import Odometry
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 LOW_VOLTAGE = 14.0
 """The vendor's driver calls the battery full, dangerously empty and low at these."""
+
+NO_DOCK = DockSignals()
 
 
 class Senses:
@@ -18,13 +20,17 @@ class Senses:
         self.odometry = Odometry()
         self._inertia: Inertia | None = None
         self._full_voltage = FULL_VOLTAGE
+        self._dock = DockInfrared()
 
-    def update(self, core: Core | None, inertia: Inertia | None, now: float) -> BaseState | None:
+    def update(
+        self, core: Core | None, inertia: Inertia | None, now: float, dock: DockInfrared | None = None
+    ) -> BaseState | None:
         """Take the parts of one frame that came at ``now``; return the state, None when they do not make one.
 
         A frame whose inertial part was lost keeps the heading; the next one catches up.
         """
         self._inertia = inertia or self._inertia
+        self._dock = dock or self._dock
         if core is None or self._inertia is None:
             return None
         self.odometry.update(core, self._inertia, now)
@@ -40,6 +46,9 @@ class Senses:
             battery_voltage=core.voltage,
             battery_percent=battery_percent(core.voltage, self._full_voltage),
             charging=bool(core.charger & Charger.CHARGING),
+            docked=bool(core.charger & Charger.POWERED) and not core.charger & Charger.ADAPTER,
+            dock=_heard(self._dock),
+            overcurrent=Sides(left=bool(core.overcurrent & 1), right=bool(core.overcurrent & 2)),
         )
 
 
@@ -67,6 +76,12 @@ def compare(before: BaseState | None, after: BaseState) -> Change:
 def battery_percent(voltage: float, full_voltage: float = FULL_VOLTAGE) -> float:
     """Return the charge in 0..100 percent by the straight line of the vendor's driver: 5 at empty, 100 at full."""
     return min(max(5 + 95 * (voltage - EMPTY_VOLTAGE) / (full_voltage - EMPTY_VOLTAGE), 0.0), 100.0)
+
+
+def _heard(dock: DockInfrared) -> DockSignals:
+    if not (dock.left or dock.centre or dock.right):
+        return NO_DOCK
+    return DockSignals(DockBeam(dock.left), DockBeam(dock.centre), DockBeam(dock.right))
 
 
 def _sides(bits: int) -> Sides:

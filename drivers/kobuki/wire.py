@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 from functools import reduce
 from operator import xor
 from struct import Struct, error
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 BAUD = 115200
 """The one rate of the base, 8N1."""
@@ -33,8 +33,7 @@ class Part:
     @classmethod
     def unpack(cls, data: bytes) -> Self:
         """Read the part from its data. Raises struct.error or ValueError when it does not fit the layout."""
-        values: dict[str, Any] = dict(zip((f.name for f in fields(cls)), cls.LAYOUT.unpack(data), strict=True))
-        return cls(**values)
+        return cls(*cls.LAYOUT.unpack(data))
 
 
 @dataclass(frozen=True, slots=True)

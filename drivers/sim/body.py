@@ -1,22 +1,28 @@
-"""The body of a Kobuki on the floor: where it really is, what stops it, what its bumper and floor sensors feel."""
+"""The body of a Kobuki on the floor: where it really is, what stops it, what it feels, and what it runs on."""
 
 from collections.abc import Iterable, Sequence
 from math import cos, degrees, inf, remainder, sin, tau
 
-from drivers.api import Pose2D, Sides, Velocity
+from drivers.api import DockSignals, Pose2D, Sides, Velocity
 from drivers.kobuki.feedback import METRES_PER_TICK
+from drivers.sim.battery import Battery
+from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.ground import Ground, OpenFloor
+from drivers.sim.load import ELECTRONICS, OVERLOAD, current
 from drivers.sim.wheels import Wheels
 
 RADIUS = 0.177
 """Metres from the middle to the rim: the vendor gives 351.5 mm for the diameter."""
 
-COMMAND_TIMEOUT = 0.5
+COMMAND_TIMEOUT = 0.4
 """Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our
 assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
 
 LONGEST_STEP = 0.025
 """Seconds between looks at what is in the way: 18 mm at full speed."""
+
+INSTANT = 1e-6
+"""Seconds that count as none: times that are meant to be the same differ by a rounding error."""
 
 _HALVINGS = 6
 """How closely the place of a collision is found: to 0.3 mm at full speed."""
@@ -40,17 +46,24 @@ class Body:
 
     It goes through nothing solid: it stays in front of it, while its wheels slip, so that the encoders count on. With
     a wheel over an edge it goes nowhere until it is put down elsewhere (``wheels.pose``), nor does it while ``lifted``.
-    ``bumper``, ``cliff`` and ``wheel_drop`` are as of the last ``advance``.
+    Its ``battery`` is one that keeps what it has, unless another is given. It is ``docked`` on the contacts of the dock
+    of its ground, and wherever it stands while it is ``fed``. ``bumper``, ``cliff``, ``wheel_drop`` and ``docked`` are
+    as of the last ``advance``.
     """
 
-    def __init__(self, *, wheels: Wheels | None = None, ground: Ground | None = None) -> None:
+    def __init__(
+        self, *, wheels: Wheels | None = None, ground: Ground | None = None, battery: Battery | None = None
+    ) -> None:
         self.wheels = wheels or Wheels()
-        self.lifted = False
+        self.battery = battery or Battery()
+        self.lifted = self.docked = self.fed = False
         self.bumper = self.cliff = NOTHING
         self._ground = ground or OpenFloor()
+        self._dock = self._ground.dock
+        self._powered = self._dock is not None or self.battery.drain > 0.0
         self._edge = NOTHING  # which wheels have no floor
         self._felt_at: Pose2D | None = None
-        self._blocked = False
+        self._held: tuple[float, float] | None = None  # what the wheels had rolled when something came to hold it up
         self._now: float | None = None
         self._commanded_at = inf
 
@@ -65,7 +78,7 @@ class Body:
         if self.lifted or self._edge:
             return _STILL
         velocity = self.wheels.velocity
-        return Velocity(0.0, velocity.angular) if self._blocked else velocity
+        return Velocity(0.0, velocity.angular) if self._held is not None else velocity
 
     @property
     def wheel_drop(self) -> Sides:
@@ -77,6 +90,28 @@ class Body:
         """What the encoders of the left and the right wheel have counted; forward is positive."""
         return round(self.wheels.left / METRES_PER_TICK), round(self.wheels.right / METRES_PER_TICK)
 
+    @property
+    def currents(self) -> tuple[float, float]:
+        """What the left and the right motor draw, in amperes."""
+        (left_speed, right_speed), (left, right) = self.wheels.speeds, (self.wheels.left, self.wheels.right)
+        held = self._held or (left, right)
+        return current(left_speed, abs(left - held[0])), current(right_speed, abs(right - held[1]))
+
+    @property
+    def overcurrent(self) -> Sides:
+        """Which motors are overloaded; there is none in the centre."""
+        if self._held is None:
+            return NOTHING
+        left, right = (amperes >= OVERLOAD for amperes in self.currents)
+        return Sides(left=left, right=right) if left or right else NOTHING
+
+    def signals(self) -> DockSignals:
+        """Return what it hears of the dock where it is."""
+        if self._dock is None or self._now is None:
+            return NO_SIGNALS
+        now, ground = self._now, self._ground
+        return self._dock.signals(self.pose, lambda eye, point: ground.visible(eye, point, now))
+
     def command(self, linear: float, angular: float, now: float) -> None:
         """Ask for ``linear`` m/s and ``angular`` rad/s at time ``now``, for ``COMMAND_TIMEOUT`` seconds."""
         self.advance(now)
@@ -85,7 +120,7 @@ class Body:
 
     def advance(self, now: float) -> Pose2D:
         """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
-        if self._now is not None and now <= self._now:
+        if self._now is not None and now - self._now < INSTANT:
             return self.wheels.pose
         deadline = self._commanded_at + COMMAND_TIMEOUT
         if now > deadline:
@@ -93,6 +128,8 @@ class Body:
             self.wheels.command(0.0, 0.0, deadline)
             self._commanded_at = inf
         self._roll(now)
+        if self._powered or self.fed or self.docked:
+            self._draw(now)
         return self.wheels.pose
 
     def _roll(self, now: float) -> None:
@@ -103,18 +140,24 @@ class Body:
             self._now = min(now, self._now + LONGEST_STEP) if self.wheels.turning else now
             self._move(self._now)
 
+    def _draw(self, now: float) -> None:
+        """Draw on the battery, or on the dock."""
+        dock = None if self.wheel_drop else self._dock
+        self.docked = self.fed or (dock is not None and dock.contact(self.wheels.pose, RADIUS))
+        self.battery.advance(now, ELECTRONICS + sum(self.currents), docked=self.docked)
+
     def _move(self, now: float) -> None:
         """Make one step, as far as what is in the way allows."""
         before = self.wheels.pose
         if before is not self._felt_at:
             self._look_down(before)  # it was put down here
         after = self.wheels.advance(now)
-        self._blocked = False
+        held, self._held = self._held, None
         if self.lifted or self._edge:
             after = before
         touched = self._touched(after, now)
         if touched and _into(touched, before, after):
-            self._blocked = True
+            self._held = held or (self.wheels.left, self.wheels.right)
             after = self._contact(before, after, now)
             touched = self._touched(after, now)
         self.wheels.pose = after

@@ -41,7 +41,7 @@ class Renderer:
         parts = (*panels(world.room), *holes(world.edges))
         self._corners = np.stack([part.corners for part in parts])  # (n, 4, 3), metres
         self._colours = [part.colour for part in parts]
-        self._things = painted_things(world.walls, world.furniture, world.objects, world.room.wall)
+        self._things = painted_things(world.walls, world.furniture, world.things, world.room.wall)
         self._robots = [(rover, marker_sheets(rover.marker)) for rover in world.robots]
         self._room: tuple[Viewpoint, Image] | None = None
         self._picture: tuple[object, Image] | None = None

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+FRICTION = 0.05
+"""Share of the stall torque that it takes to turn an unburdened shaft."""
+
 
 @dataclass(slots=True)
 class Shaft:

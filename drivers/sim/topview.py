@@ -29,6 +29,7 @@ _PIT: Colour = (52, 50, 54)
 _INK: Colour = (60, 60, 64)
 _ROBOT: Colour = (38, 96, 180)
 _TRAIL: Colour = (110, 150, 210)
+_DOCKING: Colour = (46, 140, 74)
 _VIEW: Colour = (255, 214, 90)
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -96,13 +97,15 @@ class TopView:
         for wall in self._world.walls:
             self._block(image, wall.solid(), _WALL, None)
         # What is lower is hidden by what is higher: a ball lies on a table.
-        for thing in sorted((*self._world.furniture, *self._world.objects), key=lambda it: it.solid().top):
+        for thing in sorted((*self._world.furniture, *self._world.things), key=lambda it: it.solid().top):
             if isinstance(thing, Ball):
                 self._disc(image, (thing.x, thing.y), thing.size / 2, thing.colour, _INK)
             else:
                 self._block(image, thing.solid(), thing.colour, _INK)
-        for thing in (*self._world.furniture, *self._world.objects):
+        for thing in (*self._world.furniture, *self._world.things):
             self._name(image, thing)
+        if self._world.dock is not None:
+            self._line(image, *self._world.dock.way, _DOCKING, 2)
         return image
 
     def _grid(self, image: Image) -> None:

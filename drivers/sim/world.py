@@ -10,6 +10,7 @@ from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.sim.acts import Cues, Heard, Reply
 from drivers.sim.block import Point3, Solid
+from drivers.sim.dock import Dock
 from drivers.sim.light import Light
 from drivers.sim.people import Person, Presence
 from drivers.sim.room import Room
@@ -43,6 +44,7 @@ class World:
     edges: tuple[Edge, ...] = ()
     objects: tuple[Box | Ball, ...] = ()
     robots: tuple[Rover, ...] = ()
+    dock: Dock | None = None
     start: Pose2D = ORIGIN
     _light: Light = field(init=False, repr=False, compare=False)
     _solids: tuple[Solid, ...] = field(init=False, repr=False, compare=False)
@@ -53,7 +55,7 @@ class World:
 
     def __post_init__(self) -> None:
         light = self.light if isinstance(self.light, Light) else Light(self.light)
-        still = (thing.solid() for thing in chain(self.walls, self.furniture, self.objects))
+        still = (thing.solid() for thing in chain(self.walls, self.furniture, self.things))
         object.__setattr__(self, "_light", light)  # the way to fill in a field of a frozen class
         object.__setattr__(self, "_solids", tuple(still))
         object.__setattr__(self, "_cues", tuple(Cues(person.name, person.acts) for person in self.people))
@@ -72,6 +74,11 @@ class World:
                         f"world: {person.name} at ({x:g}, {y:g}) m is outside the room",
                         hint=f"the room is x {x_low:g}..{x_high:g} m, y {y_low:g}..{y_high:g} m",
                     )
+
+    @property
+    def things(self) -> tuple[Box | Ball, ...]:
+        """The objects, and the dock."""
+        return self.objects if self.dock is None else (*self.objects, self.dock.box)
 
     # --- how it is at a time ------------------------------------------------------------------------------------------
 
@@ -117,7 +124,7 @@ class World:
             found.append(-pi / 2)
         if y + radius >= y_high:
             found.append(pi / 2)
-        for solid in self._all_solids(time):
+        for solid in self.solids(time):
             if solid.bottom < TALL:
                 dx, dy = solid.nearest(x, y)
                 if hypot(dx, dy) <= radius:
@@ -137,7 +144,7 @@ class World:
         """
         dx, dy = cos(angle), sin(angle)
         near = min(limit, self.room.ray(x, y, dx, dy))
-        for solid in self._all_solids(time):
+        for solid in self.solids(time):
             if solid.bottom <= height <= solid.top:
                 near = min(near, solid.ray(x, y, dx, dy))
         return near
@@ -166,7 +173,8 @@ class World:
             if presence is not None:
                 yield presence
 
-    def _all_solids(self, time: float) -> Iterator[Solid]:
+    def solids(self, time: float) -> Iterator[Solid]:
+        """Yield the shape of every thing and body that is in the way at ``time`` seconds."""
         yield from self._still
         for rover in self.robots:
             yield rover.solid(time)

@@ -1,165 +1,165 @@
-"""A virtual chain of Dynamixel servos that speaks protocol 1.0: bytes and the time in, bytes out.
+"""A virtual chain of Dynamixel servos on one wire, of both protocols: bytes and the time in, bytes out.
 
-What the AX-12A does is modelled after its e-Manual. Where that is silent: a write to a read-only or locked register is
-refused with the range bit; a request is carried out whole or not at all; two servos with one ID answer on top of each
-other. Replies leave at once: neither the return delay nor the time on the wire is played.
+Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other; a servo at another
+rate than the computer's is deaf, and so is one of the other protocol.
 """
 
 from collections import Counter
-from collections.abc import Sequence
-from itertools import zip_longest
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from itertools import count
 
-from drivers.dynamixel import models as m
-from drivers.dynamixel.wire import BROADCAST, GAP, Fault, Instruction, Packet, Parser, status
-from drivers.virtual.ax12 import TABLE_SIZE, VirtualAX12
+from drivers.dynamixel import wire, wire2
+from drivers.dynamixel.units import baud_code
+from drivers.dynamixel.wire import GAP, Packet
+from drivers.virtual import obey1, obey2
+from drivers.virtual.mishaps import Mishaps
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.slots import Slot, overlaid
+from drivers.virtual.terminal import agree
+
+Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
+
+BITS = 10
+"""Bits on the wire for a byte: a start bit, eight, and a stop bit."""
+
+DELAY_STEP = 2e-6
+"""Seconds that one step of the return delay is worth."""
 
 
 class VirtualServoBus:
-    """The chain as its wire shows it: a ``WireDevice``."""
+    """The chain as its wire shows it: a ``WireDevice`` that is ``Punctual`` and ``Tunable``.
 
-    def __init__(self, servos: Sequence[VirtualAX12], baud: int = 1_000_000) -> None:
+    ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``mishaps`` may be
+    replaced at any time.
+    """
+
+    def __init__(
+        self,
+        servos: Sequence[VirtualServo],
+        baud: int = 1_000_000,
+        *,
+        paced: bool = False,
+        mishaps: Mishaps | None = None,
+    ) -> None:
         self.servos = tuple(servos)
-        self._parser = Parser()
-        self._heard_at = 0.0
-        self._held: dict[int, tuple[int, bytes]] = {}  # registered writes, by the servo's place in the chain
+        self.paced = paced
+        self.mishaps = mishaps
+        self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
+        for protocol, parser, obey in ((1, wire.Parser(), obey1.obey), (2, wire2.Parser(), obey2.obey)):
+            if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
+                self._ears.append((parser, obey, own))
         for servo in self.servos:
-            servo.set(m.BAUD, m.baud_code(baud))
-        self._rates = [m.baud_of(servo.get(m.BAUD)) for servo in self.servos]
-        self._baud = m.baud_of(m.baud_code(baud))
+            servo.set("baud", baud_code(baud, servo.model.protocol))
+        self._first_baud = baud
+        self._dials = [(servo.table, servo.model.table["baud"].address) for servo in self.servos]
+        self._codes = self._dialled()
+        self._rates = self._set_to()
+        self._tuned: int | None = None
+        self._hearing: list[tuple[wire.Parser, Obey, list[VirtualServo]]] | None = None  # the ears that are in tune
+        self._heard_at = self._free_at = 0.0
         self._changed_at: float | None = None
+        self._under_way: list[tuple[float, int, bytes]] = []  # when due, a number that keeps the order, the bytes
+        self._numbers = count()
 
     @property
     def baud(self) -> int:
-        """The rate that most servos are set to; the others are deaf, for the chain has one wire."""
-        return self._baud
+        """The rate on the wire: the computer's where it is known, else the one that most servos are set to."""
+        if self._tuned is not None:
+            return self._tuned
+        ((baud, _),) = Counter(self._rates.values()).most_common(1) or [(self._first_baud, 0)]
+        return baud
 
-    def servo(self, number: int) -> VirtualAX12:
+    def tune(self, baud: int) -> None:
+        """Hear that the computer runs at ``baud`` (0: it has hung up); servos set to another rate are deaf to it."""
+        if self._tuned != (baud or None):
+            self._tuned = baud or None
+            self._hearing = None
+
+    def servo(self, number: int) -> VirtualServo:
         """Return the first servo whose ID is ``number``. Raises KeyError if there is none."""
         for servo in self.servos:
-            if servo.get(m.ID) == number:
+            if servo.number == number:
                 return servo
         raise KeyError(f"no servo has the ID {number}")
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """Take requests, cut anywhere; return the replies."""
-        self.poll(now)
+        """Take requests, cut anywhere; return what is due by now."""
+        self._change_rates(now)
         if now - self._heard_at > GAP:
-            self._parser.reset()
+            for parser, _, _ in self._ears:
+                parser.reset()
         self._heard_at = now
-        return b"".join(self._obey(packet, now) for packet in self._parser.feed(data))
+        self._occupy(len(data), now)
+        if self.mishaps and self.mishaps.echoes():
+            self._send(data, now)
+        for parser, obey, in_tune in self._listeners():
+            for packet in parser.feed(data):
+                for slot in obey(packet, [servo for servo in in_tune if servo.hears], now):
+                    self._reply(slot, now)
+        self._change_rates(now)
+        return self._due(now)
 
     def poll(self, now: float) -> bytes:
-        """Let time pass; servos say nothing unasked. A new rate holds once the reply to its write has left."""
-        for servo in self.servos:
-            servo.advance(now)
-        if self._changed_at is not None and now > self._changed_at:
+        """Let time pass; return the replies that are due. A new rate holds once the reply to its write has left."""
+        if not self._under_way:  # else it would hold up what is due
+            for servo in self.servos:
+                servo.catch_up(now)
+        self._change_rates(now)
+        return self._due(now)
+
+    def next_at(self) -> float | None:
+        """Return when the next bytes are due; None while none are under way."""
+        return self._under_way[0][0] if self._under_way else None
+
+    def _listeners(self) -> list[tuple[wire.Parser, Obey, list[VirtualServo]]]:
+        """The ears, each with those of its servos that are set to the rate on the wire."""
+        if self._hearing is None:
+            baud = self.baud
+            self._hearing = [
+                (parser, obey, [servo for servo in own if agree(self._rates[servo], baud)])
+                for parser, obey, own in self._ears
+            ]
+        return self._hearing
+
+    def _dialled(self) -> list[int]:
+        """The baud codes that the servos are set to."""
+        return [table[address] for table, address in self._dials]
+
+    def _change_rates(self, now: float) -> None:
+        """Let new baud codes hold, once the replies to what set them have left."""
+        codes = self._dialled()
+        if codes == self._codes:
             self._changed_at = None
-            self._rates = [m.baud_of(servo.get(m.BAUD)) for servo in self.servos]
-            self._baud = Counter(self._rates).most_common(1)[0][0]
-        return b""
-
-    def _obey(self, packet: Packet, now: float) -> bytes:
-        if packet.code == Instruction.SYNC_WRITE:
-            return self._sync_write(packet, now) if packet.intact and packet.id == BROADCAST else b""
-        replies = []
-        for place, servo in enumerate(self.servos):
-            heard = servo.present and self._rates[place] == self._baud
-            number = servo.get(m.ID)
-            if heard and packet.id in (number, BROADCAST):
-                error, data = self._carry_out(place, servo, packet, now)
-                if packet.id != BROADCAST and _answers(servo, packet):
-                    replies.append(status(number, error | servo.faults, data))
-        return _overlaid(replies)
-
-    def _carry_out(self, place: int, servo: VirtualAX12, packet: Packet, now: float) -> tuple[Fault, bytes]:
-        """Do what one servo is told; return the error bits of this request, and the data that answer it."""
-        if not packet.intact:
-            return Fault.CHECKSUM, b""
-        match packet.code:
-            case Instruction.PING:
-                return Fault(0), b""
-            case Instruction.READ:
-                return _read(servo, packet.parameters)
-            case Instruction.WRITE if packet.parameters:
-                return self._write(servo, packet.parameters[0], packet.parameters[1:], now), b""
-            case Instruction.REG_WRITE if packet.parameters:
-                write = packet.parameters[0], packet.parameters[1:]
-                if not (error := refused(servo, *write)):
-                    self._held[place] = write
-                    servo.set(m.REGISTERED, 1)
-                return error, b""
-            case Instruction.ACTION if servo.get(m.REGISTERED):
-                servo.set(m.REGISTERED, 0)
-                return self._write(servo, *self._held.pop(place), now), b""
-        return Fault.INSTRUCTION, b""  # the AX-12A has neither factory reset nor bulk read
-
-    def _sync_write(self, packet: Packet, now: float) -> bytes:
-        if len(packet.parameters) < 2:
-            return b""
-        address, size = packet.parameters[:2]
-        blocks = packet.parameters[2:]
-        for start in range(0, len(blocks) - size, size + 1):
-            for place, servo in enumerate(self.servos):
-                if servo.present and self._rates[place] == self._baud and servo.get(m.ID) == blocks[start]:
-                    self._write(servo, address, blocks[start + 1 : start + 1 + size], now)
-        return b""
-
-    def _write(self, servo: VirtualAX12, address: int, data: bytes, now: float) -> Fault:
-        if error := refused(servo, address, data):
-            return error
-        touched = [r for r in servo.model.registers if r.address < address + len(data) and address < r.end]
-        servo.table[address : address + len(data)] = data
-        if m.GOAL_POSITION in touched:
-            servo.set(m.TORQUE_ENABLE, 1)
-        if m.TORQUE_LIMIT in touched and servo.get(m.TORQUE_LIMIT):
-            servo.rearm()
-        if m.BAUD in touched:
+        elif self._changed_at is None:
             self._changed_at = now
-        servo.advance(now)
-        return Fault(0)
+        elif now > self._changed_at and not self._under_way:
+            self._codes = codes
+            self._rates, self._hearing = self._set_to(), None
 
+    def _set_to(self) -> dict[VirtualServo, int]:
+        """The rates that the servos are set to."""
+        return {servo: servo.settings.baud for servo in self.servos}
 
-def refused(servo: VirtualAX12, address: int, data: bytes) -> Fault:
-    """Return why ``servo`` would not take ``data`` at ``address``; no bit when it would."""
-    end = address + len(data)
-    touched = [r for r in servo.model.registers if r.address < end and address < r.end]
-    named = {place for register in touched for place in range(register.address, register.end)}
-    if not data or end > TABLE_SIZE or not named.issuperset(range(address, end)):
-        return Fault.RANGE
-    after = bytearray(servo.table)
-    after[address:end] = data
-    for register in touched:
-        locked = register.eeprom and servo.get(m.LOCK) == 1
-        unlocking = register == m.LOCK and register.decode(after) < servo.get(m.LOCK)
-        in_range = register.lower <= register.decode(after) <= register.upper
-        if not register.writable or locked or unlocking or not in_range:
-            return Fault.RANGE
-    if m.GOAL_POSITION in touched and not servo.wheel:
-        lowest, highest = servo.get(m.CW_ANGLE_LIMIT), servo.get(m.CCW_ANGLE_LIMIT)
-        if not lowest <= m.GOAL_POSITION.decode(after) <= highest:
-            return Fault.ANGLE_LIMIT
-    return Fault(0)
+    def _occupy(self, size: int, now: float, delay: float = 0.0) -> float:
+        """Let ``size`` bytes pass over the wire once it is free; return when they have."""
+        if not self.paced:
+            return now
+        self._free_at = max(self._free_at, now) + delay + size * BITS / self.baud
+        return self._free_at
 
+    def _reply(self, slot: Slot, now: float) -> None:
+        reply = overlaid([data for _, data in slot])
+        delay = max(servo.settings.return_delay for servo, _ in slot) * DELAY_STEP
+        due = self._occupy(len(reply), now, delay)
+        for late, piece in self.mishaps.arrange(reply) if self.mishaps else [(0.0, reply)]:
+            self._send(piece, due + late)
 
-def _read(servo: VirtualAX12, parameters: bytes) -> tuple[Fault, bytes]:
-    if len(parameters) != 2 or not parameters[1] or sum(parameters) > TABLE_SIZE:
-        return Fault.RANGE, b""
-    address, count = parameters
-    return Fault(0), bytes(servo.table[address : address + count])
+    def _send(self, data: bytes, due: float) -> None:
+        heappush(self._under_way, (due, next(self._numbers), data))
 
-
-def _answers(servo: VirtualAX12, packet: Packet) -> bool:
-    """Whether the status return level lets it answer; a ping it always answers."""
-    levels: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
-    return servo.get(m.STATUS_RETURN_LEVEL) >= (levels.get(packet.code, 2) if packet.intact else 2)
-
-
-def _overlaid(replies: Sequence[bytes]) -> bytes:
-    """Return what is heard when several servos answer at once: every bit that any of them sets."""
-    heard = bytearray()
-    for column in zip_longest(*replies, fillvalue=0):
-        byte = 0
-        for value in column:
-            byte |= value
-        heard.append(byte)
-    return bytes(heard)
+    def _due(self, now: float) -> bytes:
+        said = b""
+        while self._under_way and self._under_way[0][0] <= now:
+            said += heappop(self._under_way)[2]
+        return said

@@ -5,22 +5,33 @@ unit test without any terminal, and in simulated time.
 """
 
 import contextlib
+import fcntl
 import os
 import secrets
 import select
 import shutil
+import struct
 import tempfile
-import termios
 import tty
 import weakref
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, RLock, Thread
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from drivers.clock import Clock
 
 T = TypeVar("T")
+
+SPIN = 150e-6
+"""Seconds before something is due that are waited for without sleeping: no sleep ends on time to less than that."""
+
+TOLERANCE = 0.03
+"""How far, as a share, two rates may be apart and still understand each other."""
+
+_TCGETS2 = 0x802C542A
+"""Asks Linux for ``struct termios2``, which unlike termios gives any rate as a number, in its last four bytes."""
+_TERMIOS2_SIZE = 44
 
 
 class WireDevice(Protocol):
@@ -40,8 +51,30 @@ class WireDevice(Protocol):
         ...
 
 
+@runtime_checkable
+class Punctual(Protocol):
+    """A device that keeps the times of its wire: the terminal polls it on the moment, not merely now and then."""
+
+    def next_at(self) -> float | None:
+        """Return when ``poll`` will have something to say; None while nothing is under way."""
+        ...
+
+
+@runtime_checkable
+class Tunable(Protocol):
+    """A device made of parts that run at several rates: it is told the computer's, and decides who hears."""
+
+    def tune(self, baud: int) -> None:
+        """Take note that the computer runs at ``baud``."""
+
+
+def agree(one: int, other: int) -> bool:
+    """Whether two ends of a wire at these rates understand each other."""
+    return abs(one - other) <= TOLERANCE * max(one, other)
+
+
 class Terminal:
-    """Runs a device on a pseudo-terminal, on a thread of its own.
+    """Runs a device on a pseudo-terminal, on a thread of its own; one that is ``Punctual`` is heard on time.
 
     ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
     ``distort`` may be set at any time: it sees all bytes that the device sends, and returns what arrives instead
@@ -52,6 +85,8 @@ class Terminal:
         self.name = name
         self.device = device
         self.distort: Callable[[bytes], bytes] = bytes
+        self._punctual = device if isinstance(device, Punctual) else None
+        self._tunable = device if isinstance(device, Tunable) else None
         self._clock = clock
         self._period = period
         self._folder = Path(tempfile.gettempdir()) / f"missiontree-{secrets.token_hex(8)}"
@@ -110,23 +145,31 @@ class Terminal:
             return question()
 
     def client_baud(self) -> int | None:
-        """The rate that the computer has set on its side; None for one that termios cannot name, and when unplugged."""
+        """The rate that the computer has set on its side; None when unplugged, or where the system will not tell."""
         try:
-            return _RATES.get(termios.tcgetattr(self._master)[5])
-        except (termios.error, ValueError):  # ValueError: the descriptor is -1, unplugged
+            settings = fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2_SIZE))
+        except (OSError, ValueError):  # ValueError: the descriptor is -1, unplugged
             return None
+        return int(struct.unpack_from("I", settings, _TERMIOS2_SIZE - 4)[0])
 
     def _run(self) -> None:
         while not self._ending.is_set():
             with self._lock:
-                master = self._master
+                master, due = self._master, self._punctual.next_at() if self._punctual else None
+            rest = self._period if due is None else min(self._period, due - self._clock.now())
             if master < 0:
                 self._ending.wait(self._period)
             else:
                 with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
-                    select.select([master], [], [], self._period)
+                    select.select([master], [], [], max(0.0, rest - SPIN))
+                self._spin(due)
             with self._lock:
                 self._exchange()
+
+    def _spin(self, due: float | None) -> None:
+        """Wait for ``due`` on the moment if it is near; not if bytes have come long before it."""
+        while due is not None and 0 < due - self._clock.now() <= SPIN and not self._ending.is_set():
+            pass
 
     def _exchange(self) -> None:
         """Pass on what has arrived, and what the device has to say."""
@@ -135,11 +178,15 @@ class Terminal:
         if self._master >= 0:
             with contextlib.suppress(OSError):
                 data = os.read(self._master, 4096)
-        heard = data if self.client_baud() in (self.device.baud, None) else b""
+        heard = data if self._understood() else b""
         answer = (self.device.feed(heard, now) if heard else b"") + self.device.poll(now)
-        if answer and self._master >= 0 and self.client_baud() in (self.device.baud, None):
+        if answer and self._master >= 0 and self._understood():
             with contextlib.suppress(OSError):  # nobody reads: the buffer is full, and the bytes are lost as on a wire
                 os.write(self._master, self.distort(answer))
 
-
-_RATES = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+    def _understood(self) -> bool:
+        """Whether computer and device run at the same rate, as far as the system tells."""
+        rate = self.client_baud()
+        if rate is not None and self._tunable is not None:
+            self._tunable.tune(rate)
+        return rate is None or agree(rate, self.device.baud)

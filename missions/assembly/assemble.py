@@ -8,7 +8,7 @@ from behaviours.robot import Robot
 from config.head import HeadConfig, NeckConfig
 from config.robot import CameraConfig, RobotConfig
 from config.world import WorldConfig
-from drivers.api import Base, Camera, Device, Head, Joints, Report
+from drivers.api import Base, Camera, Device, Head, Joints, Report, Steered, unsteered
 from drivers.clock import Clock
 from drivers.errors import BadRequest
 from missions.assembly import parts
@@ -16,6 +16,8 @@ from missions.assembly.assembled import Assembled
 from missions.assembly.detectors import face_detector
 from missions.assembly.interests import Interests
 from missions.assembly.simulation import Simulation
+from missions.teleop.beside import Beside
+from missions.teleop.pad import pad_at
 from perception.api import Gaze, View
 from perception.eyes import Eyes
 
@@ -32,7 +34,7 @@ class Wishes:
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
     camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
-    what the mission looks for.
+    what the mission looks for. ``pad`` is the node of a game pad that goes before the mission.
     """
 
     world: WorldConfig | None = None
@@ -40,13 +42,15 @@ class Wishes:
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
     interests: Interests = field(default_factory=Interests)
+    pad: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Ears:
     """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
 
-    ``answered`` is told who in a simulated world has said which words.
+    ``answered`` is told who in a simulated world has said which words, ``steered`` who commands the base, as that
+    changes.
     """
 
     report: Report
@@ -54,6 +58,7 @@ class Ears:
     out: Callable[[str], None]
     seen: Callable[[View], None]
     answered: Callable[[str, str], None]
+    steered: Steered = unsteered
 
 
 def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, ears: Ears) -> Assembled:
@@ -62,14 +67,16 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
     simulation = None
     out = ears.out
     if wishes.world is not None:
-        simulation = Simulation(config, chosen, clock, world=wishes.world, answered=ears.answered)
+        simulation = Simulation(config, chosen, clock, world=wishes.world, answered=ears.answered, seed=wishes.seed)
         out = partial(_aloud, ears.out, simulation.hear)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
     devices: dict[str, Device] = {}
-    base = head = arm = voice = sight = eyes = None
+    base = head = arm = ranger = voice = sight = eyes = None
     if config.base is not None and "base" in chosen:
         port = ports.get("base", config.base.port)
-        devices["base"] = base = parts.base(config.base, clock, port=port, report=ears.report, changed=ears.changed)
+        devices["base"] = base = parts.base(
+            config.base, clock, port=port, report=ears.report, changed=ears.changed, steered=ears.steered
+        )
     if config.arm is not None and "arm" in chosen:
         port = ports.get("arm", config.arm.port)
         arm = parts.arm(
@@ -84,6 +91,9 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
         devices["head"] = head = _head(config.head, arm, clock, ports, booted=booted, report=ears.report)
     if arm is not None:  # behind the head, which may lead its joints: so the head is also closed first
         devices["arm"] = arm
+    if config.range is not None and "range" in chosen:
+        port = ports.get("range", config.range.port)
+        devices["range"] = ranger = parts.ranger(config.range, clock, port=port, report=ears.report)
     if config.voice is not None and "voice" in chosen:
         driver = "print" if simulation else config.voice.driver
         devices["voice"] = voice = parts.voice(driver, clock, out, report=ears.report, changed=ears.changed)
@@ -100,8 +110,17 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
             seen=ears.seen,
         )
         eyes = Eyes(camera, sight)
+    if wishes.pad is not None and base is not None:
+        devices["pad"] = Beside(base, partial(pad_at, wishes.pad, clock), clock, report=ears.report)
     robot = Robot(
-        base_part=base, head_part=head, arm_part=arm, voice_part=voice, sight_part=sight, eye=parts.eye(config)
+        base_part=base,
+        head_part=head,
+        arm_part=arm,
+        ranger_part=ranger,
+        voice_part=voice,
+        sight_part=sight,
+        eye=parts.eye(config),
+        groups={} if config.arm is None else config.arm.groups,
     )
     return Assembled(config.name, robot, devices, eyes, simulation)
 

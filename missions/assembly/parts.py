@@ -1,12 +1,14 @@
 """From a robot file's sections to drivers: each built of plain values, each on whatever port it is given."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Literal
 
+from config.arm import ArmConfig, JointConfig
 from config.colours import COLOURS
 from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
-from config.robot import ArmConfig, BaseConfig, CameraConfig, JointConfig, RobotConfig
-from drivers.api import Camera, Joints, Notice, Report, Voice
+from config.robot import BaseConfig, CameraConfig, RangeConfig, RobotConfig
+from drivers.api import Camera, Joints, Notice, Reflexes, Report, Steered, Voice, unsteered
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -19,6 +21,7 @@ from drivers.dynamixel.joint import JointSpec
 from drivers.joints_head import JointAxis
 from drivers.kobuki.driver import KobukiBase
 from drivers.link import Link
+from drivers.rplidar.driver import GATHER, RPLidar
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.synthesiser import find_synthesiser
@@ -33,7 +36,15 @@ from perception.things import ThingSense
 from perception.tracks import Tracker
 
 
-def base(config: BaseConfig, clock: Clock, *, port: str, report: Report, changed: Callable[[], None]) -> KobukiBase:
+def base(
+    config: BaseConfig,
+    clock: Clock,
+    *,
+    port: str,
+    report: Report,
+    changed: Callable[[], None],
+    steered: Steered = unsteered,
+) -> KobukiBase:
     """Return the Kobuki's driver."""
     return KobukiBase(
         Link("base", port, config.baud, report=report),
@@ -42,9 +53,27 @@ def base(config: BaseConfig, clock: Clock, *, port: str, report: Report, changed
         max_angular=config.max_turn,
         linear_acceleration=config.acceleration,
         angular_acceleration=config.turn_acceleration,
+        reflexes=reflexes(config),
         report=report,
         changed=changed,
+        steered=steered,
     )
+
+
+def reflexes(config: BaseConfig) -> Reflexes:
+    """Return what the base does by itself."""
+    return Reflexes(**asdict(config.reflexes))
+
+
+def ranger(config: RangeConfig, clock: Clock, *, port: str, report: Report) -> RPLidar:
+    """Return the driver of the range finder."""
+    link = Link("range", port, config.baud, gather=GATHER, report=report)
+    return RPLidar(link, clock, model=config.model, place=place(config), blind=config.blind, report=report)
+
+
+def place(config: RangeConfig) -> tuple[float, float, float]:
+    """Return where a range finder sits on the base: x and y in metres, and its yaw in radians."""
+    return (*config.position[:2], config.yaw)
 
 
 def head(config: HeadConfig, clock: Clock, *, port: str, boot: float, report: Report) -> ArduinoHead:
@@ -86,7 +115,7 @@ def joint_axis(config: NeckJointConfig) -> JointAxis:
 def arm(config: ArmConfig, clock: Clock, *, port: str, patience: float, report: Report) -> DynamixelJoints:
     """Return the driver of the arm's servos; ``patience`` is how long (s) a reply may be late, beside its wire time."""
     bus = Bus(port, clock, baud=config.baud, name="arm", patience=patience)
-    return DynamixelJoints(bus, joints(config), clock, at_rest=at_rest(config), report=report)
+    return DynamixelJoints(bus, joints(config), clock, rate=config.rate, at_rest=at_rest(config), report=report)
 
 
 def joints(config: ArmConfig) -> dict[str, JointSpec]:

@@ -6,25 +6,27 @@ from dataclasses import asdict
 from threading import Timer
 
 from config.head import HeadConfig, NeckConfig, NeckJointConfig
-from config.robot import RobotConfig
+from config.robot import RangeConfig, RobotConfig
 from config.world import NOISE, PhysicsConfig, WorldConfig
 from drivers.api import Camera, Pose2D
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
 from drivers.sim.panned import PannedCamera
 from drivers.sim.rendered import RenderedCamera
+from drivers.sim.scanner import looking
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.wheels import Wheels
-from drivers.sim.world import World
-from drivers.virtual.ax12 import VirtualAX12
+from drivers.sim.world import ORIGIN, World
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.rplidar import VirtualLidar
+from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.assembly import parts
-from missions.assembly.worlds import build_world
+from missions.assembly.worlds import build_battery, build_world
 
-WIRED = ("base", "head", "arm")
+WIRED = ("base", "head", "arm", "range")
 """The parts that sit on a serial wire."""
 
 
@@ -47,6 +49,7 @@ class Simulation:
         world: WorldConfig | None = None,
         answered: Callable[[str, str], None] = unheard,
         tacho: bool = False,
+        seed: int = 0,
     ) -> None:
         self._config = world
         self._world = None if world is None else build_world(world)
@@ -55,6 +58,7 @@ class Simulation:
         self.kobuki: VirtualKobuki | None = None
         self.rodney: VirtualRodney | None = None
         self.servos: VirtualServoBus | None = None
+        self.lidar: VirtualLidar | None = None
         self._robot = robot
         self._clock = clock
         self.terminals: dict[str, Terminal] = {}
@@ -62,15 +66,25 @@ class Simulation:
             physics = PhysicsConfig() if world is None else world.physics
             start = None if self._world is None else self._world.start
             wheels = Wheels(dead_time=physics.lag, slip=physics.slip, pose=start)
-            self.kobuki = VirtualKobuki(wheels=wheels, ground=self._world)
+            self.kobuki = VirtualKobuki(wheels=wheels, ground=self._world, battery=build_battery(physics))
             self.terminals["base"] = Terminal("kobuki", self.kobuki, clock)
         if isinstance(robot.head, HeadConfig) and "head" in chosen:
             self.rodney = VirtualRodney(baud=robot.head.baud, tacho=tacho)
             self.terminals["head"] = Terminal("nano", self.rodney, clock)
         if robot.arm is not None and "arm" in chosen:
-            servos = [VirtualAX12(joint.id, angle=joint.zero) for joint in robot.arm.joints.values()]
+            joints = robot.arm.joints.values()
+            servos = [VirtualServo(joint.id, model=joint.model, angle=joint.zero) for joint in joints]
             self.servos = VirtualServoBus(servos, robot.arm.baud)
             self.terminals["arm"] = Terminal("servos", self.servos, clock)
+        if robot.range is not None and "range" in chosen:
+            self.lidar = self._lidar(robot.range, seed)
+            self.terminals["range"] = Terminal("rplidar", self.lidar, clock)
+
+    def _lidar(self, config: RangeConfig, seed: int) -> VirtualLidar:
+        """Return a range finder that sees the world from where the base truly is."""
+        world = World() if self._world is None else self._world
+        look = looking(world, parts.place(config), self.pose, height=config.position[2])
+        return VirtualLidar(look, model=config.model, yaw=config.yaw, seed=seed)
 
     @property
     def ports(self) -> dict[str, str]:
@@ -94,9 +108,9 @@ class Simulation:
             terminal.close()
 
     def pose(self, time: float) -> Pose2D:
-        """Return where the base truly is; at the origin where there is none."""
+        """Return where the base truly is; where it starts, for one that is not there."""
         if self.kobuki is None:
-            return Pose2D(0.0, 0.0, 0.0)
+            return ORIGIN if self._world is None else self._world.start
         kobuki = self.kobuki
         return self.terminals["base"].ask(lambda: kobuki.pose(time))
 
@@ -136,8 +150,8 @@ class Simulation:
             rodney = self.rodney
             found["head"] = self.terminals["head"].ask(lambda: [rodney.angle(index, now) for index in range(4)])
         if self.servos is not None and self._robot.arm is not None:
-            servos = self.servos
-            found["arm"] = {name: servos.servo(joint.id).angle for name, joint in self._robot.arm.joints.items()}
+            servos = self.servos.servos  # one a joint, whatever ID somebody has given it by now
+            found["arm"] = {name: servo.angle for name, servo in zip(self._robot.arm.joints, servos, strict=True)}
         return found
 
     def hear(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""What missions name and the library holds: gestures, controllers and objects, as leaves take them."""
+"""What missions name and the library holds: gestures and other moves, controllers and objects, as leaves take them."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -10,8 +10,10 @@ from config.faults import InvalidFileError, did_you_mean
 from config.gesture import load_gesture
 from config.library import UnknownNameError, find, shipped
 from config.object import ObjectConfig, load_object, read_phrase
-from drivers.api import Gesture, Keyframe
+from drivers.api import Gesture
 from missions.language.plan import Step
+from missions.moves.keep import NewMove
+from missions.moves.load import load_move, movement
 from perception.wanted import Wanted
 
 T = TypeVar("T")
@@ -19,8 +21,12 @@ T = TypeVar("T")
 
 def gesture(name: str) -> Gesture:
     """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
-    found = _load(load_gesture, "gestures", name)
-    return Gesture(found.name, found.summary, tuple(Keyframe(time, joints) for time, joints in found.keyframes))
+    return movement(_load(load_gesture, "gestures", name))
+
+
+def move(name: str) -> Gesture:
+    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``gesture`` does."""
+    return _load(load_move, "moves", name, shipped("gestures"))
 
 
 def controller(name: str) -> RuleBases:
@@ -55,13 +61,19 @@ def looked_for(tree: Step) -> tuple[Wanted, ...]:
     return tuple(dict.fromkeys(value for value in values if isinstance(value, Wanted)))
 
 
-THINGS: Mapping[str, Callable[[str], object]] = {"gesture": gesture, "controller": controller, "object": wanted}
+THINGS: Mapping[str, Callable[[str], object]] = {
+    "gesture": gesture,
+    "move": move,
+    "new move": NewMove,
+    "controller": controller,
+    "object": wanted,
+}
 """How each kind of thing is found."""
 
 
-def _load(load: Callable[[Path], T], kind: str, name: str) -> T:
+def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:
     try:
-        return load(find(kind, name))
+        return load(find(kind, name, library=library))
     except UnknownNameError as error:
         raise LookupError(f"needs a {kind.removesuffix('s')}: {error}") from error
     except InvalidFileError as error:

@@ -3,9 +3,11 @@
 from config.colours import COLOURS
 from config.people import ActConfig, PersonConfig
 from config.things import BallConfig, BoxConfig, RoverConfig
-from config.world import WorldConfig
+from config.world import PhysicsConfig, WorldConfig
 from drivers.api import Pose2D
 from drivers.sim.acts import Act
+from drivers.sim.battery import RESISTANCE, Battery
+from drivers.sim.dock import Dock
 from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.room import Room
@@ -26,8 +28,15 @@ def build_world(config: WorldConfig) -> World:
         edges=tuple(Edge(edge.x, edge.y, edge.length, edge.width) for edge in config.edges),
         objects=tuple(_ball(it) if isinstance(it, BallConfig) else _box(it) for it in config.objects),
         robots=tuple(_rover(rover) for rover in config.robots),
+        dock=None if config.dock is None else Dock(config.dock.x, config.dock.y, config.dock.heading),
         start=Pose2D(config.start.x, config.start.y, config.start.heading),
     )
+
+
+def build_battery(physics: PhysicsConfig) -> Battery | None:
+    """Return the battery that a world gives a base; None where it says nothing of one."""
+    battery = physics.battery
+    return None if battery is None else Battery(100 * battery.level, drain=battery.drain, resistance=RESISTANCE)
 
 
 def _person(config: PersonConfig) -> Person:

@@ -61,6 +61,8 @@ def _describe(leaf: type[Leaf]) -> None:
         click.echo(f"  {line}")
     click.echo(f"\n  claims: {', '.join(sorted(leaf.drives)) or 'nothing'}")
     click.echo(f"  needs:  {', '.join(sorted(leaf.needs)) or 'nothing'}")
+    if leaf.uses:
+        click.echo(f"  uses:   {', '.join(sorted(leaf.uses))}, where there is one")
     if leaf.stores:
         click.echo(f"  as:     keeps {leaf.stores}")
     if leaf.arguments:
@@ -76,6 +78,7 @@ def _as_dict(leaf: type[Leaf]) -> dict[str, object]:
         "help": inspect.getdoc(leaf),
         "claims": sorted(leaf.drives),
         "needs": sorted(leaf.needs),
+        "uses": sorted(leaf.uses),
         "stores": leaf.stores or None,
         "arguments": [
             {

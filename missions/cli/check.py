@@ -10,7 +10,9 @@ from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError, Mark, Source
 from config.library import UnknownNameError, find
 from config.robot import load_robot
+from missions.assembly.target import target_of
 from missions.cli.options import behaviours_option, files_of, params_option
+from missions.language.claims import Target
 from missions.library import TESTS, load_mission, shipped_missions
 from missions.vocabulary import vocabulary
 
@@ -27,8 +29,7 @@ def command(
     """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
     target = None
     if robot is not None:
-        config = load_robot(find("robots", robot))
-        target = (config.name, config.parts)
+        target = target_of(load_robot(find("robots", robot)))
     leaves = vocabulary(files)
     found: list[Fault] = []
     for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
@@ -46,7 +47,7 @@ def command(
 def _checked(
     name: str,
     params: dict[str, str],
-    robot: tuple[str, frozenset[str]] | None,
+    robot: Target | None,
     leaves: Mapping[str, type[Leaf]],
 ) -> tuple[str, Sequence[Fault]]:
     """Check one mission, or one file of tests; return what to tell of it, and its mistakes."""

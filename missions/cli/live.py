@@ -11,12 +11,20 @@ from rich.text import Text
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.executive.events import Ended, Event, FaultRaised, Logged, NodeChanged, Started, Ticked
+from missions.executive.events import Ended, Event, FaultRaised, Logged, NodeChanged, ReflexFired, Started, Ticked
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
 
 SIGNS = {"success": ("✓", "green"), "failure": ("✗", "red"), "idle": ("-", "dim")}
+
+REFLEXES = {
+    "bumper": "bumped",
+    "latched": "stopped until it is enabled",
+    "battery_low": "its battery is low",
+    "battery_critical": "its battery is critical",
+}
+"""What a person wants to know at once, in words; cliffs and wheel drops are told as faults."""
 
 
 class Watcher:
@@ -55,6 +63,8 @@ class Watcher:
                 self._node(event)
             case FaultRaised():
                 self._fault(event)
+            case ReflexFired() if event.on and event.what in REFLEXES:
+                self._reflex(event)
             case Logged():
                 self._log(event)
             case Ticked() if event.t - self._drawn >= REFRESH:
@@ -85,6 +95,10 @@ class Watcher:
         if event.hint:
             line.append(f"\n            try: {event.hint}")
         self._console.print(line)
+
+    def _reflex(self, event: ReflexFired) -> None:
+        what = f" base: {REFLEXES[event.what]}" + (f": {event.where}" if event.where else "")
+        self._console.print(Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), what))
 
     def _log(self, event: Logged) -> None:
         if event.level == "voice":

@@ -30,6 +30,8 @@ def check_order(order: Order) -> None:
         raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
     if order.camera is not None:
         _check_camera(order.camera)
+    if order.pad is not None and order.simulation == "fast":
+        raise click.UsageError("--pad is for hands, in real time: it goes with --simulate wire, not with fast")
 
 
 def _check_camera(source: str) -> None:
@@ -37,6 +39,12 @@ def _check_camera(source: str) -> None:
     kind = kind_of(source) if source.strip() else None
     if kind is None or (kind in (Kind.VIDEO, Kind.PICTURE) and not Path(source).is_file()):
         raise click.UsageError(f"--camera: '{source}': no such file, and no index, device or address of a camera")
+
+
+def check_pad(order: Order, plan: Plan) -> None:
+    """Raise click.UsageError for a pad that would have nothing to drive."""
+    if order.pad is not None and "base" not in plan.tree.parts:
+        raise click.UsageError(f"--pad drives the base, which {plan.mission} does not use")
 
 
 def check_events(path: Path, plan: Plan) -> None:

@@ -14,12 +14,13 @@ import click
 from missions.cli.film import Film
 from missions.cli.live import Watcher
 from missions.cli.options import behaviours_option, pairs, params_option
-from missions.cli.orders import check_events, check_film, check_order
+from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.executive.events import JsonLines
 from missions.executive.executive import Result
 from missions.executive.watchdog import attempt_all
 from missions.runner import Order, Runner, Simulate, end_process
+from missions.teleop.pad import FIRST
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
@@ -28,13 +29,17 @@ LEVELS = ("wire", "fast")
 
 
 class RunCommand(click.Command):
-    """A command whose ``--simulate`` may stand alone: what follows it is a level only where it is one."""
+    """A command whose ``--simulate`` and ``--pad`` may stand alone: what follows is theirs only where it can be."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments, with the level put in where it was left out."""
+        """Read the arguments, with level and device put in where they were left out."""
         after = [*args[1:], ""][: len(args)]
         told = [
-            "--simulate=wire" if word == "--simulate" and follows not in LEVELS else word
+            "--simulate=wire"
+            if word == "--simulate" and follows not in LEVELS
+            else f"--pad={FIRST}"
+            if word == "--pad" and not follows.startswith("/")
+            else word
             for word, follows in zip(args, after, strict=True)
         ]
         return super().parse_args(ctx, told)
@@ -87,6 +92,11 @@ class RunCommand(click.Command):
     metavar="FILE",
     help="In simulated time: film what the camera sees, beside the room from above: an .mp4, or a folder of pictures.",
 )
+@click.option(
+    "--pad",
+    metavar="[DEVICE]",
+    help="Let a game pad take the wheels while you hold its left shoulder button: the first there is, or this one.",
+)
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
 def command(
     name: str,
@@ -102,6 +112,7 @@ def command(
     seed: int,
     events: Path | None,
     film: Path | None,
+    pad: str | None,
     as_json: bool,
 ) -> int:
     """Run a mission (a name or a file). Ctrl-C stops it, safely.
@@ -124,6 +135,7 @@ def command(
         files,
         eyes=eyes,
         speed=inf if speed is None else speed,
+        pad=pad,
     )
 
     def last_words(result: Result) -> None:
@@ -162,6 +174,7 @@ def run(
 
     # Reads and checks everything; nothing has been opened or written yet.
     runner = Runner(order, listeners=[watcher], give_up=give_up)
+    check_pad(order, runner.plan)
     watcher.watch(runner.root)
     with ExitStack() as closing:
         if events is not None:

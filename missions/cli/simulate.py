@@ -1,8 +1,11 @@
 """``mission simulate``: a robot's virtual devices alone, on ports that any program can open."""
 
 import json
+import os
+import select
 import signal
 import threading
+from collections.abc import Iterator
 
 import click
 
@@ -10,8 +13,32 @@ from config.library import find
 from config.robot import load_robot
 from drivers.clock import SystemClock
 from missions.assembly.simulation import WIRED, Simulation
+from missions.cli.hands import Hands
 from missions.executive.executive import GLANCE
 from missions.runner import DEFAULT_ROBOT
+
+
+class Lines:
+    """Whole lines from a descriptor, as they come; at its end, or where there is none, none come."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._begun = b""
+        self._open = True
+
+    def wait(self, seconds: float) -> Iterator[str]:
+        """Wait for so long, or until something comes; yield the lines that are whole by then."""
+        try:
+            ready = self._open and bool(select.select([self._descriptor], [], [], seconds)[0])
+            data = os.read(self._descriptor, 4096) if ready else b""
+        except (OSError, ValueError):  # closed, or a terminal that belongs to another program now
+            ready, data = True, b""
+        if ready and not data:
+            self._open = False
+        if not self._open:
+            threading.Event().wait(seconds)
+        *lines, self._begun = (self._begun + data).split(b"\n")
+        yield from (line.decode(errors="replace").strip() for line in lines)
 
 
 @click.command()
@@ -19,25 +46,41 @@ from missions.runner import DEFAULT_ROBOT
 @click.option(
     "--state", "period", type=float, metavar="SECONDS", help="Print what the devices do, as JSON, that often."
 )
-def command(robot: str, period: float | None) -> None:
+@click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
+def command(robot: str, period: float | None, paced: bool) -> None:
     """Run the virtual devices of a robot, and print their ports as one line of JSON. Ctrl-C ends them.
 
     The devices speak their real protocols: point any program at them, or another `mission run` with --port.
+    Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
     """
     config = load_robot(find("robots", robot))
     clock = SystemClock()
     ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda got, _: ending.append(got))
+    signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
     simulation = Simulation(config, frozenset(WIRED) & config.parts, clock)
+    if simulation.servos is not None:
+        simulation.servos.paced = paced
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
-        pause, told = threading.Event(), clock.now()
+        hands, lines, told = Hands(simulation, config), Lines(0), clock.now()
         while not ending:
-            pause.wait(GLANCE if period is None else min(GLANCE, period))
+            for line in lines.wait(GLANCE if period is None else min(GLANCE, period)):
+                if line:
+                    _do(hands, line)
             if period is not None and clock.now() - told >= period:
                 told = clock.now()
                 click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
     finally:
         simulation.close()
+
+
+def _do(hands: Hands, line: str) -> None:
+    """Carry out what was typed, and say so: in a line of JSON, as all that is said here."""
+    try:
+        told = {"done": hands.do(line)}
+    except ValueError as error:
+        told = {"error": f"{line}: {error}"}
+    click.echo(json.dumps(told))

@@ -1,13 +1,15 @@
 """The parts of the robot as one leaf sees them: every command that it gives is told, with the leaf's name on it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Generic, TypeVar
 
 from behaviours.node import Node
 from behaviours.robot import Robot
 from drivers.api import (
     Base,
+    BaseLimits,
     BaseState,
+    Coupling,
     Device,
     Head,
     HeadLimits,
@@ -16,7 +18,11 @@ from drivers.api import (
     JointLimits,
     Joints,
     JointState,
+    Lamp,
     Reading,
+    Source,
+    Steering,
+    Tune,
     Utterance,
     Velocity,
     Voice,
@@ -40,9 +46,11 @@ def robot_for(node: Node, robot: Robot, tell: Tell, permit: Permit = always) -> 
         base_part=None if robot.base_part is None else ToldBase(robot.base_part, source, tell, permit),
         head_part=None if robot.head_part is None else ToldHead(robot.head_part, source, tell, permit),
         arm_part=None if robot.arm_part is None else ToldJoints(robot.arm_part, source, tell, permit),
+        ranger_part=robot.ranger_part,
         voice_part=None if robot.voice_part is None else ToldVoice(robot.voice_part, source, tell, permit),
         sight_part=robot.sight_part,
         eye=robot.eye,
+        groups=robot.groups,
     )
 
 
@@ -86,17 +94,59 @@ class _Told(Generic[D]):
 class ToldBase(_Told[Base]):
     """A base whose commands are told."""
 
-    def drive(self, velocity: Velocity) -> Velocity:
+    @property
+    def limits(self) -> BaseLimits:
         """See drivers.api.Base."""
-        self._permit()
-        accepted = self._device.drive(velocity)
-        self._told(linear=round(accepted.linear, 4), angular=round(accepted.angular, 4))
-        return accepted
+        return self._device.limits
 
-    def stop(self) -> None:
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """See drivers.api.Base. Where not all of it is in force, what was wanted is told too."""
+        self._permit()
+        given = self._device.drive(velocity, source=source)
+        told: dict[str, object] = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
+        if given != velocity:
+            told |= {"wanted_linear": round(velocity.linear, 4), "wanted_angular": round(velocity.angular, 4)}
+        self._told(**told)
+        return given
+
+    def latch(self, reason: str) -> None:
         """See drivers.api.Base."""
+        self._told(latch=reason)
+        self._device.latch(reason)
+
+    def enable(self) -> None:
+        """See drivers.api.Base."""
+        self._told(enable=True)
+        self._device.enable()
+
+    @property
+    def latched(self) -> str:
+        """See drivers.api.Base."""
+        return self._device.latched
+
+    def steering(self) -> Steering:
+        """See drivers.api.Base."""
+        return self._device.steering()
+
+    def play(self, tune: Tune) -> None:
+        """See drivers.api.Base."""
+        self._device.play(tune)
+        self._told(tune=str(tune))
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """See drivers.api.Base."""
+        self._device.tone(frequency, seconds)
+        self._told(tone=frequency, seconds=seconds)
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """See drivers.api.Base."""
+        self._device.light(number, colour)
+        self._told(light=number, colour=str(colour))
+
+    def stop(self, *, source: Source | None = None) -> None:
+        """See drivers.api.Base; a leaf that stops the base does not stop it for others."""
         self._told(linear=0.0, angular=0.0)
-        self._device.stop()
+        self._device.stop(source=source or Source.MISSION)
 
     def state(self) -> Reading[BaseState]:
         """See drivers.api.Base."""
@@ -155,15 +205,29 @@ class ToldJoints(_Told[Joints]):
         """See drivers.api.Joints."""
         return self._device.states()
 
-    def hold(self) -> None:
+    def hold(self, joints: Collection[str] | None = None) -> None:
         """See drivers.api.Joints."""
-        self._told(hold=True)
-        self._device.hold()
+        self._told(hold=_which(joints))
+        self._device.hold(joints)
 
-    def relax(self) -> None:
+    def relax(self, joints: Collection[str] | None = None) -> None:
         """See drivers.api.Joints."""
-        self._told(relax=True)
-        self._device.relax()
+        self._told(relax=_which(joints))
+        self._device.relax(joints)
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """See drivers.api.Joints."""
+        if couplings:
+            self._permit()
+        self._device.follow(couplings)
+        self._told(follow={coupling.follower: coupling.leader for coupling in couplings})
+
+    def recover(self) -> tuple[str, ...]:
+        """See drivers.api.Joints."""
+        self._permit()
+        recovered = self._device.recover()
+        self._told(recover=list(recovered))
+        return recovered
 
 
 class ToldVoice(_Told[Voice]):
@@ -173,3 +237,8 @@ class ToldVoice(_Told[Voice]):
         """See drivers.api.Voice."""
         self._tell(self.name, self._source, {"say": text})
         return self._device.say(text)
+
+
+def _which(joints: Collection[str] | None) -> bool | list[str]:
+    """Return the joints that a command is for; True for all of them."""
+    return True if joints is None else list(joints)

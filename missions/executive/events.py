@@ -86,13 +86,31 @@ class PerceptSeen(Event):
 
 @dataclass(slots=True)
 class CommandSent(Event):
-    """A behaviour, or the executive itself, has commanded a part of the robot."""
+    """Somebody has commanded a part of the robot: a behaviour, ``safety`` for its own reflexes, or ``teleop``.
+
+    Where not all of it is in force, ``values`` also have what was ``wanted``, and may say ``because`` of what.
+    """
 
     event: ClassVar[str] = "command"
     tick: int
     to: str
     source: str
     values: Mapping[str, object]
+
+
+@dataclass(slots=True)
+class ReflexFired(Event):
+    """The base feels something, or is stopped or weak, from now on; or not any more, where ``on`` is False.
+
+    ``what`` is one of ``missions.executive.guard.REFLEXES``. ``where`` says more of it: sides, the number of a button,
+    why it is stopped, what is left in the battery.
+    """
+
+    event: ClassVar[str] = "reflex"
+    tick: int
+    what: str
+    where: str
+    on: bool
 
 
 @dataclass(slots=True)

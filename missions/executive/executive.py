@@ -9,6 +9,7 @@ from py_trees.common import Status
 from behaviours.node import Node
 from behaviours.run import Run
 from missions.executive.events import STATUS_WORDS, Ended, Started, Stream, Ticked
+from missions.executive.guard import Guard
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
@@ -34,14 +35,27 @@ class Executive:
 
     The rate is a ceiling on waiting: ticks keep to an absolute schedule, and ``Run.wake`` brings the next one forward.
     ``tick`` may also be called by hand, with no loop and no waiting: for tests, simulated time and single steps.
+    The ``guard`` looks before each tick: once it says why the mission must end, the tree is halted, and has failed.
     """
 
-    def __init__(self, root: Node, run: Run, stream: Stream, *, rate: float = 20.0, mission: str = "") -> None:
+    def __init__(
+        self,
+        root: Node,
+        run: Run,
+        stream: Stream,
+        *,
+        rate: float = 20.0,
+        mission: str = "",
+        guard: Guard | None = None,
+    ) -> None:
         self.root = root
         self.run = run
         self.stream = stream
         self.mission = mission
         self.overruns = 0
+        self._guard = guard
+        self._alarm = ""  # why the guard has the tree halted
+        self._halt_by: float | None = None
         self._period = 1.0 / rate
         self._woken = run.woken
         self._stop_reason: str | None = None
@@ -127,10 +141,25 @@ class Executive:
     def tick(self, *, late: float | None = None) -> Status:
         """Tick the tree once and return its status."""
         self.run.tick += 1
-        status = self.root.advance()
+        if self._guard is not None:
+            self._alarm = self._alarm or self._guard.look()
+        status = self._give_up() if self._alarm else self.root.advance()
         self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
         self.run.beat()
         return status
+
+    def _give_up(self) -> Status:
+        """Halt the tree because of the alarm, in as many ticks as it needs within HALT_TIME; then it has failed."""
+        now = self.run.now()
+        if self._halt_by is None:
+            self._halt_by = now + HALT_TIME
+        if not self.root.halt():
+            if now < self._halt_by:
+                return Status.RUNNING
+            self.root.stop()
+        self.root.feedback_message, self._alarm, self._halt_by = self._alarm, "", None
+        self.root.publish(Status.FAILURE)
+        return Status.FAILURE
 
     def pass_period(self) -> None:
         """Let the time from one tick to the next pass, whatever wakes: for ticks by hand in simulated time."""

@@ -4,17 +4,23 @@ What is not known is None, so that a comparison with it fails with a reason inst
 """
 
 from dataclasses import dataclass
+from math import radians
 from typing import TypeVar
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, HeadPose, Reading
+from drivers.api import BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
+from missions.executive.battery import BatteryWatch
+from missions.executive.guard import Guard
 from perception.api import Face
 
 T = TypeVar("T")
 
 FRESH = 0.5
 """Seconds after which a face is not "seen" any more."""
+
+AHEAD = radians(60)
+"""Radians about straight ahead in which a range finder looks for what is ahead."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +110,32 @@ class BasePart(_OfBase):
         """True while a wheel hangs."""
         return None if self._state is None else bool(self._state.wheel_drop)
 
+    @property
+    def button(self) -> int | None:
+        """The number of the button that is pressed, the lowest of several; none, while none is."""
+        return None if self._state is None else min(self._state.buttons, default=None)
+
+    @property
+    def docked(self) -> bool | None:
+        """True while it stands on the contacts of its dock."""
+        return None if self._state is None else self._state.docked
+
+    @property
+    def stopped(self) -> bool | None:
+        """True while it is stopped until somebody enables it."""
+        return None if self.robot.base_part is None else bool(self.robot.base_part.latched)
+
+    @property
+    def driver(self) -> str | None:
+        """Who commands it: `mission`, `teleop` or `safety`; an empty text while nobody does."""
+        return None if self.robot.base_part is None else str(self.robot.base_part.steering().source or "")
+
 
 @dataclass(frozen=True)
 class BatteryState(_OfBase):
     """The base's battery."""
+
+    watch: BatteryWatch | None = None
 
     @property
     def percent(self) -> float | None:
@@ -123,6 +151,16 @@ class BatteryState(_OfBase):
     def charging(self) -> bool | None:
         """True while it charges."""
         return None if self._state is None else self._state.charging
+
+    @property
+    def low(self) -> bool | None:
+        """True when it is below what the robot file calls low, and was so two seconds ago."""
+        return None if self._state is None or self.watch is None else self.watch.low
+
+    @property
+    def critical(self) -> bool | None:
+        """True when it is below what the robot file calls critical, and was so two seconds ago: the mission ends."""
+        return None if self._state is None or self.watch is None else self.watch.critical
 
 
 @dataclass(frozen=True)
@@ -146,16 +184,41 @@ class HeadState:
         return None if self.robot.head_part is None else fresh(self.robot.head_part.pose())
 
 
+@dataclass(frozen=True)
+class RangeState:
+    """What the range finder measures, from where it sits; as far as it can see, where nothing is nearer."""
+
+    robot: Robot
+
+    @property
+    def nearest(self) -> float | None:
+        """Metres to the nearest thing around."""
+        return None if self._scan is None else min(self._scan.nearest(), self._scan.most)
+
+    @property
+    def ahead(self) -> float | None:
+        """Metres to the nearest thing within 30 degrees left and right of straight ahead."""
+        return None if self._scan is None else min(self._scan.nearest(0.0, AHEAD), self._scan.most)
+
+    @property
+    def _scan(self) -> RangeScan | None:
+        return None if self.robot.ranger_part is None else fresh(self.robot.ranger_part.scan())
+
+
 def fresh(reading: Reading[T]) -> T | None:
     """Return what was measured, if it was lately."""
     return reading.value if reading.good else None
 
 
-def state_of(robot: Robot, clock: Clock) -> dict[str, object]:
-    """Return what expressions can read of ``robot``, by name (the names that the checker knows)."""
+def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str, object]:
+    """Return what expressions can read of ``robot``, by name (the names that the checker knows).
+
+    Whether its battery is low is for the ``guard`` to say.
+    """
     return {
         "face": FaceState(robot, clock),
         "base": BasePart(robot),
-        "battery": BatteryState(robot),
+        "battery": BatteryState(robot, None if guard is None else guard.battery),
         "head": HeadState(robot),
+        "range": RangeState(robot),
     }

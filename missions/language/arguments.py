@@ -14,6 +14,12 @@ from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from missions.language.notes import Notes
 from missions.language.values import Convert, Value, in_si, shown, whole
 
+NAMES = ("text", "joint", "joints", "choice")
+"""Kinds whose values are texts, whatever they look like."""
+
+SWITCHED = {"on": True, "off": False}
+"""What people write for true and false where something is switched."""
+
 OUTCOMES = {"running": Status.RUNNING, "success": Status.SUCCESS, "failure": Status.FAILURE}
 
 
@@ -72,13 +78,18 @@ def _read_open(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | None) -
 
 def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
     """Read one argument from its node."""
-    convert = converter(notes, argument)
     if argument.span:
         return _read_span(notes, argument, node, what)
+    if argument.by_joint:
+        return _read_by_joint(notes, argument, node, what)
+    convert = converter(notes, argument)
     if isinstance(node, Scalar):
         return notes.value(_as_meant(notes, argument, node), what, convert)
     if argument.kind == "outcomes" and isinstance(node, Listing):
         return notes.constant(node, [_scalar(item) for item in node.items], what, convert)
+    if argument.kind == "joints" and isinstance(node, Listing):
+        names = [item.text if isinstance(item, Scalar) else _scalar(item) for item in node.items]
+        return notes.constant(node, names, what, convert)
     if argument.kind == "value":
         return notes.constant(node, _plain(notes, node), what, convert)
     notes.fault(node.mark, f"{what} needs one value, not {_form(node)}")
@@ -89,7 +100,7 @@ def _as_meant(notes: Notes, argument: Argument, node: Scalar) -> Scalar:
     """Return ``node`` with the value that it has for this argument: a text is a text even where it looks like 007."""
     if node.value is None:
         return node
-    if argument.kind == "text" or argument.kind in notes.things:
+    if argument.kind in NAMES or argument.kind in notes.things:
         return replace(node, value=node.text)
     return replace(node, value=default_value(node)) if argument.kind == "value" else node
 
@@ -114,6 +125,27 @@ def _read_span(notes: Notes, argument: Argument, node: Node, what: str) -> Value
     if any(end.template is not None for end in ends):
         notes.fault(node.mark, f"{what}: the two values must be known before the mission starts: numbers or params")
     return Value()
+
+
+def _read_by_joint(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
+    """Read a mapping from joints to values, each of which may be a param; or one variable that holds all of it."""
+    one = replace(argument, by_joint=False)
+    if isinstance(node, Scalar) and "${" in node.text:
+        return notes.value(node, what, partial(_by_joint, converter(notes, one)))
+    if not isinstance(node, Mapping) or not node.entries:
+        example = written(0.5, argument.kind) if argument.kind in UNITS else "0.5"
+        notes.fault(node.mark, f"{what} needs joints, each with its value, such as {{elbow: {example}}}")
+        return Value()
+    values = {joint.text: read_argument(notes, one, each, f"{what}: '{joint.text}'") for joint, each in node.entries}
+    if any(value.template is not None for value in values.values()):
+        notes.fault(node.mark, f"{what}: the values must be known before the mission starts: numbers or params")
+    return Value({joint: value.constant for joint, value in values.items()})
+
+
+def _by_joint(convert: Convert, value: object) -> dict[str, object]:
+    if not isinstance(value, dict):
+        raise ValueError(f"needs joints, each with its value, got {seen(value)}")
+    return {joint: convert(each) for joint, each in value.items()}
 
 
 def converter(notes: Notes, argument: Argument) -> Convert:
@@ -162,9 +194,32 @@ def _count(argument: Argument, value: object) -> int:
 
 def _flag(argument: Argument, value: object) -> bool:
     del argument
+    if isinstance(value, str) and value in SWITCHED:
+        return SWITCHED[value]
     if not isinstance(value, bool):
         raise ValueError(f"needs true or false, got {seen(value)}")
     return value
+
+
+def _choice(argument: Argument, value: object) -> str:
+    word = _text(argument, value)
+    if word not in argument.choices:
+        raise ValueError(f"needs one of {', '.join(argument.choices)}, got {seen(value)}")
+    return word
+
+
+def _joint(argument: Argument, value: object) -> str:
+    name = _text(argument, value).strip()
+    if not name:
+        raise ValueError("needs the name of a joint")
+    return name
+
+
+def _joints(argument: Argument, value: object) -> tuple[str, ...]:
+    names = value if isinstance(value, list) else [value]
+    if not names or any(isinstance(name, list | dict) for name in names):
+        raise ValueError("needs a joint, a group of them, or a list of names")
+    return tuple(_joint(argument, name) for name in names)
 
 
 def _anything(argument: Argument, value: object) -> object:
@@ -189,6 +244,9 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
     "number": _number,
     "count": _count,
     "flag": _flag,
+    "choice": _choice,
+    "joint": _joint,
+    "joints": _joints,
     "value": _anything,
     "outcomes": _outcomes,
 }

@@ -1,10 +1,21 @@
 """Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
 
 from collections import defaultdict
+from typing import NamedTuple
 
+from behaviours.leaf import Leaf
+from behaviours.reach import Reach
 from config.units import article
 from missions.language.notes import Notes
 from missions.language.plan import Step
+
+
+class Target(NamedTuple):
+    """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known."""
+
+    name: str
+    parts: frozenset[str]
+    reach: Reach | None = None
 
 
 def check_claims(notes: Notes, tree: Step) -> None:
@@ -31,9 +42,24 @@ def _claimant(step: Step, part: str) -> Step:
     return next(leaf for leaf in step.walk() if leaf.leaf is not None and part in leaf.leaf.drives)
 
 
-def check_needs(notes: Notes, tree: Step, robot: str, parts: frozenset[str]) -> None:
+def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
     """Note every leaf that needs a part which the robot does not have."""
     for step in tree.walk():
-        for part in sorted(step.own_needs - parts):
-            has = ", ".join(sorted(parts)) or "nothing"
-            notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot}' has none (it has {has})")
+        for part in sorted(step.own_needs - robot.parts):
+            has = ", ".join(sorted(robot.parts)) or "nothing"
+            notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
+
+
+def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
+    """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now."""
+    if robot.reach is None:
+        return
+    for step in tree.walk():
+        known = all(value.template is None for value in step.arguments.values())
+        if step.leaf is None or step.leaf.misfits is Leaf.misfits or not known:
+            continue
+        leaf = step.leaf(step.name)
+        for name, value in step.arguments.items():
+            setattr(leaf, name, value.constant)
+        for misfit in leaf.misfits(robot.reach):
+            notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")

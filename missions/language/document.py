@@ -8,7 +8,7 @@ from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError, Source
 from config.marked import compose, read_source
 from missions.language.body import read_body
-from missions.language.claims import check_claims, check_needs
+from missions.language.claims import Target, check_claims, check_needs, check_reach
 from missions.language.flow import check_flow
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
@@ -28,12 +28,12 @@ def load_plan(
     find_mission: Callable[[str, Path], Path] = no_missions,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: tuple[str, frozenset[str]] | None = None,
+    robot: Target | None = None,
 ) -> Plan:
     """Read and check a mission, and the missions that it runs.
 
-    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is a name and the parts it
-    has. Raises InvalidFileError with every mistake, in the files and in the params.
+    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for.
+    Raises InvalidFileError with every mistake, in the files and in the params.
     """
     source = read_source(path)
     words = Words(leaves, things, find_mission)
@@ -48,7 +48,7 @@ def check_plan(
     find_mission: Callable[[str, Path], Path] = no_missions,
     params: Mapping[str, str] | None = None,
     complete: bool = False,
-    robot: tuple[str, frozenset[str]] | None = None,
+    robot: Target | None = None,
 ) -> Plan:
     """Check a mission's text. See ``load_plan``."""
     words = Words(leaves, things, find_mission)
@@ -62,7 +62,7 @@ def _check(
     given: Mapping[str, str],
     *,
     complete: bool,
-    robot: tuple[str, frozenset[str]] | None,
+    robot: Target | None,
 ) -> Plan:
     faults: list[Fault] = []
     root = compose(source, faults)
@@ -79,8 +79,10 @@ def _check(
         _check_depth(notes, tree)
         check_claims(notes, tree)
         if robot is not None:
-            check_needs(notes, tree, *robot)
-        if not notes.faults:  # these two need a whole tree
+            check_needs(notes, tree, robot)
+        if not notes.faults:  # these need a whole tree
+            if robot is not None:
+                check_reach(notes, tree, robot)
             check_flow(notes, tree)
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:

@@ -15,10 +15,11 @@ from missions.language.plan import Step
 from missions.language.values import Convert, Template, Value, template
 
 STATE = {
-    "base": ("x", "y", "heading", "bumper", "cliff", "wheel_drop"),
-    "battery": ("percent", "voltage", "charging"),
+    "base": ("x", "y", "heading", "bumper", "cliff", "wheel_drop", "button", "docked", "stopped", "driver"),
+    "battery": ("percent", "voltage", "charging", "low", "critical"),
     "face": ("seen", "count", "id", "distance", "bearing"),
     "head": ("pan", "tilt"),
+    "range": ("nearest", "ahead"),
 }
 """What expressions read of the robot's state: ``battery.percent``, ``face.seen``..."""
 

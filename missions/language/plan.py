@@ -26,7 +26,7 @@ MISSION = "mission"
 """The node that runs another mission as a subtree."""
 
 
-PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head"}
+PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head", "range": "range"}
 """The part of a robot that knows each piece of state that expressions read."""
 
 SENSE_OF_STATE = {"face": "faces"}
@@ -71,6 +71,12 @@ class Step:
     def needs(self) -> frozenset[str]:
         """The parts of a robot that it cannot do without: to act, and to know what its expressions read."""
         return frozenset().union(*(step.own_needs for step in self.walk()))
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """All parts of a robot that it has to do with: what it needs and drives, and what it could do without."""
+        uses = (step.leaf.uses for step in self.walk() if step.leaf is not None)
+        return frozenset().union(self.needs, self.claims, *uses)
 
     @property
     def senses(self) -> frozenset[str]:

@@ -31,6 +31,7 @@ text { font: 15px sans-serif; fill: #33353a; text-anchor: middle; paint-order: s
 .wall { fill: #4a4744 } .hole { fill: url(#steps); stroke: #343238 } .thing { stroke: #34363c; stroke-width: 1.5 }
 .path { fill: none; stroke: #a2543a; stroke-width: 2; stroke-dasharray: 8 6; marker-end: url(#arrow) }
 .line { stroke: #6b6e76; stroke-width: 1.5 } .both { marker-start: url(#end); marker-end: url(#end) }
+.docking { stroke: #2e8c4a; stroke-width: 5; stroke-linecap: round }
 .robot { fill: #2660b4; stroke: #14325f } .nose { stroke: white; stroke-width: 4; stroke-linecap: round }
 """
 
@@ -75,8 +76,10 @@ class _Plan:
         self._add("text", x=self._left, y=42, **{"class": "title"}).text = name
         self._add("text", x=self._left, y=68, **{"class": "summary"}).text = summary
         self._room()
-        for thing in sorted((*self._world.furniture, *self._world.objects), key=lambda it: it.solid().top):
+        for thing in sorted((*self._world.furniture, *self._world.things), key=lambda it: it.solid().top):
             self._thing(thing)
+        if self._world.dock is not None:
+            self._line(*self._world.dock.way, "docking")
         for rover in self._world.robots:
             self._rover(rover)
         for presence in self._world.people_at(self._time):

@@ -1,11 +1,12 @@
 """A world in words: the room, what stands in it, who is there and what they do."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from config.people import ActConfig, PersonConfig
 from config.things import BallConfig, BoxConfig, RoverConfig
 from config.units import written
-from config.world import PhysicsConfig, WorldConfig
+from config.world import BatteryConfig, PhysicsConfig, WorldConfig
 
 
 def lines_about(world: WorldConfig) -> Iterator[str]:
@@ -20,8 +21,19 @@ def lines_about(world: WorldConfig) -> Iterator[str]:
     yield _line("start", f"{_place(world.start.x, world.start.y)}, {_degrees(world.start.heading)}")
     yield _line("light", _light(world))
     yield _line("camera", f"noise of {world.noise:g} grey levels" + _lost(world.dropouts, "pictures"))
-    if world.physics != PhysicsConfig():
+    if replace(world.physics, battery=None) != PhysicsConfig():
         yield _line("physics", _physics(world.physics))
+    if world.physics.battery is not None:
+        yield _line("battery", _battery(world.physics.battery))
+    yield from _standing(world)
+    for person in world.people:
+        yield _line("person", _person(person))
+        for act in person.acts:
+            yield _line("", _act(act))
+
+
+def _standing(world: WorldConfig) -> Iterator[str]:
+    """Yield what stands about, and where the floor ends."""
     for wall in world.walls:
         yield _line("wall", f"from {_place(*wall.start)} to {_place(*wall.end)}, {_metres(wall.height)} high")
     for edge in world.edges:
@@ -32,10 +44,9 @@ def lines_about(world: WorldConfig) -> Iterator[str]:
         yield _line("object", _thing(thing))
     for rover in world.robots:
         yield _line("robot", f"{rover.name} with marker {rover.marker} at {_place(rover.x, rover.y)}{_walk(rover)}")
-    for person in world.people:
-        yield _line("person", _person(person))
-        for act in person.acts:
-            yield _line("", _act(act))
+    if world.dock is not None:
+        dock = world.dock
+        yield _line("dock", f"at {_place(dock.x, dock.y)}, facing {written(dock.heading, 'angle')}")
 
 
 def _line(label: str, text: str) -> str:
@@ -73,6 +84,13 @@ def _physics(physics: PhysicsConfig) -> str:
         f"wheels slip {written(physics.slip, 'share')}, lag {written(physics.lag, 'duration')}, "
         f"gyro noise {written(physics.gyro_noise, 'turn rate')}{_lost(physics.dropouts, 'reports')}"
     )
+
+
+def _battery(battery: BatteryConfig) -> str:
+    if not battery.drain:
+        return f"{written(battery.level, 'share')}, and does not empty"
+    pace = "" if battery.drain == 1.0 else f", empties and fills {battery.drain:g} times as fast as a real one"
+    return f"{written(battery.level, 'share')}{pace}"
 
 
 def _thing(thing: BoxConfig | BallConfig) -> str:

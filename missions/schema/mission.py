@@ -52,12 +52,12 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
 
 
 def known_things() -> dict[str, dict[str, str]]:
-    """Return the names of the gestures, controllers and missions that ship with MissionTree, with their summaries."""
+    """Return the names of the gestures, moves, controllers and missions that ship, with their summaries."""
     found = {
         kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped(f"{kind}s").items()}
         for kind, load in _LOADERS.items()
     }
-    return {**found, MISSION: _missions()}
+    return {**found, "move": found["gesture"], MISSION: _missions()}
 
 
 def _missions() -> dict[str, str]:

@@ -8,12 +8,13 @@ import keyword
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from behaviours.leaf import Argument
 from config.units import EXAMPLES, UNITS, article
 from missions.catalogue import bounds, example, plain_default, sentence, terms
-from missions.language.arguments import OUTCOMES
+from missions.language.arguments import OUTCOMES, SWITCHED
 from missions.language.expressions import WORDS
 from missions.language.notes import STATE
 from missions.language.operators import FUNCTIONS
@@ -83,6 +84,14 @@ def described(argument: Argument, things: Things) -> Schema:
 def written(argument: Argument, things: Things) -> Schema:
     """Return what an argument takes."""
     kind = argument.kind
+    if argument.by_joint:
+        return {
+            "type": ["object", "string"],
+            "additionalProperties": written(replace(argument, by_joint=False), things),
+            "minProperties": 1,
+            "pattern": HOLE,
+            "errorMessage": "needs joints, each with its value, such as {elbow: ...}",
+        }
     if kind in UNITS:
         one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
     else:
@@ -109,14 +118,27 @@ def _plain(argument: Argument) -> Schema:
         case "object":
             message = "needs an object, such as red ball or big blue box, or the name of one"
             return {"type": "string", "pattern": r"\S", "errorMessage": message}
-        case "number":
-            message = "needs a number" + (f", {limits}" if limits else "")
-            return {"type": ["number", "string"], "pattern": HOLE, **limited, "errorMessage": message}
-        case "count":
-            message = "needs a whole number" + (f", {limits}" if limits else "")
-            return {"type": ["integer", "string"], "pattern": HOLE, **limited, "errorMessage": message}
+        case "number" | "count":
+            what, number = ("a number", "number") if argument.kind == "number" else ("a whole number", "integer")
+            message = f"needs {what}" + (f", {limits}" if limits else "")
+            return {"type": [number, "string"], "pattern": HOLE, **limited, "errorMessage": message}
         case "flag":
-            return {"type": ["boolean", "string"], "pattern": HOLE, "errorMessage": "needs true or false"}
+            pattern = f"^(?:{'|'.join(SWITCHED)})$|{HOLE}"
+            return {"type": ["boolean", "string"], "pattern": pattern, "errorMessage": "needs true or false"}
+        case "choice":
+            words = argument.choices
+            known = "|".join(map(_escaped, words))
+            told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
+            # What YAML 1.1 calls a boolean is a word here.
+            return {"type": ["string", "boolean"] if SWITCHED.keys() & set(words) else "string", **told}
+        case "new move":
+            return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
+        case "joint":
+            return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs the name of a joint"}
+        case "joints":
+            message = "needs a joint, a group of them, or a list of names"
+            names = {"items": {"type": SCALAR, "pattern": r"\S"}, "minItems": 1}
+            return {"type": [*SCALAR, "array"], "pattern": r"\S", **names, "errorMessage": message}
         case "outcomes":
             return {
                 "type": ["array", "string"],

@@ -13,6 +13,8 @@ from config.marked import Scalar
 from config.robot import RobotConfig, load_robot
 from config.units import seen
 from config.world import load_world
+from missions.assembly.assemble import with_carriers
+from missions.assembly.target import target_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.library import find_mission, load_mission
@@ -39,13 +41,13 @@ class Setting:
         """The parts of the robot that the mission uses, which are all that there are in a run."""
         if self.plan is None:
             return self.config.parts
-        used = self.plan.tree.needs | self.plan.tree.claims
-        return (used | ({"head"} if "camera" in used else frozenset())) & self.config.parts
+        return with_carriers(self.config, self.plan.tree.parts)
 
     @property
     def grammar(self) -> Grammar:
         """What expectations may name."""
-        return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else ())
+        joints = () if self.config.arm is None or "arm" not in self.parts else tuple(self.config.arm.joints)
+        return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else (), joints)
 
     def steps(self, name: str) -> list[Step]:
         """Return the steps with this word or name; modifiers have none of their own."""
@@ -137,9 +139,7 @@ class Context:
             return None
         given = {name: value.text for name, (_, value) in params.items()}
         try:
-            return load_mission(
-                self.mission, params=given, complete=True, robot=(robot.name, robot.parts), leaves=self.leaves
-            )
+            return load_mission(self.mission, params=given, complete=True, robot=target_of(robot), leaves=self.leaves)
         except InvalidFileError as error:
             own = [fault for fault in error.faults if not fault.source.name.startswith(PARAM)]
             for fault in error.faults:

@@ -10,6 +10,7 @@ from config.faults import Mark, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import in_dimension, seen
+from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
 from missions.testing.moments import KnownNode, read_moment
 from missions.testing.phrases import Phrase
@@ -23,7 +24,10 @@ NEAR = 0.1
 ASKEW = math.radians(10)
 """The same for its heading."""
 
-EMPTY = ("said", "faults")
+CROOKED = math.radians(3)
+"""The same for a joint."""
+
+EMPTY = ("said", "faults", "reflexes")
 """The keys whose list may be empty, which means that there must be none."""
 
 
@@ -60,10 +64,11 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Grammar:
-    """What a mission has, for the names that an expectation uses: its nodes and its results."""
+    """What a mission has, for the names that an expectation uses: its nodes, its results, and the robot's joints."""
 
     known: KnownNode
     returns: Sequence[str]
+    joints: Sequence[str] = ()
 
 
 Read = Callable[[Fields, str, Node, Grammar], Iterator[Item]]
@@ -137,6 +142,16 @@ def _moments(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator
         yield Item(item.mark, moment)
 
 
+def _reflexes(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Read reflexes, each with more of it or without: ``bumper``, ``bumper left``."""
+    del grammar
+    for item in _scalars(fields, key, node):
+        name = item.text.split()[0]
+        if name not in REFLEXES:
+            fields.fault(item.mark, f"'{key}' cannot be {seen(name)}", one_of(name, REFLEXES))
+        yield Item(item.mark, item.text)
+
+
 def _rest(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
     del grammar
     yield Item(node.mark, fields.choice(key, ("stopped",)))
@@ -150,21 +165,34 @@ def _pose(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[It
     if near and len(near) != 2:
         pose.fault(near[0].mark, "'near' needs a place, such as [1 m, 0 m]")
     turned = pose.node_of("heading")
-    heading, askew = (None, ASKEW) if turned is None else _heading(pose, turned)
+    heading, askew = (None, ASKEW) if turned is None else _angle(pose, "heading", turned, ASKEW)
     within = pose.quantity("within", "length", NEAR, low=0.0)
     pose.done()
     yield Item(node.mark, Place(x, y, within, heading, askew))
 
 
-def _heading(pose: Fields, node: Node) -> tuple[float, float]:
-    """Read ``90 deg``, or ``90 deg +- 5 deg``."""
+def _joints(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Read joints and their angles. An item is a name, an angle and how far it may be off (radians)."""
+    if not isinstance(node, Mapping):
+        fields.fault(node.mark, f"'{key}' needs joints and their angles", "such as {elbow: 30 deg +- 5 deg}")
+        return
+    for name, angle in node.entries:
+        if name.text in grammar.joints:
+            yield Item(name.mark, (name.text, *_angle(fields, name.text, angle, CROOKED)))
+        else:
+            hint = one_of(name.text, grammar.joints) or "the mission uses no arm"
+            fields.fault(name.mark, f"the robot has no joint {seen(name.text)}", hint)
+
+
+def _angle(fields: Fields, key: str, node: Node, otherwise: float) -> tuple[float, float]:
+    """Read ``90 deg``, or ``90 deg +- 5 deg``; how far it may be off is ``otherwise`` where nothing is said."""
     text = node.text if isinstance(node, Scalar) else ""
     middle, sign, either = (part.strip() for part in re.split(r"(\+-|±|$)", text, maxsplit=1))
     try:
-        return in_dimension(middle, "angle"), in_dimension(either, "angle") if sign else ASKEW
+        return in_dimension(middle, "angle"), in_dimension(either, "angle") if sign else otherwise
     except ValueError as error:
-        pose.fault(node.mark, f"'heading' {error}", "write 'heading: 90 deg +- 5 deg'")
-        return 0.0, ASKEW
+        fields.fault(node.mark, f"'{key}' {error}", f"write '{key}: 90 deg +- 5 deg'")
+        return 0.0, otherwise
 
 
 def _returned(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
@@ -210,8 +238,10 @@ READERS: dict[str, Read] = {
     "failed": _nodes,
     "order": _moments,
     "faults": _texts,
+    "reflexes": _reflexes,
     "base": _rest,
     "pose": _pose,
+    "joints": _joints,
     "returns": _returned,
 }
 """How each key of ``expect`` is read."""

@@ -8,7 +8,7 @@ from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.arguments import default_value
 from missions.testing.context import Setting
-from missions.testing.mishaps import Mishap, read_mishap
+from missions.testing.mishaps import JOINT, Mishap, read_mishap
 from missions.testing.mocks import FACES, RESULT_OF_FACE, MockSpec
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
@@ -39,7 +39,7 @@ def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
         parts = ", ".join(sorted(setting.parts)) or "nothing"
         hint = f"it uses {parts}"
         fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
-    elif mishap.state == "overloaded" and setting.config.arm is not None:
+    elif mishap.state in JOINT and setting.config.arm is not None:
         joints = setting.config.arm.joints
         if mishap.detail not in joints:
             hint = one_of(mishap.detail, joints)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from behaviours.leaf import RUNNING, Leaf
 from behaviours.node import Node
 from drivers.api import Pose2D, Velocity
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Ticked
+from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, ReflexFired, Ticked
 from missions.executive.executive import Result
 from missions.executive.modifiers import MODIFIERS
 from missions.language.outcomes import ends
@@ -46,7 +46,8 @@ class History:
     """Listens to a run. ``told`` are called with each happening, at once.
 
     ``claimed`` names what two leaves drove at a time, ``moving`` says whether the base moved at the last tick, ``pose``
-    where it came to rest in the frame of the world. ``result`` and ``returns`` are the mission's, once it has ended.
+    where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``result`` and
+    ``returns`` are the mission's, once it has ended.
     """
 
     events: list[Event] = field(default_factory=list)
@@ -58,6 +59,7 @@ class History:
     returns: Mapping[str, object] = field(default_factory=dict)
     moving: bool = False
     pose: Pose2D | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
     _velocity: Callable[[], Velocity] | None = None
     _speaker: str = ""
     _leaves: list[Leaf] = field(default_factory=list)
@@ -81,6 +83,9 @@ class History:
                 self._tick(event.t)
             case FaultRaised():
                 self._notice(event)
+            case ReflexFired():
+                verb = "fires" if event.on else "clears"
+                self._happens(Happening(event.t, (event.what,), verb, event.where))
             case Logged(level="voice"):
                 self.said.append(event.text)
                 self._happens(Happening(event.t, ("robot",), "says", event.text, self._speaker))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from config.faults import Mark
 from drivers.api import Pose2D
 from missions.executive.events import CommandSent
+from missions.executive.telling import OVERRIDES
 from missions.language.values import shown
 from missions.testing.expectations import Expectation, Place
 from missions.testing.history import History
@@ -125,8 +126,19 @@ def _faults(wanted: Expectation, history: History) -> Iterator[Miss]:
         yield wanted.mark, f"it was not to be told that {_quoted(strange)}"
 
 
+def _reflexes(wanted: Expectation, history: History) -> Iterator[Miss]:
+    """Each text is part of what a reflex was told with."""
+    fired = [f"{each.names[0]} {each.text}".strip() for each in history.happenings if each.verb == "fires"]
+    if fired and not wanted.items:
+        yield wanted.mark, f"these reflexes fired: {_quoted(fired)}"
+    for item in wanted.items:
+        if not any(item.value in each for each in fired):
+            yield item.mark, f"the reflexes that fired were {_quoted(fired)}"
+
+
 def _base(wanted: Expectation, history: History) -> Iterator[Miss]:
-    told = [event.values for event in history.events if isinstance(event, CommandSent) and event.to == "base"]
+    commands = (event for event in history.events if isinstance(event, CommandSent) and event.to == "base")
+    told = [event.values for event in commands if event.source not in OVERRIDES]
     stopped = bool(told) and told[-1].get("linear") == told[-1].get("angular") == 0.0
     for item in wanted.items:
         if history.moving and not stopped:
@@ -140,6 +152,16 @@ def _pose(wanted: Expectation, history: History) -> Iterator[Miss]:
             yield item.mark, "the robot has no base"
         elif not _there(pose, item.value):
             yield item.mark, f"the base was at {_at(pose)}"
+
+
+def _joints(wanted: Expectation, history: History) -> Iterator[Miss]:
+    for item in wanted.items:
+        joint, angle, either = item.value
+        found = history.joints.get(joint)
+        if found is None:
+            yield item.mark, "the arm was not there"
+        elif abs(found - angle) > either:
+            yield item.mark, f"'{joint}' was at {math.degrees(found):.1f} deg"
 
 
 def _returns(wanted: Expectation, history: History) -> Iterator[Miss]:
@@ -163,8 +185,10 @@ CHECKS: Mapping[str, Callable[[Expectation, History], Iterator[Miss]]] = {
     "failed": _failed,
     "order": _order,
     "faults": _faults,
+    "reflexes": _reflexes,
     "base": _base,
     "pose": _pose,
+    "joints": _joints,
     "returns": _returns,
 }
 """How each key of ``expect`` is held against what happened."""

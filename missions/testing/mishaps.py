@@ -3,21 +3,27 @@
 import math
 from dataclasses import dataclass
 
-from missions.testing.moments import PARTS, KnownNode, Moment, read_moment
+from config.base import BUTTONS
+from config.robot import PARTS
+from missions.testing.moments import KnownNode, Moment, read_moment
 from missions.testing.phrases import Phrase
 
 STATES: dict[str, tuple[str, ...]] = {
-    "base": ("unplugged", "bumped", "cliff", "lifted", "battery"),
+    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked"),
     "head": ("unplugged",),
-    "arm": ("unplugged", "overloaded"),
+    "arm": ("unplugged", "overloaded", "turned"),
+    "range": ("unplugged",),
     "camera": ("unplugged", "frozen", "covered"),
     "voice": ("unplugged",),
 }
 """What can happen to each part."""
 
 SIDES = ("left", "centre", "right")
-LASTING = ("battery", "overloaded")
+LASTING = ("battery", "overloaded", "turned")
 """States that do not end by themselves."""
+
+JOINT = {"overloaded": "elbow", "turned": "elbow to 30 deg"}
+"""States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain."""
 
 WHEN = ("from", "at", "for", "when")
 
@@ -26,7 +32,8 @@ WHEN = ("from", "at", "for", "when")
 class Mishap:
     """A ``part`` of the robot is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``moment`` on.
 
-    ``detail`` is where it bumps or feels a cliff, or the name of a joint; ``amount`` what is left of a battery (0..1).
+    ``detail`` is where it bumps or feels a cliff, the name of a joint, or the number of a button; ``amount`` what is
+    left of a battery (0..1), or the angle (radians) that somebody turns a joint to.
     """
 
     part: str
@@ -60,15 +67,31 @@ def _details(phrase: Phrase, state: str) -> tuple[str, float]:
     """Read what belongs to a state: where, which one, or how much."""
     if state in ("bumped", "cliff"):
         return phrase.took(*SIDES) or "centre", 0.0
-    if state == "overloaded":
-        if phrase.word in ("", *WHEN):
-            phrase.fault("which joint is overloaded is missing here", "such as 'arm overloaded elbow'")
-        return phrase.take(), 0.0
+    if state in JOINT:
+        if phrase.word in ("", "to", *WHEN):
+            phrase.fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT[state]}'")
+        joint = phrase.take()
+        if state == "turned" and not phrase.took("to"):
+            phrase.wrong(f"what follows '{joint}'", ("to",))
+        return joint, phrase.quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi) if state == "turned" else 0.0
+    if state == "button":
+        return _button(phrase), 0.0
     if state == "battery" and not phrase.took("at"):
         phrase.wrong("what follows 'battery'", ("at",))
     if state == "battery":
         return "", phrase.quantity(f"'{state}'", "share", high=1.0)
     return "", 0.0
+
+
+def _button(phrase: Phrase) -> str:
+    """Read ``0 pressed``."""
+    numbers = tuple(map(str, range(BUTTONS)))
+    number = phrase.took(*numbers)
+    if not number:
+        phrase.wrong("the number of a button", numbers)
+    elif not phrase.took("pressed"):
+        phrase.wrong(f"what becomes of button {number}", ("pressed",))
+    return number
 
 
 def _when(phrase: Phrase, known: KnownNode) -> tuple[float, float, Moment | None]:

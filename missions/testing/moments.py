@@ -3,13 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from config.robot import PARTS
+from missions.executive.guard import REFLEXES
 from missions.testing.phrases import Phrase
 
 NODE_VERBS: tuple[str, ...] = ("starts", "succeeds", "fails", "halts")
 PART_VERBS = ("disconnects", "reconnects", "complains")
 BASE_VERBS = ("moves", "stops")
-VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS)
-PARTS = ("base", "head", "arm", "camera", "voice")
+REFLEX_VERBS = ("fires", "clears")
+VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS, *REFLEX_VERBS)
 SAYS = ("say", "says")
 
 KnownNode = Callable[[str], str]
@@ -20,8 +22,8 @@ KnownNode = Callable[[str], str]
 class Happening:
     """Something that happened ``time`` seconds after the start: somebody, by any of ``names``, does something.
 
-    ``text`` is what was said, why a node has failed, or what a part complains of. ``key`` is the node's place in the
-    tree; a node's key with a dot behind it for what it has done itself.
+    ``text`` is what was said, why a node has failed, what a part complains of, or more of a reflex. ``key`` is the
+    node's place in the tree; a node's key with a dot behind it for what it has done itself.
     """
 
     time: float
@@ -63,6 +65,8 @@ def read_moment(phrase: Phrase, known: KnownNode) -> Moment:
     name, verbs = " ".join(words).strip('"'), NODE_VERBS
     if name in PARTS:
         verbs = (*BASE_VERBS, *PART_VERBS) if name == "base" else PART_VERBS
+    elif name in REFLEXES and (known(name) or phrase.ahead(NODE_VERBS) != words):  # else a behaviour of that name
+        verbs = REFLEX_VERBS
     elif problem := known(name):
         phrase.fault(problem)
     for _ in words:

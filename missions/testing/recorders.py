@@ -4,9 +4,11 @@
 when each was given.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from math import radians
 from typing import TypeVar
 
+import numpy as np
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf
@@ -14,15 +16,22 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
 from drivers.api import (
+    BaseLimits,
     BaseState,
+    Coupling,
     HeadLimits,
     HeadPose,
     Health,
     JointLimits,
     JointState,
+    Lamp,
     Pose2D,
     Quality,
+    RangeScan,
     Reading,
+    Source,
+    Steering,
+    Tune,
     Velocity,
 )
 from drivers.clock import ManualClock
@@ -33,8 +42,9 @@ T = TypeVar("T")
 L = TypeVar("L", bound=Leaf)
 C = TypeVar("C")
 
-STOP, HOLD, RELAX, REST, CANCEL = "stop", "hold", "relax", "rest", "cancel"
-"""The commands without a value, as recorders keep them."""
+STOP, HOLD, RELAX, REST, CANCEL, RECOVER = "stop", "hold", "relax", "rest", "cancel", "recover"
+LATCH, ENABLE = "latch", "enable"
+"""The commands without a value, as recorders keep them; with joints, as a tuple: ``(HOLD, "elbow")``."""
 
 GONE = NotConnected("the cable is out", hint="plug it in")
 
@@ -97,19 +107,50 @@ class Recorder:
 
 
 class RecordedBase(Recorder):
-    """A ``drivers.api.Base``; the test sets ``reading``."""
+    """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched`` and ``steers``: who has the wheels."""
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("base", clock)
         self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
+        self.limits = BaseLimits(0.5, radians(110), 0.5, radians(200))
+        self.latched = ""
+        self.steers = Steering(None, Velocity(0.0, 0.0), Velocity(0.0, 0.0))
 
-    def drive(self, velocity: Velocity) -> Velocity:
-        """Keep the velocity."""
-        return self.keep(velocity)
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Keep the velocity; of another source than a mission, with the source."""
+        self.keep(velocity if source is Source.MISSION else (source, velocity))
+        return velocity
 
-    def stop(self) -> None:
-        """Keep that it was told to stop."""
+    def stop(self, *, source: Source | None = None) -> None:
+        """Keep that it was told to stop, whoever is to."""
+        del source
         self.keep_anyway(STOP)
+
+    def latch(self, reason: str) -> None:
+        """Be latched, and keep that."""
+        self.latched = self.latched or reason
+        self.keep_anyway((LATCH, reason))
+
+    def enable(self) -> None:
+        """Be latched no more, and keep that."""
+        self.latched = ""
+        self.keep_anyway(ENABLE)
+
+    def steering(self) -> Steering:
+        """Return what the test has set."""
+        return self.steers
+
+    def play(self, tune: Tune) -> None:
+        """Keep the tune."""
+        self.keep(tune)
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Keep the tone as (hertz, seconds)."""
+        self.keep((frequency, seconds))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Keep the light and its colour."""
+        self.keep((number, colour))
 
     def state(self) -> Reading[BaseState]:
         """Return what the test has set."""
@@ -119,6 +160,30 @@ class RecordedBase(Recorder):
         """Return the heading now, for want of a past."""
         del stamp
         return None if self.reading.value is None else self.reading.value.pose.heading
+
+
+class RecordedRanger(Recorder):
+    """A ``drivers.api.Ranger`` in the middle of the base; the test sets ``reading``. Nothing is around it at first."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__("range", clock)
+        self.place = (0.0, 0.0, 0.0)
+        self.reading: Reading[RangeScan] = none()
+        self.show({})
+
+    def show(self, distances: Mapping[int, float]) -> None:
+        """Let it see something at these distances (m), by whole degrees to the left of straight ahead, now."""
+        ranges = np.full(360, np.nan, dtype=np.float32)
+        for angle, distance in distances.items():
+            ranges[angle % 360] = distance
+        number = 0 if self.reading.value is None else self.reading.value.number + 1
+        now = self.clock.now()
+        scan = RangeScan(ranges, 0.0, radians(1), now, number, least=0.15, most=12.0)
+        self.reading = Reading(scan, now, Quality.GOOD)
+
+    def scan(self) -> Reading[RangeScan]:
+        """Return what the test has set."""
+        return self.reading
 
 
 class RecordedHead(Recorder):
@@ -148,7 +213,10 @@ class RecordedHead(Recorder):
 
 
 class RecordedJoints(Recorder):
-    """A ``drivers.api.Joints``; the test sets ``limits`` and the ``readings`` by name."""
+    """A ``drivers.api.Joints``; the test sets ``limits``, the ``readings`` by name, and which joints are ``shut``.
+
+    It keeps moves as mappings of goals, whose speeds are in ``speeds``, and couplings as tuples.
+    """
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("arm", clock)
@@ -157,29 +225,46 @@ class RecordedJoints(Recorder):
             "elbow": JointLimits(0.0, 2.2, speed=3.0),
         }
         self.readings: dict[str, Reading[JointState]] = {}
+        self.speeds: list[Mapping[str, float]] = []
+        self.shut: tuple[str, ...] = ()
         self.place({"shoulder": 0.0, "elbow": 0.0})
 
-    def place(self, positions: Mapping[str, float]) -> None:
-        """Put joints where they are to be, in radians."""
+    def place(self, positions: Mapping[str, float], *, stiff: bool = True) -> None:
+        """Put joints where they are to be, in radians, and let that be measured now."""
         for joint, position in positions.items():
-            self.readings[joint] = good(JointState(position, 0.0, None, 0.0, 12.0, 30.0, moving=False, torque=True))
+            self.feel(joint, JointState(position, 0.0, None, 0.0, 12.0, 30.0, moving=False, torque=stiff))
+
+    def feel(self, joint: str, state: JointState) -> None:
+        """Let a joint feel this, and let that be measured now."""
+        self.readings[joint] = Reading(state, self.clock.now(), Quality.GOOD)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        """Keep the goals; speeds are not looked at."""
-        del speeds
-        return self.keep(dict(goals))
+        """Keep the goals, and the speeds."""
+        kept = self.keep(dict(goals))
+        self.speeds.append(dict(speeds or {}))
+        return kept
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """Return what the test has set."""
         return self.readings
 
-    def hold(self) -> None:
-        """Keep that it was told to hold."""
-        self.keep_anyway(HOLD)
+    def hold(self, joints: Collection[str] | None = None) -> None:
+        """Keep that it, or these joints, were told to hold."""
+        self.keep_anyway(HOLD if joints is None else (HOLD, *joints))
 
-    def relax(self) -> None:
-        """Keep that it was told to relax."""
-        self.keep_anyway(RELAX)
+    def relax(self, joints: Collection[str] | None = None) -> None:
+        """Keep that it, or these joints, were told to relax."""
+        self.keep_anyway(RELAX if joints is None else (RELAX, *joints))
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """Keep the couplings."""
+        self.keep(tuple(couplings))
+
+    def recover(self) -> tuple[str, ...]:
+        """Keep that it was told to recover; return those that were shut."""
+        self.keep(RECOVER)
+        recovered, self.shut = self.shut, ()
+        return recovered
 
 
 class RecordedWords:
@@ -272,6 +357,7 @@ class Bench:
         self.clock = ManualClock(100.0) if clock is None else clock
         self.run = Run(self.clock)
         self.base = RecordedBase(self.clock)
+        self.ranger = RecordedRanger(self.clock)
         self.head = RecordedHead(self.clock)
         self.arm = RecordedJoints(self.clock)
         self.voice = RecordedVoice(self.clock)
@@ -279,6 +365,7 @@ class Bench:
         self.sight.searched = self.clock.now()
         self.robot = Robot(
             base_part=self.base,
+            ranger_part=self.ranger,
             head_part=self.head,
             arm_part=self.arm,
             voice_part=self.voice,

@@ -81,6 +81,7 @@ class Stage:
         timeline, history = twins.timeline, self.history
         timeline.run(timeline.clock.now() + REST_TIME)
         history.pose = None if twins.base is None else twins.pose()
+        history.joints = _joints(twins)
         before = _posture(twins)
         timeline.run(timeline.clock.now() + STILL)
         if before != _posture(twins):
@@ -94,9 +95,15 @@ def _velocity(twins: Twins) -> Callable[[], Velocity] | None:
     return None if base is None else lambda: base.body.velocity
 
 
-def _posture(twins: Twins) -> tuple[Pose2D, HeadPose | None]:
-    """Return where base and head truly are now."""
-    return twins.pose(), None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
+def _posture(twins: Twins) -> tuple[Pose2D, HeadPose | None, dict[str, float]]:
+    """Return where base, head and joints truly are now."""
+    head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
+    return twins.pose(), head, _joints(twins)
+
+
+def _joints(twins: Twins) -> dict[str, float]:
+    arm, now = twins.arm, twins.timeline.clock.now()
+    return {} if arm is None else {joint: arm.true_angle(joint, now) for joint in arm.limits}
 
 
 def _told_end(events: list[Event]) -> Result | None:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from drivers.api import Sides
+from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.plug import Plug
 from missions.assembly.twins import Twins
 from missions.testing.history import History
@@ -51,28 +52,33 @@ class Trouble:
     def _switch(self, mishap: Mishap, *, on: bool) -> None:
         """Begin or end it. The checker has made sure that the part is there."""
         twins = self._twins
+        plug = _plug(twins, mishap.part)
         match mishap.state:
-            case "unplugged":
-                plug = _plug(twins, mishap.part)
-                if plug is not None:
-                    plug.unplug() if on else plug.plug_in()
-            case "bumped" | "cliff":
-                self._felt = [each for each in self._felt if each is not mishap] + ([mishap] if on else [])
-                self._feel()
-            case "lifted" if twins.base is not None:
-                twins.base.lift(up=on)
-            case "battery" if twins.base is not None:
-                twins.base.drain(100.0 * mishap.amount)
+            case "unplugged" if plug is not None:
+                plug.unplug() if on else plug.plug_in()
             case "overloaded" if twins.arm is not None:
                 twins.arm.overload(mishap.detail)
+            case "turned" if twins.arm is not None:
+                twins.arm.turn_by_hand(mishap.detail, mishap.amount)
             case "frozen" if twins.camera is not None:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
                 twins.camera.cover() if on else twins.camera.uncover()
+            case _ if twins.base is not None:
+                self._switch_base(twins.base, mishap, on=on)
 
-    def _feel(self) -> None:
-        if self._twins.base is not None:
-            self._twins.base.press(_sides(self._felt, "bumped"), cliff=_sides(self._felt, "cliff"))
+    def _switch_base(self, base: BaseTwin, mishap: Mishap, *, on: bool) -> None:
+        match mishap.state:
+            case "lifted":
+                base.lift(up=on)
+            case "docked":
+                base.feed(on=on)
+            case "battery":
+                base.drain(100.0 * mishap.amount)
+            case _:
+                self._felt = felt = [each for each in self._felt if each is not mishap] + ([mishap] if on else [])
+                buttons = frozenset(int(each.detail) for each in felt if each.state == "button")
+                base.press(_sides(felt, "bumped"), cliff=_sides(felt, "cliff"), buttons=buttons)
 
 
 def _sides(mishaps: list[Mishap], state: str) -> Sides:
@@ -81,6 +87,5 @@ def _sides(mishaps: list[Mishap], state: str) -> Sides:
 
 
 def _plug(twins: Twins, part: str) -> Plug | None:
-    parts = {"base": twins.base, "head": twins.head, "arm": twins.arm, "camera": twins.camera, "voice": twins.voice}
-    twin = parts[part]
+    twin = getattr(twins, part)
     return None if twin is None else twin.plug

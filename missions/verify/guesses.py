@@ -16,10 +16,16 @@ from missions.language.notes import STATE
 from missions.language.values import Value
 from missions.verify.choices import Oracle
 
-FLAGS: Mapping[str, Mapping[str, Sequence[bool | None]]] = {
+_FELT = (False, True, None)
+
+FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
     "face": {"seen": (True, False)},
-    "base": {"bumper": (False, True, None), "cliff": (False, True, None), "wheel_drop": (False, True, None)},
-    "battery": {"charging": (False, True, None)},
+    "base": {
+        **dict.fromkeys(("bumper", "cliff", "wheel_drop", "docked", "stopped"), _FELT),
+        "button": (None, 0, 1, 2),
+        "driver": ("mission", "teleop", "safety", "", None),
+    },
+    "battery": dict.fromkeys(("charging", "low", "critical"), _FELT),
 }
 """What the robot senses in so few values that each is tried; None is what a silent device reports."""
 

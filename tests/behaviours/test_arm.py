@@ -1,22 +1,19 @@
 """Gestures: what the arm is told, on an arm that only takes it down, and on servos that take their time."""
 
-from collections.abc import Mapping
 from itertools import pairwise
 
 import pytest
 from py_trees.common import Status
 
-from behaviours.arm import AHEAD, LONGEST_STEP, PATIENCE, Gesture
+from behaviours.arm import PATIENCE, Gesture
+from behaviours.joint_motion import AHEAD, CATCH_UP, LONGEST_STEP, MARGIN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.robot import Robot
+from behaviours.playing import PEAK
 from drivers.api import Gesture as Movement
-from drivers.api import JointState, Keyframe, Quality, Reading
-from drivers.clock import ManualClock
+from drivers.api import Keyframe, Quality, Reading
 from drivers.errors import DeviceFault
-from drivers.sim.servo import Shaft
-from missions.testing.recorders import GONE, HOLD, Bench, RecordedJoints, none
-
-TICK = 0.05
+from missions.testing.recorders import GONE, HOLD, Bench, none
+from tests.behaviours.servo_arm import TICK, moves, play, tick, with_servos
 
 WAVE = Movement(
     "wave",
@@ -33,39 +30,6 @@ def waving(bench: Bench, movement: Movement = WAVE, **arguments: object) -> Gest
     return bench.put(Gesture("gesture"), gesture=movement, **arguments)
 
 
-def moves(bench: Bench) -> list[Mapping[str, float]]:
-    return [command for command in bench.arm.commands if isinstance(command, Mapping)]
-
-
-class ServoArm(RecordedJoints):
-    """An arm whose servos go at their limit's speed, and stop as a loaded AX-12A does: a little short."""
-
-    def __init__(self, clock: ManualClock) -> None:
-        super().__init__(clock)
-        self.shafts = {joint: Shaft(0.0, 0.0, limit.speed, clock.now()) for joint, limit in self.limits.items()}
-        self.stuck: set[str] = set()
-        self.fastest = dict.fromkeys(self.limits, 0.0)
-
-    def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
-        accepted = super().move(goals, speeds=speeds)
-        for joint, goal in accepted.items():
-            if joint not in self.stuck:
-                self.shafts[joint].goal = goal - 0.03
-        return accepted
-
-    def states(self) -> Mapping[str, Reading[JointState]]:
-        self.place({joint: shaft.advance(self.clock.now()) for joint, shaft in self.shafts.items()})
-        return super().states()
-
-
-def play(bench: Bench, leaf: Gesture, *, limit: float = 20.0) -> float:
-    """Tick until it ends; return the seconds that this took."""
-    begun = bench.clock.now()
-    while bench.tick(leaf, after=TICK) is RUNNING:
-        assert bench.clock.now() - begun < limit
-    return bench.clock.now() - begun
-
-
 # --- what it tells the arm -------------------------------------------------------------------------------------------
 
 
@@ -75,10 +39,10 @@ def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
     statuses: list[Status] = []
     while not statuses or statuses[-1] is RUNNING:
         statuses.append(bench.tick(leaf, after=TICK))
-        bench.arm.place(moves(bench)[-1])
+        bench.arm.place(moves(bench.arm)[-1])
     assert statuses[-1] is SUCCESS
     assert len(statuses) == pytest.approx(1 + 2.5 / TICK, abs=1)
-    told = moves(bench)
+    told = moves(bench.arm)
     assert bench.arm.commands == told
     # The first tick tells where to be a tick later, and so on.
     assert told[19] == pytest.approx({"shoulder": 0.6, "elbow": 0.9}, abs=1e-3)
@@ -89,20 +53,18 @@ def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
 def test_it_moves_only_the_joints_that_it_names() -> None:
     bench = Bench()
     bench.tick(waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),))))
-    assert [move.keys() for move in moves(bench)] == [{"elbow"}]
+    assert [move.keys() for move in moves(bench.arm)] == [{"elbow"}]
 
 
 def test_it_starts_from_where_the_joints_are() -> None:
     bench = Bench()
     bench.arm.place({"shoulder": 0.5, "elbow": 1.0})
     bench.tick(waving(bench))
-    assert moves(bench)[0] == pytest.approx({"shoulder": 0.5, "elbow": 1.0}, abs=1e-3)
+    assert moves(bench.arm)[0] == pytest.approx({"shoulder": 0.5, "elbow": 1.0}, abs=1e-3)
 
 
 def test_at_half_the_speed_it_takes_twice_as_long() -> None:
-    bench = Bench()
-    bench.arm = ServoArm(bench.clock)
-    bench.robot = Robot(arm_part=bench.arm)
+    bench, _ = with_servos()
     usual = play(bench, waving(bench))
     assert play(bench, waving(bench, speed=0.5)) == pytest.approx(2 * usual, abs=0.2)
 
@@ -112,10 +74,43 @@ def test_no_goal_is_farther_from_the_last_than_a_joint_gets_in_a_tick(speed: flo
     bench = Bench()
     leaf = waving(bench, speed=speed)
     while bench.tick(leaf, after=TICK) is RUNNING:
-        bench.arm.place(moves(bench)[-1])
-    for here, there in pairwise(moves(bench)):
+        bench.arm.place(moves(bench.arm)[-1])
+    for here, there in pairwise(moves(bench.arm)):
         for joint, limits in bench.arm.limits.items():
             assert abs(there[joint] - here[joint]) <= limits.speed * TICK + 1e-9
+
+
+def test_its_speeds_fit_each_step_instead_of_the_limit() -> None:
+    bench, servos = with_servos()
+    servos.short = 0.0
+    leaf = waving(bench, Movement("lift", "", (Keyframe(2.0, {"elbow": 1.0}),)))
+    play(bench, leaf)
+    told = [speeds["elbow"] for speeds in servos.speeds]
+    fastest = PEAK * 1.0 / 2.0
+    assert max(told) == pytest.approx(MARGIN * fastest, rel=0.1)
+    assert told[0] < 0.2 * fastest
+    assert max(told) < servos.limits["elbow"].speed
+
+
+def test_a_joint_that_lags_is_told_to_go_faster() -> None:
+    bench, servos = with_servos()
+    leaf = waving(bench, Movement("lift", "", (Keyframe(4.0, {"elbow": 1.0}),)))
+    tick(bench, leaf, 2.0)
+    before = servos.speeds[-1]["elbow"]
+    servos.turn_by_hand("elbow", servos.shafts["elbow"].position - 0.2)
+    tick(bench, leaf, TICK)
+    assert servos.speeds[-1]["elbow"] == pytest.approx(before + MARGIN * 0.2 / CATCH_UP, abs=0.2)
+
+
+def test_a_gesture_through_its_keyframes_does_not_halt_at_them() -> None:
+    bench, _ = with_servos()
+    frames = tuple(Keyframe(1.0 + 0.2 * n, {"elbow": 0.1 * n}) for n in range(6))
+    leaf = waving(bench, Movement("rise", "", frames, "cubic"))
+    play(bench, leaf)
+    assert leaf.status is SUCCESS
+    told = [move["elbow"] for move in moves(bench.arm)]
+    steps = [there - here for here, there in pairwise(told) if 0.1 < here < 0.4]
+    assert min(steps) > 0.8 * max(steps)
 
 
 # --- what it refuses -------------------------------------------------------------------------------------------------
@@ -125,7 +120,7 @@ def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
     bench = Bench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"hand": 0.0}))))
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "gesture 'clap' moves joint 'hand', which the arm lacks"
+    assert leaf.reason == "the arm has no joint 'hand'"
     assert bench.arm.commands == []
 
 
@@ -133,8 +128,19 @@ def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
     bench = Bench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"elbow": -0.2}))))
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "gesture 'clap': elbow at -0.20 rad is outside its limits (0.00 to 2.20)"
+    assert leaf.reason == "elbow at -11.5 deg is outside its limits (0 deg to 126.1 deg)"
     assert bench.arm.commands == []
+
+
+def test_all_that_does_not_fit_is_told_at_once() -> None:
+    bench = Bench()
+    frames = (Keyframe(1.0, {"elbow": -0.2, "hand": 1.0}), Keyframe(2.0, {"shoulder": 3.0, "elbow": 9.0}))
+    leaf = waving(bench, Movement("clap", "", frames))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == (
+        "elbow at -11.5 deg is outside its limits (0 deg to 126.1 deg); the arm has no joint 'hand'; "
+        "shoulder at 171.9 deg is outside its limits (-57.3 deg to 114.6 deg)"
+    )
 
 
 def test_a_keyframe_at_the_limit_is_played() -> None:
@@ -154,7 +160,7 @@ def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality)
     assert bench.arm.commands == []
     bench.arm.readings["elbow"] = before
     bench.tick(leaf, after=9.0)
-    assert moves(bench)[0] == pytest.approx({"shoulder": 0.0, "elbow": 0.0}, abs=2e-3)
+    assert moves(bench.arm)[0] == pytest.approx({"shoulder": 0.0, "elbow": 0.0}, abs=2e-3)
 
 
 def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
@@ -169,30 +175,26 @@ def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
 # --- how it ends -----------------------------------------------------------------------------------------------------
 
 
-def test_a_halt_holds_the_arm_where_it_is_once() -> None:
+def test_a_halt_holds_the_joints_that_it_moves_where_they_are_once() -> None:
     bench = Bench()
-    leaf = waving(bench)
+    leaf = waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),)))
     bench.tick(leaf)
     assert bench.halt(leaf)
     assert bench.halt(leaf)
-    assert bench.arm.commands[1:] == [HOLD]
+    assert bench.arm.commands[1:] == [(HOLD, "elbow")]
 
 
 def test_servos_that_stay_a_little_short_have_arrived() -> None:
-    bench = Bench()
-    bench.arm = ServoArm(bench.clock)
-    bench.robot = Robot(arm_part=bench.arm)
+    bench, _ = with_servos()
     leaf = waving(bench)
     took = play(bench, leaf)
     assert leaf.status is SUCCESS
     assert took == pytest.approx(2.5, abs=0.2)
-    assert HOLD not in bench.arm.commands
+    assert bench.arm.commands == moves(bench.arm)
 
 
 def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None:
-    bench = Bench()
-    bench.arm = servos = ServoArm(bench.clock)
-    bench.robot = Robot(arm_part=servos)
+    bench, servos = with_servos()
     servos.shafts["elbow"].position = servos.shafts["elbow"].goal = 1.5
     servos.stuck = {"elbow"}
     leaf = waving(bench)
@@ -200,7 +202,7 @@ def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None
     assert leaf.status is FAILURE
     assert leaf.reason == "wave: elbow did not arrive"
     assert took == pytest.approx(2.5 + PATIENCE, abs=0.5)
-    assert servos.commands[-1] == HOLD
+    assert servos.commands[-1] == (HOLD, "shoulder", "elbow")
 
 
 def test_a_joint_that_fell_silent_has_not_arrived() -> None:
@@ -220,13 +222,11 @@ def test_a_device_fault_fails_it_and_the_arm_is_held() -> None:
     bench.arm.trouble = DeviceFault("arm: elbow overload")
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "arm: elbow overload"
-    assert bench.arm.commands[-1] == HOLD
+    assert bench.arm.commands[-1] == (HOLD, "shoulder", "elbow")
 
 
 def test_after_success_and_after_a_halt_it_begins_from_the_first_keyframe() -> None:
-    bench = Bench()
-    bench.arm = ServoArm(bench.clock)
-    bench.robot = Robot(arm_part=bench.arm)
+    bench, _ = with_servos()
     leaf = waving(bench)
     first = play(bench, leaf)
     assert play(bench, leaf) == pytest.approx(first, abs=0.2)
@@ -245,7 +245,7 @@ def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None
     leaf = waving(bench)
     for _ in range(9):
         bench.tick(leaf, after=TICK)
-    before = moves(bench)[-1]
+    before = moves(bench.arm)[-1]
     if lost:
         bench.arm.trouble = GONE
         for _ in range(40):
@@ -253,7 +253,7 @@ def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None
         assert leaf.reason == "waiting: the cable is out"
         bench.arm.trouble = None
     bench.tick(leaf, after=TICK if lost else 5.0)
-    after = moves(bench)[-1]
+    after = moves(bench.arm)[-1]
     for joint, limits in bench.arm.limits.items():
         assert abs(after[joint] - before[joint]) <= limits.speed * LONGEST_STEP
     assert leaf.reason == "wave: 0.5 of 2.5 s"

@@ -7,10 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.base import CRAWL, REACTION, Drive, Stop, Turn
+from behaviours.driving.motion import CRAWL, REACTION
+from behaviours.driving.stop import Stop
+from behaviours.driving.straight import Drive
+from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
-from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Velocity
+from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Source, Velocity
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
@@ -153,7 +156,16 @@ def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Readin
     assert forwards.reason == reason
     assert bench.base.commands[-1] == STOP
     assert bench.tick(backwards) is RUNNING
+
+
+def test_with_a_pressed_bumper_it_still_turns_but_at_a_cliff_it_does_not() -> None:
+    bench = Bench()
+    bench.base.reading = BUMPED
     assert bench.tick(turning(bench)) is RUNNING
+    bench.base.reading = AT_A_CLIFF
+    leaf = turning(bench)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "a cliff ahead: the only way is straight back"
 
 
 def test_a_dropped_wheel_fails_every_motion() -> None:
@@ -283,24 +295,28 @@ def test_stop_waits_for_reports() -> None:
 # --- a base with a Kobuki's lags -------------------------------------------------------------------------------------
 
 
+KOBUKI = Limits(0.5, math.radians(110), 0.5, math.radians(200))
+
+
 class LaggingBase(RecordedBase):
     """A Kobuki as the driver shows it: ramps, a dead time, reports that count in ticks and hundredths of a degree."""
 
-    def __init__(self, clock: ManualClock, dead_time: float) -> None:
+    def __init__(self, clock: ManualClock, dead_time: float, limits: Limits = KOBUKI) -> None:
         super().__init__(clock)
+        self.limits = limits.told
         self.wheels = Wheels(dead_time=dead_time)
         self.silent = False
-        self._helm = Helm(Limits(0.5, math.radians(110), 0.5, math.radians(200)))
+        self._helm = Helm(limits)
         self._odometry = Odometry()
         self.report()
 
-    def drive(self, velocity: Velocity) -> Velocity:
-        super().drive(velocity)
-        return self._helm.steer(velocity, self.clock.now())
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        super().drive(velocity, source=source)
+        return self._helm.steer(velocity, self.clock.now(), self.reading.value, source)
 
-    def stop(self) -> None:
-        super().stop()
-        self._helm.halt()
+    def stop(self, *, source: Source | None = None) -> None:
+        super().stop(source=source)
+        self._helm.halt(source)
         self.wheels.command(0.0, 0.0, self.clock.now())
 
     def report(self) -> None:
@@ -328,9 +344,9 @@ class LaggingBase(RecordedBase):
 class Track:
     """A lagging base in the hands of one leaf, ticked every 50 ms."""
 
-    def __init__(self, leaf: Leaf, bench: Bench, dead_time: float = 0.2) -> None:
+    def __init__(self, leaf: Leaf, bench: Bench, dead_time: float = 0.2, limits: Limits = KOBUKI) -> None:
         self.bench = bench
-        self.base = LaggingBase(bench.clock, dead_time)
+        self.base = LaggingBase(bench.clock, dead_time, limits)
         self.leaf = leaf
         leaf.robot = Robot(base_part=self.base)
         self.farthest = 0.0
@@ -374,7 +390,7 @@ def test_a_turn_ends_within_a_degree(angle: float, speed: float, dead_time: floa
     bench = Bench()
     track = Track(turning(bench, angle, speed=math.radians(speed)), bench, dead_time)
     assert track.pass_time(5.0 + abs(angle) / speed) is SUCCESS
-    assert math.degrees(track.pose.heading) == pytest.approx(angle, abs=1.0)
+    assert math.degrees(track.pose.heading) == pytest.approx(angle, abs=0.25)
     assert track.farthest < 0.005
 
 
@@ -425,5 +441,5 @@ def test_four_sides_and_four_turns_make_a_square() -> None:
             track.leaf = leaf
             assert track.pass_time(10.0) is SUCCESS
     pose = track.pose
-    assert math.hypot(pose.x, pose.y) < 0.03
-    assert math.degrees(pose.heading) == pytest.approx(360.0, abs=4.0)
+    assert math.hypot(pose.x, pose.y) < 0.01
+    assert math.degrees(pose.heading) == pytest.approx(360.0, abs=0.5)

@@ -11,7 +11,7 @@ from behaviours.tracking.follow_person import FollowPerson
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
-from missions.testing.recorders import STOP, Bench, face, good, stale
+from missions.testing.recorders import STOP, Bench, face, good, none, stale
 
 LEFT = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))
@@ -91,6 +91,39 @@ def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, rea
     assert leaf.reason == reason
     assert bench.base.commands[-1] == STOP
     assert bench.head.commands[-1] == STOP
+
+
+def test_it_slows_down_for_what_the_range_finder_sees_in_its_way_and_stops_before_it(rules: RuleBases) -> None:
+    speeds = []
+    for distance in (3.0, 0.5, 0.35, 0.2):
+        bench = Bench()
+        leaf = following(bench, rules)
+        bench.ranger.show({0: distance})
+        show(bench, 4.0)
+        bench.tick(leaf)
+        speeds.append(told(bench).linear)
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] == 0.3
+    assert 0.0 < speeds[2] < 0.25
+    assert speeds[3] == 0.0
+
+
+def test_while_the_range_finder_is_silent_it_does_not_drive(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    bench.ranger.reading = none()
+    show(bench, 4.0)
+    assert bench.tick(leaf) is RUNNING
+    assert told(bench).linear == 0.0
+
+
+def test_a_latched_base_fails_it(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    bench.base.latched = "button 0 was pressed"
+    show(bench, 4.0)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "the base is stopped: button 0 was pressed"
 
 
 def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -> None:

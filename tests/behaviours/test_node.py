@@ -3,8 +3,8 @@
 import py_trees
 from py_trees.common import Status
 
-from behaviours.base import Drive
 from behaviours.basics import Fail, Log, Pretend, Succeed, Wait
+from behaviours.driving.straight import Drive
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.run import NodeByNode

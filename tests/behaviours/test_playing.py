@@ -3,16 +3,19 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import PEAK, Playing, slowed
+from behaviours.playing import PEAK, STEEPEST, Playing, slowed
 from drivers.api import Keyframe
 
 JOINTS = ("shoulder", "elbow", "wrist")
 SPEEDS = {"shoulder": 0.8, "elbow": 2.0, "wrist": 5.0}
+
+INTERPOLATIONS: tuple[Literal["minimum_jerk", "cubic"], ...] = ("minimum_jerk", "cubic")
 
 angles = st.floats(-2.5, 2.5)
 
@@ -27,6 +30,7 @@ def gestures(draw: st.DrawFn) -> list[Keyframe]:
 
 starts = st.fixed_dictionaries(dict.fromkeys(JOINTS, angles))
 paces = st.floats(0.1, 2.0)
+ways = st.sampled_from(INTERPOLATIONS)
 
 
 def sampled(playing: Playing, count: int = 400) -> list[tuple[float, Mapping[str, float]]]:
@@ -34,34 +38,45 @@ def sampled(playing: Playing, count: int = 400) -> list[tuple[float, Mapping[str
     return [(time, playing.at(time)) for time in times]
 
 
-@given(starts, gestures(), paces)
+@given(starts, gestures(), paces, ways)
 def test_no_joint_is_ever_asked_to_go_faster_than_it_can(
-    start: Mapping[str, float], keyframes: Sequence[Keyframe], pace: float
+    start: Mapping[str, float],
+    keyframes: Sequence[Keyframe],
+    pace: float,
+    way: Literal["minimum_jerk", "cubic"],
 ) -> None:
-    samples = sampled(slowed(start, keyframes, SPEEDS, pace=pace))
+    samples = sampled(slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way))
     for (before, here), (after, there) in pairwise(samples):
         for joint in JOINTS:
             assert abs(there[joint] - here[joint]) <= SPEEDS[joint] * (after - before) * (1 + 1e-6) + 1e-9
 
 
-@given(starts, gestures(), paces)
+@given(starts, gestures(), paces, ways)
 def test_it_passes_through_every_keyframe_no_earlier_than_recorded(
-    start: Mapping[str, float], keyframes: Sequence[Keyframe], pace: float
+    start: Mapping[str, float],
+    keyframes: Sequence[Keyframe],
+    pace: float,
+    way: Literal["minimum_jerk", "cubic"],
 ) -> None:
-    playing = slowed(start, keyframes, SPEEDS, pace=pace)
+    playing = slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way)
     expected = dict(start)
     for frame, time in zip(keyframes, playing.times[1:], strict=True):
         expected |= frame.positions
         assert time >= frame.time / pace - 1e-9
+        if time > playing.times[0] and playing.times.count(time) == 1:
+            assert playing.at(time) == pytest.approx(expected)
     assert playing.at(playing.duration) == expected
     assert playing.at(0.0) == start
 
 
-@given(starts, gestures(), st.floats(-1.0, 1.2))
+@given(starts, gestures(), st.floats(-1.0, 1.2), ways)
 def test_it_never_leaves_the_range_between_two_keyframes(
-    start: Mapping[str, float], keyframes: Sequence[Keyframe], share: float
+    start: Mapping[str, float],
+    keyframes: Sequence[Keyframe],
+    share: float,
+    way: Literal["minimum_jerk", "cubic"],
 ) -> None:
-    playing = slowed(start, keyframes, SPEEDS)
+    playing = slowed(start, keyframes, SPEEDS, interpolation=way)
     at = playing.at(share * playing.duration)
     for joint in JOINTS:
         stops = [start[joint], *(frame.positions[joint] for frame in keyframes if joint in frame.positions)]
@@ -116,3 +131,55 @@ def test_keyframes_at_the_same_time_and_place_take_no_time() -> None:
     playing = slowed({"wrist": 0.2}, [Keyframe(0.0, {"wrist": 0.2}), Keyframe(0.0, {"wrist": 0.2})], SPEEDS)
     assert playing.duration == 0.0
     assert playing.at(0.0) == {"wrist": 0.2}
+
+
+# --- through the keyframes instead of halting at them ----------------------------------------------------------------
+
+
+def slope(playing: Playing, time: float, joint: str = "wrist", step: float = 1e-4) -> float:
+    return (playing.at(time + step)[joint] - playing.at(time - step)[joint]) / (2 * step)
+
+
+RISE = [Keyframe(0.1 * n, {"wrist": 0.05 * n}) for n in range(1, 11)]
+
+
+def test_cubic_goes_evenly_through_keyframes_that_lie_on_a_line() -> None:
+    playing = slowed({"wrist": 0.05}, RISE, SPEEDS, interpolation="cubic")
+    assert [slope(playing, time) for time in playing.times[2:-1]] == pytest.approx([0.5] * 8, rel=1e-3)
+
+
+def test_cubic_rests_at_the_start_at_the_first_keyframe_and_in_the_end() -> None:
+    playing = slowed({"wrist": 0.3}, RISE, SPEEDS, interpolation="cubic")
+    for time in (1e-4, playing.times[1], playing.duration - 1e-4):
+        assert slope(playing, time) == pytest.approx(0.0, abs=0.02)
+
+
+def test_cubic_is_smooth_at_every_keyframe() -> None:
+    turns = [Keyframe(0.5 * n, {"wrist": angle}) for n, angle in enumerate([0.1, 0.4, 0.5, 0.2, 0.2, 0.9], 1)]
+    playing = slowed({"wrist": 0.0}, turns, SPEEDS, interpolation="cubic")
+    for time in playing.times[1:-1]:
+        assert slope(playing, time - 2e-4) == pytest.approx(slope(playing, time + 2e-4), abs=0.02)
+
+
+def test_cubic_with_one_keyframe_goes_there_and_rests() -> None:
+    playing = slowed({"wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS, interpolation="cubic")
+    assert playing.at(0.5) == pytest.approx({"wrist": 0.5})
+    assert slope(playing, 0.5) == pytest.approx(STEEPEST, rel=1e-3)
+
+
+@given(starts, gestures(), ways, st.floats(0.1, 2.0))
+def test_the_run_in_is_slow_and_the_rest_is_not(
+    start: Mapping[str, float],
+    keyframes: Sequence[Keyframe],
+    way: Literal["minimum_jerk", "cubic"],
+    run_in: float,
+) -> None:
+    usual = slowed(start, keyframes, SPEEDS, interpolation=way)
+    slow = slowed(start, keyframes, SPEEDS, interpolation=way, run_in=run_in)
+    later = slow.times[1] - usual.times[1]
+    assert slow.times[1:] == pytest.approx([time + later for time in usual.times[1:]])
+    count = 200
+    samples = [slow.at(slow.times[1] * n / count) for n in range(count + 1)]
+    for here, there in pairwise(samples):
+        for joint in JOINTS:
+            assert abs(there[joint] - here[joint]) <= run_in * slow.times[1] / count * (1 + 1e-6) + 1e-9

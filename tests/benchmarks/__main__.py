@@ -3,7 +3,20 @@
 import json
 import sys
 
-from tests.benchmarks import loading, noticing, perceiving, reacting, simulating, sweeping, ticking, tracking, waking
+from tests.benchmarks import (
+    loading,
+    noticing,
+    perceiving,
+    reacting,
+    serving_base,
+    servoing,
+    simulating,
+    sweeping,
+    ticking,
+    tracking,
+    waking,
+    wandering,
+)
 
 
 def main() -> None:
@@ -12,7 +25,20 @@ def main() -> None:
     if not as_json:
         print(f"{'':<44} {'ours':>10} {'theirs':>10} {'ratio':>8}")
     found = []
-    for module in (ticking, waking, loading, perceiving, noticing, simulating, sweeping, tracking, reacting):
+    for module in (
+        ticking,
+        waking,
+        loading,
+        perceiving,
+        noticing,
+        simulating,
+        serving_base,
+        sweeping,
+        tracking,
+        reacting,
+        wandering,
+        servoing,
+    ):
         for row in module.rows():
             found.append(row.as_dict())
             if not as_json:

@@ -93,6 +93,7 @@ def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
 def test_the_closest_word_is_suggested_whatever_its_case() -> None:
     assert did_you_mean("trak_face", ["say", "track_face"]) == "did you mean 'track_face'?"
     assert did_you_mean("SAY", ["say"]) == "did you mean 'say'?"
+    assert did_you_mean("ax-12a", ["AX-12A"]) == "did you mean 'AX-12A'?"
     assert did_you_mean("xyz", ["say"]) == ""
 
 

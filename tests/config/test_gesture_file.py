@@ -74,3 +74,29 @@ def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
 )
 def test_a_gesture_needs_a_name_and_keyframes(file: Path, text: str, message: str) -> None:
     assert [fault.message for fault in mistakes(file, text)] == [message]
+
+
+def test_a_movement_through_its_keyframes_may_begin_at_once(file: Path) -> None:
+    text = "gesture: nod\ninterpolation: cubic\nkeyframes:\n  - {at: 0 s, neck: 1 deg}\n  - {at: 1 s, neck: 2 deg}\n"
+    gesture = load(file, text)
+    assert gesture.interpolation == "cubic"
+    assert [time for time, _ in gesture.keyframes] == [0.0, 1.0]
+    assert load(file, "gesture: nod\nkeyframes: [{at: 1 s, neck: 1 deg}]\n").interpolation == "minimum_jerk"
+    (fault,) = mistakes(file, text.replace("at: 1 s", "at: 0 s"))
+    assert (fault.mark.line, fault.message) == (
+        5,
+        "'at' must be later than 0 s, as keyframes follow one another",
+    )
+    fault, *_ = mistakes(file, text.replace("cubic", "linear"))
+    assert (fault.mark.line, fault.mark.column, fault.message) == (2, 16, "'interpolation' cannot be 'linear'")
+
+
+def test_a_gesture_can_be_held_to_the_joints_of_a_robot(file: Path) -> None:
+    text = "gesture: nod\nkeyframes:\n  - {at: 1 s, nek: 1 deg}\n  - {at: 2 s, neck: 91 deg}\n"
+    load(file, text)
+    with pytest.raises(InvalidFileError) as caught:
+        load_gesture(file, {"neck": (0.0, math.pi / 2)})
+    assert [(f.mark.line, f.mark.column, f.message, f.suggestion) for f in caught.value.faults] == [
+        (3, 15, "there is no joint 'nek'", "did you mean 'neck'?"),
+        (4, 21, "'neck' at 91 deg is outside its limits, 0 deg to 90 deg", ""),
+    ]

@@ -9,8 +9,8 @@ import pytest
 from config.faults import Fault, InvalidFileError
 from config.library import shipped
 from config.people import ActConfig
-from config.things import BallConfig, BoxConfig, EdgeConfig, WallConfig
-from config.world import LightConfig, StartConfig, WorldConfig, load_world
+from config.things import BallConfig, BoxConfig, DockConfig, EdgeConfig, WallConfig
+from config.world import BatteryConfig, LightConfig, StartConfig, WorldConfig, load_world
 
 
 def load(folder: Path, text: str) -> WorldConfig:
@@ -54,7 +54,7 @@ def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
     )
     (robot,) = world.robots
     assert (robot.name, robot.marker, robot.x, robot.heading) == ("R2", 7, 2.5, 3.0)
-    assert astuple(world.physics) == pytest.approx((0.03, 0.1, pi / 4, 0.02))
+    assert astuple(world.physics) == (*(pytest.approx(value) for value in (0.03, 0.1, pi / 4, 0.02)), None)
     assert (world.noise, world.dropouts) == pytest.approx((5.0, 0.02))
 
 
@@ -187,3 +187,72 @@ def test_every_mark_of_a_broken_world_is_inside_the_file(name: str, tmp_path: Pa
         except InvalidFileError as error:
             for fault in error.faults:
                 assert 1 <= fault.mark.line <= len(lines)
+
+
+# The dock and the battery
+
+
+def test_a_dock_and_a_battery_are_read_in_si_units(tmp_path: Path) -> None:
+    world = load(
+        tmp_path,
+        "dock: {at: [-2.95 m, 50 cm], heading: 0 deg}\nphysics: {slip: 1 %, battery: {level: 80 %, drain: 10}}\n",
+    )
+    assert world.dock == DockConfig(-2.95, 0.5, 0.0)
+    assert world.physics.battery == BatteryConfig(0.8, 10.0)
+    assert load(tmp_path, "physics: {battery: {}}\n").physics.battery == BatteryConfig(1.0, 1.0)
+    plain = load(tmp_path, "")
+    assert (plain.dock, plain.physics.battery) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "word", "said"),
+    [
+        ("dock: {at: [-2.95 m, 0 m]}", "{at", "'dock' needs 'heading'"),
+        ("dock: {heading: 0 deg}", "{heading", "'dock' needs 'at'"),
+        ("dock: {at: [-2.95 m, 0 m], headng: 0 deg, heading: 0 deg}", "headng", "did you mean 'heading'?"),
+        ("dock: {at: [-2.95 m, 0 m], heading: 0}", "0}", "'heading' needs an angle such as '30 deg'"),
+        ("dock: [-2.95 m, 0 m]", "[-2.95", "'dock' must be a mapping"),
+        ("dock: {at: [-9 m, 0 m], heading: 0 deg}", "[-9 m", "no room for the robot before the dock"),
+        ("dock: {at: [-2.99 m, 0 m], heading: 0 deg}", "[-2.99", "the dock is outside the room at [-3.04 m"),
+        ("dock: {at: [-2.95 m, 0 m], heading: 180 deg}", "[-2.95", "before the dock, at [-3.18 m, 0 m]"),
+        ("dock: {at: [0.1 m, 0 m], heading: 0 deg}", "[0.1 m", "the dock is where the robot starts"),
+        (
+            f"furniture: [{{name: bed, at: [-1.5 m, 1 m], {FLOOR}}}]\ndock: {{at: [-2.1 m, 1 m], heading: 0 deg}}",
+            "[-2.1 m",
+            "at [-1.87 m, 1 m]: 'bed' is there",
+        ),
+        ("dok: {at: [-2.95 m, 0 m], heading: 0 deg}", "dok", "did you mean 'dock'?"),
+        ("physics: {battery: {level: 80}}", "80", "'level' needs a share such as '20 %'"),
+        ("physics: {battery: {level: 120 %}}", "120", "'level' must be at most 100 %"),
+        ("physics: {battery: {drain: -1}}", "-1", "'drain' must be at least 0"),
+        ("physics: {battery: {drian: 2}}", "drian", "did you mean 'drain'?"),
+        ("battery: {level: 80 %}", "battery", "a world file has no key 'battery'"),
+    ],
+)
+def test_what_is_wrong_with_dock_or_battery_is_told_at_its_word(
+    tmp_path: Path, text: str, word: str, said: str
+) -> None:
+    fault = mistake(tmp_path, text)
+    assert fault.mark.line == 2 + text.count("\n")
+    assert fault.mark.column == text.splitlines()[-1].index(word) + 1
+    assert said in str(fault)
+
+
+def test_all_that_is_wrong_with_a_dock_and_a_battery_comes_at_once(tmp_path: Path) -> None:
+    file = tmp_path / "world.yaml"
+    file.write_text("world: hall\ndock: {at: 1 m, heading: 3 m}\nphysics: {battery: {level: 2, drain: x}}\n")
+    with pytest.raises(InvalidFileError) as caught:
+        load_world(file)
+    assert [(fault.mark.line, fault.mark.column) for fault in caught.value.faults] == [
+        (2, 12),
+        (2, 26),
+        (3, 28),
+        (3, 38),
+    ]
+
+
+def test_nobody_stands_in_the_dock_and_a_robot_may_start_on_it(tmp_path: Path) -> None:
+    dock = "dock: {at: [-2.95 m, 0 m], heading: 0 deg}\n"
+    fault = mistake(tmp_path, f"{dock}people: [{{name: Anna, at: [-2.95 m, 0 m]}}]\n")
+    assert fault.message == "Anna cannot be at [-2.95 m, 0 m]: the dock is there"
+    load(tmp_path, f"{dock}start: {{at: [-2.715 m, 0 m], heading: 180 deg}}\n")

@@ -2,36 +2,36 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from math import inf, nan, pi
+from math import hypot, inf, nan, pi
 
 import pytest
 
-from drivers.api import COMMAND_LIFE, Base, BaseState, Pose2D, Quality, Sides, Velocity
-from drivers.errors import BadRequest, NotConnected
+from drivers.api import COMMAND_LIFE, Base, BaseState, Lamp, Pose2D, Quality, Sides, Source, Tune, Velocity
+from drivers.errors import BadRequest, DeviceFault, NotConnected
+from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.driver import KobukiBase
-from drivers.kobuki.limits import STILL
 from drivers.kobuki.wire import BAUD
 from drivers.link import Link
 from drivers.sim.body import NOTHING, RADIUS, Body
+from drivers.sim.ground import OpenFloor
 from drivers.sim.twins.base import BaseTwin
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
 
+LIGHTS = {1: (0x0100, 0x0200), 2: (0x0400, 0x0800)}
+"""The bits of the lights in the word of the outputs, red and green (protocol table of the vendor)."""
+
 WALL = 0.5
 """Where a wall stands across the way, in metres ahead."""
 
 
-class Room:
+class Room(OpenFloor):
     """A ``Ground`` with one wall."""
 
     def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
         del y, time
         return (0.0,) if x + radius >= WALL else ()
-
-    def has_floor(self, x: float, y: float) -> bool:
-        del x, y
-        return True
 
 
 class BaseRig(Rig):
@@ -48,6 +48,10 @@ class BaseRig(Rig):
     @abstractmethod
     def lift(self, *, up: bool) -> None:
         """Take it off the floor, or put it back."""
+
+    @abstractmethod
+    def shines(self, number: int) -> Lamp:
+        """Which colour a light really shows."""
 
     def start(self) -> None:
         self.device.open()
@@ -100,6 +104,13 @@ class WireBase(InRealTime, BaseRig):
     def lift(self, *, up: bool) -> None:
         self.kobuki.wheel_drop = Sides(left=up, right=up)
 
+    def shines(self, number: int) -> Lamp:
+        red, green = LIGHTS[number]
+        word = self.kobuki.outputs
+        return {(0, 0): Lamp.OFF, (1, 0): Lamp.RED, (0, 1): Lamp.GREEN, (1, 1): Lamp.ORANGE}[
+            bool(word & red), bool(word & green)
+        ]
+
     def unplug(self) -> None:
         self.terminal.unplug()
 
@@ -128,6 +139,9 @@ class TwinBase(InSimulatedTime, BaseRig):
 
     def lift(self, *, up: bool) -> None:
         self.twin.lift(up=up)
+
+    def shines(self, number: int) -> Lamp:
+        return self.twin.lights[number]
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -279,19 +293,101 @@ def test_a_past_heading_lies_between_those_measured_before_and_after(base: BaseR
     assert base.device.heading_at(began - 10.0) is None
 
 
-@pytest.mark.parametrize("contact", ["bumper", "cliff"])
 @pytest.mark.parametrize("side", ["left", "centre", "right"])
-def test_what_it_touches_forbids_forward_but_not_back_and_round(base: BaseRig, contact: str, side: str) -> None:
+def test_a_bumper_forbids_forward_but_not_back_and_round(base: BaseRig, side: str) -> None:
     changes = base.changes
-    base.touch(**{contact: Sides(**{side: True})})
-    base.until(lambda: getattr(getattr(base.state(), contact), side))
-    base.until(lambda: base.changes > changes)
-    assert base.told("fault", f"cliff {side}") == (contact == "cliff")
+    base.touch(bumper=Sides(**{side: True}))
+    base.until(lambda: getattr(base.state().bumper, side) and base.changes > changes)
     assert base.device.drive(Velocity(0.2, 0.5)) == Velocity(0.0, 0.5)
     assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.5)
     base.touch()
-    base.until(lambda: not getattr(base.state(), contact))
+    base.until(lambda: not base.state().bumper)
     assert base.device.drive(Velocity(0.2, 0.0)) == Velocity(0.2, 0.0)
+
+
+@pytest.mark.parametrize("side", ["left", "centre", "right"])
+def test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind(base: BaseRig, side: str) -> None:
+    base.touch(cliff=Sides(**{side: True}))
+    base.until(lambda: base.told("fault", f"cliff {side}"))
+    assert base.device.drive(Velocity(0.2, 0.5)) == STILL
+    assert base.device.drive(Velocity(0.0, 0.5)) == STILL
+    assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.0)
+    base.touch()
+    base.until(lambda: not base.state().cliff)
+    assert base.device.drive(Velocity(0.0, 0.5)) == STILL
+    here = base.state().pose.x
+    base.drive(-0.2, 0.0, lambda: base.state().pose.x < here - 0.1)
+    base.until(lambda: base.device.drive(Velocity(0.2, 0.5)) == Velocity(0.2, 0.5))
+
+
+def test_driven_into_something_it_backs_off_by_itself(base: BaseRig) -> None:
+    base.drive(0.3, 0.0, lambda: base.state().velocity.linear > 0.2)
+    base.touch(bumper=Sides(left=True))
+    base.until(lambda: base.device.steering().source is Source.SAFETY)
+    assert base.device.steering().because == "backing off: bumper left"
+    assert base.device.drive(Velocity(0.3, 0.0)) == STILL
+    hit = base.state().pose
+    base.until(lambda: base.state().velocity.linear < 0.0)
+    base.touch()
+    base.until(lambda: base.device.steering().source is not Source.SAFETY)
+    back = base.state().pose
+    assert 0.02 < hypot(back.x - hit.x, back.y - hit.y) < 0.15
+    assert back.heading < hit.heading
+
+
+def test_a_person_has_the_wheels_before_the_mission_and_a_while_after(base: BaseRig) -> None:
+    device = base.device
+
+    def steered() -> bool:
+        device.drive(Velocity(0.0, 0.5), source=Source.TELEOP)
+        return base.state().velocity.angular > 0.2
+
+    base.until(steered)
+    assert device.drive(Velocity(-0.2, 0.0)) == STILL
+    assert device.steering().source is Source.TELEOP
+    device.stop(source=Source.MISSION)
+    assert device.steering().source is Source.TELEOP
+    asked = base.clock.now()
+    device.drive(Velocity(0.0, 0.5), source=Source.TELEOP)
+    base.until(base.stands)
+    base.until(lambda: device.drive(Velocity(-0.2, 0.0)) == Velocity(-0.2, 0.0))
+    assert base.clock.now() - asked >= 0.99
+
+
+def test_nobody_commands_in_the_name_of_safety(base: BaseRig) -> None:
+    with pytest.raises(BadRequest, match="safety"):
+        base.device.drive(Velocity(0.1, 0.0), source=Source.SAFETY)
+
+
+def test_latched_it_stands_whoever_commands_until_it_is_enabled(base: BaseRig) -> None:
+    base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.2)
+    base.device.latch("somebody shouted")
+    base.device.latch("and again")
+    assert base.device.latched == "somebody shouted"
+    for source in (Source.MISSION, Source.TELEOP):
+        with pytest.raises(DeviceFault, match="somebody shouted") as caught:
+            base.device.drive(Velocity(0.1, 0.0), source=source)
+        assert "enable" in caught.value.hint
+    base.until(base.stands)
+    here = base.truth()
+    base.wait(0.2)
+    assert base.truth() == here
+    base.device.enable()
+    assert base.device.latched == ""
+    base.wait(0.1)
+    assert base.stands(), "what was commanded before is not in force"
+    base.drive(-0.2, 0.0, lambda: base.state().velocity.linear < -0.1)
+
+
+def test_it_plays_shines_and_refuses_what_it_has_not(base: BaseRig) -> None:
+    base.device.play(Tune.RECHARGE)
+    base.device.tone(440.0, 0.2)
+    base.device.light(1, Lamp.ORANGE)
+    with pytest.raises(BadRequest, match="light 3"):
+        base.device.light(3, Lamp.RED)
+    with pytest.raises(BadRequest, match="tone"):
+        base.device.tone(440.0, 3.0)
+    base.until(lambda: base.shines(1) is Lamp.ORANGE and base.shines(2) is Lamp.OFF)
 
 
 def test_a_cliff_ends_a_drive_forward_though_it_is_asked_for(base: BaseRig) -> None:

@@ -2,12 +2,13 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from functools import partial
 from math import inf, nan
 from typing import Literal
 
 import pytest
 
-from drivers.api import Joints, JointState, Quality
+from drivers.api import Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
@@ -41,6 +42,10 @@ class JointsRig(Rig):
     def overload(self, joint: str) -> None:
         """Let the servo of a joint shut itself down."""
 
+    @abstractmethod
+    def turn_by_hand(self, joint: str, angle: float) -> None:
+        """Turn a joint that is limp to an angle in radians."""
+
     def start(self) -> None:
         self.device.open()
         self.until(lambda: self.device.health().online and self.told("online"))
@@ -54,6 +59,10 @@ class JointsRig(Rig):
     def at(self, joint: str, angle: float) -> bool:
         """Whether it is there, by its own account and in truth."""
         return abs(self.state(joint).position - angle) <= TICK and abs(self.truth(joint) - angle) <= TICK
+
+    def near(self, joint: str, angle: float) -> bool:
+        """Whether it is there in truth, within what two sensors round."""
+        return abs(self.truth(joint) - angle) <= 2 * TICK
 
     def fresh(self, joint: str) -> JointState:
         """Return what one joint feels after now."""
@@ -84,6 +93,10 @@ class WireJoints(InRealTime, JointsRig):
     def overload(self, joint: str) -> None:
         self.chain.servo(SPECS[joint].id).overload()
 
+    def turn_by_hand(self, joint: str, angle: float) -> None:
+        spec = SPECS[joint]
+        self.terminal.ask(lambda: self.chain.servo(spec.id).turn_by_hand(spec.zero + spec.direction * angle))
+
     def unplug(self) -> None:
         self.terminal.unplug()
 
@@ -110,6 +123,9 @@ class TwinJoints(InSimulatedTime, JointsRig):
 
     def overload(self, joint: str) -> None:
         self.twin.overload(joint)
+
+    def turn_by_hand(self, joint: str, angle: float) -> None:
+        self.twin.turn_by_hand(joint, angle)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -195,6 +211,22 @@ def test_a_goal_beyond_the_limits_is_clamped(arm: JointsRig) -> None:
     assert arm.device.move({"wrist": 2.0, "elbow": -9.0}) == {"wrist": 1.0, "elbow": -1.5}
     arm.until(lambda: arm.at("wrist", 1.0) and arm.at("elbow", -1.5))
 
+    arm.until(lambda: arm.told("fault", "the goal of wrist was clamped to 57.3 deg: 114.6 deg is beyond its limits"))
+    assert arm.told("fault", "the goal of elbow was clamped")
+    assert all(notice.hint for notice in arm.notices if notice.kind == "fault")
+    for _ in range(5):
+        arm.device.move({"wrist": 2.0})
+    assert sum("of wrist was clamped" in notice.what for notice in arm.notices) == 1
+
+
+def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(arm: JointsRig) -> None:
+    assert arm.state("elbow").error is None
+    arm.device.move({"elbow": 1.0, "shoulder": 1.0}, speeds={"elbow": 0.5, "shoulder": 0.5})
+    for joint in ("elbow", "shoulder"):
+        state = arm.fresh(joint)
+        assert state.error == pytest.approx(state.position - 1.0)
+        assert -1.1 < state.position - 1.0 < -0.5
+
 
 def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> None:
     began = arm.clock.now()
@@ -247,6 +279,135 @@ def test_relaxed_it_has_no_torque_and_no_goal(arm: JointsRig) -> None:
     there = arm.truth("shoulder")
     arm.wait(0.1)
     assert arm.truth("shoulder") == there
+
+
+def test_some_joints_can_be_held_or_relaxed_and_the_others_go_on(arm: JointsRig) -> None:
+    arm.device.hold(["wrist", "elbow"])
+    assert [arm.fresh(joint).torque for joint in SPECS] == [True, True, False]
+    arm.device.move({"wrist": 0.8, "elbow": 0.8}, speeds={"wrist": 1.0, "elbow": 1.0})
+    arm.device.relax(["elbow"])
+    arm.until(lambda: arm.at("wrist", 0.8))
+    assert not arm.fresh("elbow").torque
+    assert arm.truth("elbow") < 0.5
+    arm.device.hold([])
+    arm.device.relax([])
+    assert [arm.fresh(joint).torque for joint in SPECS] == [True, False, False]
+    for refused in (arm.device.hold, arm.device.relax):
+        with pytest.raises(BadRequest, match=r"no joint 'knee' \(there are wrist, elbow, shoulder\)"):
+            refused(["wrist", "knee"])
+    assert arm.fresh("wrist").torque
+
+
+def test_a_follower_goes_where_its_leader_is_turned_which_stays_limp(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist", scale=-0.5, offset=0.1)])
+    arm.until(lambda: arm.at("wrist", 0.1))
+    for angle in (0.8, -0.6):
+        arm.turn_by_hand("elbow", angle)
+        arm.until(partial(arm.near, "wrist", 0.1 - 0.5 * angle))
+    assert arm.fresh("wrist").torque
+    assert not arm.fresh("elbow").torque
+    assert not arm.fresh("shoulder").torque
+
+
+def test_a_follower_is_clamped_to_its_own_limits_and_that_is_told_once(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist", scale=2.0)])
+    arm.turn_by_hand("elbow", 1.2)
+    arm.until(lambda: arm.at("wrist", 1.0))
+    assert sum("goal of wrist was clamped" in notice.what for notice in arm.notices) == 1
+
+
+def test_a_follower_with_a_threshold_waits_until_its_leader_has_passed_it(arm: JointsRig) -> None:
+    arm.turn_by_hand("elbow", 0.5)
+    arm.until(lambda: arm.at("elbow", 0.5))
+    arm.device.follow([Coupling("elbow", "wrist", threshold=0.3)])
+    arm.wait(0.1)
+    arm.turn_by_hand("elbow", 0.7)
+    arm.wait(0.1)
+    assert not arm.fresh("wrist").torque
+    assert arm.at("wrist", 0.0)
+    arm.turn_by_hand("elbow", 0.85)
+    arm.until(lambda: arm.near("wrist", 0.85))
+    arm.turn_by_hand("elbow", 0.5)
+    arm.until(lambda: arm.near("wrist", 0.5))
+
+
+def test_a_joint_that_follows_no_more_stands_where_it_is(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
+    arm.turn_by_hand("elbow", 0.3)
+    arm.until(lambda: arm.at("wrist", 0.3) and arm.at("shoulder", 0.3))
+    arm.device.follow([Coupling("elbow", "shoulder")])
+    arm.turn_by_hand("elbow", 0.6)
+    arm.until(lambda: arm.at("shoulder", 0.6))
+    assert arm.at("wrist", 0.3)
+    arm.device.follow(())
+    arm.turn_by_hand("elbow", 0.0)
+    arm.until(lambda: arm.at("elbow", 0.0))
+    arm.wait(0.1)
+    assert arm.at("wrist", 0.3)
+    assert arm.at("shoulder", 0.6)
+    assert arm.fresh("wrist").torque
+    assert arm.fresh("shoulder").torque
+    arm.device.follow(())
+
+
+@pytest.mark.parametrize("command", ["move", "hold", "relax"])
+def test_whoever_commands_a_follower_ends_what_leads_it(arm: JointsRig, command: str) -> None:
+    arm.device.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
+    arm.turn_by_hand("elbow", 0.3)
+    arm.until(lambda: arm.at("wrist", 0.3) and arm.at("shoulder", 0.3))
+    match command:
+        case "move":
+            arm.device.move({"wrist": 0.2})
+        case "hold":
+            arm.device.hold(["wrist"])
+        case _:
+            arm.device.relax(["wrist"])
+    arm.turn_by_hand("elbow", -0.3)
+    arm.until(lambda: arm.at("shoulder", -0.3))
+    assert arm.at("wrist", 0.2 if command == "move" else 0.3)
+    assert arm.fresh("wrist").torque == (command != "relax")
+
+
+def test_couplings_that_cannot_be_are_refused_and_change_nothing(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist")])
+    for wrong, words in (
+        ([Coupling("knee", "wrist")], "no joint 'knee'"),
+        ([Coupling("elbow", "wrist"), Coupling("shoulder", "wrist")], "follows another joint already"),
+        ([Coupling("elbow", "wrist"), Coupling("wrist", "shoulder")], "cannot follow as well"),
+        ([Coupling("elbow", "wrist", scale=nan)], "must be finite"),
+    ):
+        with pytest.raises(BadRequest, match=words):
+            arm.device.follow(wrong)
+    arm.turn_by_hand("elbow", 0.4)
+    arm.until(lambda: arm.at("wrist", 0.4))
+
+
+def test_unplugged_nothing_can_be_led_but_it_can_be_ended(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist")])
+    arm.turn_by_hand("elbow", 0.4)
+    arm.until(lambda: arm.at("wrist", 0.4))
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    with pytest.raises(NotConnected, match="arm"):
+        arm.device.follow([Coupling("elbow", "shoulder")])
+    arm.device.follow(())
+    arm.plug_in()
+    arm.until(lambda: arm.device.health().online and arm.device.states()["elbow"].good)
+    arm.turn_by_hand("elbow", 0.1)
+    arm.until(lambda: arm.at("elbow", 0.1))
+    arm.wait(0.1)
+    assert arm.at("wrist", 0.4)
+
+
+def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
+    arm.device.follow([Coupling("elbow", "wrist")])
+    arm.turn_by_hand("elbow", 0.4)
+    arm.until(lambda: arm.at("wrist", 0.4))
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.turn_by_hand("elbow", 0.1)
+    arm.plug_in()
+    arm.until(lambda: arm.at("wrist", 0.1))
 
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])

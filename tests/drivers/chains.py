@@ -1,9 +1,17 @@
 """Chains of virtual servos as the shop delivers them."""
 
-from drivers.virtual.ax12 import VirtualAX12
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.mishaps import Mishaps
+from drivers.virtual.servo import VirtualServo
 
 
-def chain(count: int) -> VirtualServoBus:
-    """Return ``count`` AX-12A with the IDs from 1, all in their middle."""
-    return VirtualServoBus([VirtualAX12(number) for number in range(1, count + 1)])
+def chain(count: int, model: str = "AX-12A", *, paced: bool = False, mishaps: Mishaps | None = None) -> VirtualServoBus:
+    """Return ``count`` servos with the IDs from 1, all in their middle."""
+    servos = [VirtualServo(number, model=model) for number in range(1, count + 1)]
+    return VirtualServoBus(servos, paced=paced, mishaps=mishaps)
+
+
+def mixed_chain(*models: str, baud: int = 1_000_000, paced: bool = False) -> VirtualServoBus:
+    """Return one servo of each of ``models``, with the IDs from 1."""
+    servos = [VirtualServo(number, model=model) for number, model in enumerate(models, 1)]
+    return VirtualServoBus(servos, baud, paced=paced)

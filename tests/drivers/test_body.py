@@ -9,25 +9,22 @@ from hypothesis import strategies as st
 
 from drivers.api import Pose2D, Sides, Velocity
 from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, RADIUS, Body, either
+from drivers.sim.ground import OpenFloor
 from drivers.sim.wheels import Wheels
 
 WALL = 1.0
 """Where the wall of ``Walled`` stands, in metres along x; all that is beyond is solid."""
 
 
-class Walled:
+class Walled(OpenFloor):
     """A ``Ground`` with a wall across the x axis."""
 
     def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
         del y, time
         return (0.0,) if x + radius >= WALL else ()
 
-    def has_floor(self, x: float, y: float) -> bool:
-        del x, y
-        return True
 
-
-class Felt:
+class Felt(OpenFloor):
     """A ``Ground`` on which something is touched in a direction that the test chooses (degrees), or nothing."""
 
     def __init__(self, *directions: float) -> None:
@@ -37,20 +34,12 @@ class Felt:
         del x, y, radius, time
         return self.directions
 
-    def has_floor(self, x: float, y: float) -> bool:
-        del x, y
-        return True
 
-
-class Holed:
+class Holed(OpenFloor):
     """A ``Ground`` whose floor is missing wherever ``hole`` says so."""
 
     def __init__(self, hole: Callable[[float, float], bool]) -> None:
         self.hole = hole
-
-    def touched(self, x: float, y: float, radius: float, time: float) -> Sequence[float]:
-        del x, y, radius, time
-        return ()
 
     def has_floor(self, x: float, y: float) -> bool:
         return not self.hole(x, y)
@@ -110,6 +99,32 @@ def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
     assert (body.velocity.linear, body.velocity.angular) == pytest.approx((0.0, 0.5))
     assert body.encoders[0] > left + 1000
     assert body.encoders[1] > right + 2000
+
+
+def test_two_times_that_differ_by_a_rounding_error_do_not_let_it_go() -> None:
+    body = Body(wheels=Wheels(pose=Pose2D(0.0, 0.0, 0.5)), ground=Walled())
+    now = drive(body, 0.5, 0.0, 0.0, 4.0)
+    body.advance(now + 1e-12)
+    assert body.velocity == Velocity(0.0, 0.0)
+    assert min(body.currents) > 3.0
+
+
+def test_a_wheel_that_turns_in_vain_is_overloaded_after_a_while_and_no_longer_once_it_is_free() -> None:
+    body = Body(ground=Walled())
+    now = drive(body, 0.3, 0.0, 0.0, 2.7)
+    assert body.overcurrent == NOTHING
+    assert body.velocity.linear == pytest.approx(0.3)
+    now = drive(body, 0.3, 0.0, now, 0.7)
+    assert body.overcurrent == Sides(left=True, right=True)
+    drive(body, -0.3, 0.0, now, 0.5)
+    assert body.overcurrent == NOTHING
+    assert body.currents == pytest.approx((0.24, 0.24))
+
+
+def test_standing_still_against_a_wall_its_motors_draw_nothing() -> None:
+    body = Body(ground=Walled())
+    drive(body, 0.0, 0.0, drive(body, 0.3, 0.0, 0.0, 4.0), 1.0)
+    assert (body.bumper, body.currents, body.overcurrent) == (Sides(centre=True), (0.0, 0.0), NOTHING)
 
 
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=20))

@@ -1,311 +1,558 @@
-"""The bus against a virtual chain over a pseudo-terminal, with every fault that a wire has."""
+"""The bus on a line without a port: what leaves it, what it makes of what comes back, and for how long it waits.
 
-import os
-import pty
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from threading import Event, Thread
+What only a port can show is in ``test_dynamixel_adapter``.
+"""
+
+from collections.abc import Callable, Sequence
 
 import pytest
-import serial
 
-from drivers.clock import SystemClock
-from drivers.dynamixel import models as m
-from drivers.dynamixel.bus import TRIES, Bus
-from drivers.dynamixel.port import quicken, timer_of
+from drivers.clock import ManualClock
+from drivers.dynamixel.bus import TRIES, At, Bus, Identity
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.overdue import LATE
+from drivers.dynamixel.register import Block
 from drivers.dynamixel.wire import Fault, status
+from drivers.dynamixel.wire2 import ALERT, Error
+from drivers.dynamixel.wire2 import status as status2
 from drivers.errors import BadRequest, NoReply, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.terminal import Terminal
-from tests.drivers.chains import chain
+from drivers.virtual.mishaps import Mishaps
+from tests.drivers.chains import chain, mixed_chain
+from tests.drivers.lines import direct_bus
 
-PATIENCE = 0.05  # a shared machine may be late by tens of milliseconds
+AX, XL = MODELS["AX-12A"].table, MODELS["XL430-W250"].table
+POSITION, LOAD, SPEED, LED = (AX[name] for name in ("present_position", "present_load", "moving_speed", "led"))
+ONE, ONE2 = At(1), At(1, 2)
 
 
-class Bench:
-    """A chain of three on a terminal, and the bus that has it open."""
+class Script:
+    """A bus, and a line that answers each request with the next of ``answers``: pieces, each after some seconds."""
 
-    def __init__(self) -> None:
-        self.clock = SystemClock()
-        self.chain: VirtualServoBus = chain(3)
-        self.terminal = Terminal("servos", self.chain, self.clock)
-        self.terminal.open()
-        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=PATIENCE)
+    latency = 0.0
+
+    def __init__(self, *answers: Sequence[tuple[float, bytes]]) -> None:
+        self.clock = ManualClock()
+        self.sent: list[bytes] = []
+        self._answers = list(answers)
+        self._coming: list[tuple[float, bytes]] = []
+        self.bus = Bus("/dev/servos", self.clock, name="arm", dial=lambda *_: self)
         self.bus.open()
 
+    def send(self, data: bytes) -> None:
+        self.sent.append(data)
+        if self._answers:
+            self._coming += [(self.clock.now() + after, piece) for after, piece in self._answers.pop(0)]
+            self._coming.sort(key=lambda coming: coming[0])
+
+    def hear(self, until: float) -> bytes:
+        self.clock.reach(min(until, self._coming[0][0]) if self._coming else until)
+        heard = b"".join(piece for due, piece in self._coming if due <= self.clock.now())
+        self._coming = [coming for coming in self._coming if coming[0] > self.clock.now()]
+        return heard
+
+    def tune(self, baud: int) -> None:
+        """Take any rate."""
+
     def close(self) -> None:
-        self.bus.close()
-        self.terminal.close()
-
-    def distort_first(self, change: Callable[[bytes], bytes], times: int = 1) -> None:
-        """Change the next ``times`` answers, then play fair again."""
-        left = times
-
-        def distort(data: bytes) -> bytes:
-            nonlocal left
-            left -= 1
-            return change(data) if left >= 0 else data
-
-        self.terminal.distort = distort
+        """Let go of nothing."""
 
 
-def until_lost(act: Callable[[], object]) -> NotConnected:
-    """Act until the pulled plug is felt: the terminal lets go of it when its own thread next looks."""
-    clock, pause = SystemClock(), Event()
-    end = clock.now() + 10
-    while clock.now() < end:
-        try:
-            act()
-        except NotConnected as error:
-            return error
-        except NoReply:
-            pass
-        pause.wait(0.01)
-    raise AssertionError("the bus never noticed")
+def soon(*pieces: bytes) -> list[tuple[float, bytes]]:
+    return [(0.0002 * (place + 1), piece) for place, piece in enumerate(pieces)]
 
 
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    bench = Bench()
-    yield bench
-    bench.close()
+def late(reply: bytes) -> list[tuple[float, bytes]]:
+    """Return a reply that comes when the bus has given up, and tried again once."""
+    return [(0.009, reply)]
 
 
-def test_it_pings_reads_writes_and_writes_to_many(bench: Bench) -> None:
-    bus = bench.bus
-    assert bus.ping(2) == 12
-    bus.write(1, m.GOAL_POSITION, 600)
-    assert bus.read(1, m.GOAL_POSITION) == 600
-    bus.sync_write(m.MOVING_SPEED, {1: 11, 2: 22, 3: 33})
-    assert [bus.read(servo, m.MOVING_SPEED) for servo in (1, 2, 3)] == [11, 22, 33]
-    block = bus.read_block(3, m.GOAL_POSITION.address, 4)
-    assert (m.GOAL_POSITION.decode(block, 30), m.MOVING_SPEED.decode(block, 30)) == (512, 33)
-    assert bus.tally(9).tries == 0
+# --- replies that come too late ---------------------------------------------------------------------------------------
 
 
-def test_a_silent_servo_says_what_to_try(bench: Bench) -> None:
-    with pytest.raises(
-        NoReply, match=r"arm: servo 9: no reply to a read of 2 bytes at 36 on .* at 1000000 baud"
-    ) as caught:
-        bench.bus.read(9, m.PRESENT_POSITION)
-    assert "power" in caught.value.hint
-    assert "9" in caught.value.hint
-    tally = bench.bus.tally(9)
-    assert (tally.tries, tally.misses, tally.corrupt) == (TRIES, TRIES, 0)
-    assert bench.bus.read(1, m.PRESENT_POSITION) == 512
+class AlwaysLate(Mishaps):
+    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+        return late(reply)
 
 
-def test_a_missing_servo_is_waited_for_no_longer_than_its_reply_can_take(bench: Bench) -> None:
-    quick = Bus(bench.terminal.path, bench.clock, patience=0.002)
-    bench.bus.close()
-    quick.open()
-    try:
-        before = bench.clock.now()
-        with pytest.raises(NoReply):
-            quick.read_block(9, 36, 8, tries=1)
-        assert bench.clock.now() - before >= 0.002
-    finally:
-        quick.close()
+def test_a_late_reply_is_never_taken_for_that_of_another_register() -> None:
+    servos = chain(1, paced=True, mishaps=AlwaysLate())
+    bus, _, _ = direct_bus(servos)
+    heard = [(register.name, bus.read(ONE, register)) for _ in range(100) for register in (POSITION, LOAD)]
+    held = {register.name: servos.servo(1).get(register) for register in (POSITION, LOAD)}
+    assert held["present_position"] != held["present_load"]
+    assert [reading for reading in heard if reading[1] != held[reading[0]]] == []
+    assert bus.tally(1).late > 0
 
 
-def test_a_read_survives_a_wrong_checksum_and_counts_it(bench: Bench) -> None:
-    bench.distort_first(lambda data: data[:-1] + bytes((data[-1] ^ 1,)), times=TRIES - 1)
-    assert bench.bus.read(1, m.PRESENT_POSITION) == 512
-    assert bench.bus.tally(1).corrupt == TRIES - 1
+def test_a_read_after_a_miss_is_widened_to_a_size_that_no_reply_that_is_owed_can_have() -> None:
+    script = Script([], soon(status(1, 0, bytes((9, 9, 9, 0x2C, 0x01)))))
+    with pytest.raises(NoReply):
+        script.bus.read_block(ONE, 36, 2, tries=1)
+    assert script.bus.read_block(ONE, 40, 2) == b"\x2c\x01"
+    assert [request[5:7] for request in script.sent] == [bytes((36, 2)), bytes((37, 5))]
 
 
-def test_replies_that_stay_damaged_name_the_likely_cause(bench: Bench) -> None:
-    bench.distort_first(lambda data: data[:-1] + bytes((data[-1] ^ 1,)), times=TRIES)
-    with pytest.raises(NoReply, match=r"3 of 3 replies .* damaged") as caught:
-        bench.bus.read(1, m.PRESENT_POSITION)
-    assert "two with ID 1" in caught.value.hint
+def test_a_reading_is_never_older_than_the_question() -> None:
+    script = Script(late(status(1, 0, b"\x07\x00")), soon(status(1, 0, b"\x00\x00\x00\x08\x00")))
+    with pytest.raises(NoReply):
+        script.bus.read_block(ONE, 36, 2, tries=1)
+    assert script.bus.read_block(ONE, 36, 2) == b"\x08\x00"
+
+
+def test_the_tries_of_one_read_are_the_same_question() -> None:
+    script = Script(late(status(1, 0, b"\x07\x00")), [])
+    assert script.bus.read_block(ONE, 36, 2) == b"\x07\x00"
+    assert script.sent[0] == script.sent[1]
+
+
+def test_a_late_reply_that_comes_alone_is_counted_and_no_longer_in_the_way() -> None:
+    script = Script(late(status(1, 0, b"\x07\x00")), soon(status(2)), soon(status(1, 0, b"\x08\x00")))
+    with pytest.raises(NoReply):
+        script.bus.read_block(ONE, 36, 2, tries=1)
+    script.clock.advance(0.01)
+    script.bus.write(At(2), SPEED, 1)
+    assert script.bus.tally(1).late == 1
+    assert script.bus.read_block(ONE, 40, 2) == b"\x08\x00"
+    assert script.sent[2][5:7] == bytes((40, 2))
+
+
+def test_another_write_waits_until_the_overdue_acknowledgement_has_come() -> None:
+    script = Script(late(status(1)), [])
+    with pytest.raises(NoReply):
+        script.bus.write(ONE, SPEED, 1)
+    with pytest.raises(NoReply):  # its own acknowledgement was lost: that of the first must not stand for it
+        script.bus.write(ONE, SPEED, 2)
+    assert script.bus.tally(1).late == 1
+
+
+@pytest.mark.parametrize(("servo", "value", "wait"), [(1, 2, LATE), (1, 1, 0.0), (2, 2, 0.0)])
+def test_neither_the_same_write_nor_another_servo_waits_for_it(servo: int, value: int, wait: float) -> None:
+    script = Script([], soon(status(servo)))
+    with pytest.raises(NoReply):
+        script.bus.write(ONE, SPEED, 1)
+    missed = script.clock.now()
+    script.bus.write(At(servo), SPEED, value)
+    assert script.clock.now() - missed == pytest.approx(wait + 0.0002, abs=0.0001)
+
+
+# --- what is on the wire ----------------------------------------------------------------------------------------------
+
+P1, P2 = "FF FF ", "FF FF FD 00 "
+CONVERSATIONS: list[tuple[Callable[[Bus], object], str, list[str], object]] = [
+    (lambda bus: bus.read_block(ONE, 43, 1), P1 + "01 04 02 2B 01 CC", [P1 + "01 03 00 20 DB"], b"\x20"),
+    (lambda bus: bus.read(ONE, AX["model_number"]), P1 + "01 04 02 00 02 F6", [P1 + "01 04 00 0C 00 EE"], 12),
+    (
+        lambda bus: bus.read_block(ONE, 36, 8),
+        P1 + "01 04 02 24 08 CC",
+        [P1 + "01 0A 00 00 02 00 00 00 00 78 23 57"],
+        bytes.fromhex("00 02 00 00 00 00 78 23"),
+    ),
+    (lambda bus: bus.write(ONE, AX["torque_enable"], 1), P1 + "01 04 03 18 01 DE", [P1 + "01 02 00 FC"], None),
+    (lambda bus: bus.write(ONE, AX["goal_position"], 512), P1 + "01 05 03 1E 00 02 D6", [P1 + "01 02 00 FC"], None),
+    (
+        lambda bus: bus.write_block(ONE, 30, bytes.fromhex("00 02 64 00")),
+        P1 + "01 07 03 1E 00 02 64 00 70",
+        [P1 + "01 02 20 DC"],
+        None,
+    ),
+    (lambda bus: bus.write(ONE, AX["id"], 2), P1 + "01 04 03 03 02 F2", [P1 + "01 02 24 D8"], None),
+    (lambda bus: bus.reset(At(0), "nothing"), P1 + "00 02 06 F7", [P1 + "00 02 00 FD"], None),
+    (
+        lambda bus: bus.sync_write_block(1, 30, {0: bytes.fromhex("10 00 50 01"), 1: bytes.fromhex("20 02 60 03")}),
+        P1 + "FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67",
+        [],
+        None,
+    ),
+    (
+        lambda bus: bus.read_many({At(1): Block(30, 2), At(2): Block(36, 2)}, how="bulk"),
+        P1 + "FE 09 92 00 02 01 1E 02 02 24 1D",
+        [P1 + "01 04 00 00 02 F8", P1 + "02 04 00 01 02 F6"],
+        {At(1): b"\x00\x02", At(2): b"\x01\x02"},
+    ),
+    (lambda bus: bus.identify(ONE2), P2 + "01 03 00 01 19 4E", [P2 + "01 07 00 55 00 06 04 26 65 5D"], (1030, 38)),
+    (lambda bus: bus.ping(ONE2), P2 + "01 03 00 01 19 4E", [P2 + "01 07 00 55 00 24 04 2D F4 DF"], 1060),
+    (
+        lambda bus: bus.read(ONE2, XL["present_position"]),
+        P2 + "01 07 00 02 84 00 04 00 1D 15",
+        [P2 + "01 08 00 55 00 A6 00 00 00 8C C0"],
+        166,
+    ),
+    (
+        lambda bus: bus.write(ONE2, XL["goal_position"], 512),
+        P2 + "01 09 00 03 74 00 00 02 00 00 CA 89",
+        [P2 + "01 04 00 55 00 A1 0C"],
+        None,
+    ),
+    (
+        lambda bus: bus.write_block(ONE2, 116, bytes.fromhex("FF FF FD 00")),
+        P2 + "01 0A 00 03 74 00 FF FF FD FD 00 21 E7",
+        [P2 + "01 04 00 55 00 A1 0C"],
+        None,
+    ),
+    (lambda bus: bus.reset(ONE2, "id"), P2 + "01 04 00 06 01 A1 E6", [P2 + "01 04 00 55 00 A1 0C"], None),
+    (lambda bus: bus.reboot(ONE2), P2 + "01 03 00 08 2F 4E", [P2 + "01 04 00 55 00 A1 0C"], None),
+    (
+        lambda bus: bus.read_many(dict.fromkeys((ONE2, At(2, 2)), Block(132, 4)), how="sync"),
+        P2 + "FE 09 00 82 84 00 04 00 01 02 CE FA",
+        [P2 + "01 08 00 55 00 A6 00 00 00 8C C0", P2 + "02 08 00 55 00 1F 08 00 00 BA BE"],
+        {ONE2: b"\xa6\x00\x00\x00", At(2, 2): b"\x1f\x08\x00\x00"},
+    ),
+    (
+        lambda bus: bus.sync_write(2, XL["goal_position"], {1: 150, 2: 170}),
+        P2 + "FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87",
+        [],
+        None,
+    ),
+    (
+        lambda bus: bus.read_many({ONE2: Block(144, 2), At(2, 2): Block(146, 1)}, how="bulk"),
+        P2 + "FE 0D 00 92 01 90 00 02 00 02 92 00 01 00 1A 05",
+        [],
+        {},
+    ),
+    (
+        lambda bus: bus.read(ONE2, XL["hardware_error"]),
+        P2 + "01 07 00 02 46 00 01 00 3C A3",
+        [P2 + "01 05 00 55 80 20 99 21"],
+        32,
+    ),
+]
+
+
+@pytest.mark.parametrize(("act", "request_", "replies", "result"), CONVERSATIONS)
+def test_the_published_packets_leave_and_are_understood(
+    act: Callable[[Bus], object], request_: str, replies: list[str], result: object
+) -> None:
+    script = Script(soon(*(bytes.fromhex(reply) for reply in replies)))
+    told = act(script.bus)
+    assert script.sent == [bytes.fromhex(request_)]
+    assert result == ((told.number, told.firmware) if isinstance(told, Identity) else told)
+
+
+def test_all_servos_of_protocol_2_are_found_by_one_ping() -> None:
+    reply = bytes.fromhex(P2 + "01 07 00 55 00 06 04 26 65 5D")
+    script = Script([(0.004, reply), (0.030, status2(10, 0, b"\x24\x04\x2d"))])
+    found = list(script.bus.find(protocol=2, ids=range(253)))
+    assert script.sent == [bytes.fromhex(P2 + "FE 03 00 01 31 42")]
+    assert found == [Identity(ONE2, 1030, 38), Identity(At(10, 2), 1060, 45)]
+
+
+def test_servos_of_protocol_1_are_found_one_by_one() -> None:
+    bus, _, clock = direct_bus(mixed_chain("AX-12A", "XL430-W250", "MX-28"))
+    assert [(found.at, found.number) for found in bus.find(protocol=1, ids=range(5))] == [(At(1), 12), (At(3), 29)]
+    assert clock.now() < 3 * 0.006
+    assert [identity.number for identity in bus.find(protocol=2, ids=range(5))] == [1060]
+
+
+def test_a_sync_write_is_split_where_a_servo_has_no_room_for_it() -> None:
+    script = Script()
+    script.bus.sync_write_block(1, 30, {servo: bytes(4) for servo in range(60)})
+    assert [len(packet) for packet in script.sent] == [8 + 27 * 5, 8 + 27 * 5, 8 + 6 * 5]
+    assert max(len(packet) for packet in script.sent) <= 143
+    script.sent.clear()
+    script.bus.sync_write_block(2, 116, {servo: bytes(4) for servo in range(200)})
+    assert len(script.sent) == 2
+    script.bus.sync_write_block(2, 116, {})
+    assert len(script.sent) == 2
+
+
+# --- how long it waits ------------------------------------------------------------------------------------------------
+
+
+def test_a_missing_servo_costs_less_than_6_ms_and_no_less_than_its_reply_can_take() -> None:
+    bus, _, clock = direct_bus(chain(3, paced=True))
+    with pytest.raises(NoReply):
+        bus.read_block(At(9), 36, 11, tries=1)
+    assert 25 * 10e-6 + 254 * 2e-6 < clock.now() < 0.006
+
+
+def test_a_servo_that_waits_as_long_as_it_may_is_heard_at_any_rate() -> None:
+    servos = chain(1, paced=True)
+    servos.servo(1).set("return_delay", 254)
+    bus, _, clock = direct_bus(servos, patience=0.0001)
+    bus.read_block(ONE, 0, 50)
+    slow = mixed_chain("RX-64", baud=57_600, paced=True)
+    bus, _, clock = direct_bus(slow, patience=0.0001, baud=57_600)
+    before = clock.now()
+    bus.sync_write_block(1, 30, {servo: bytes(4) for servo in range(20)})  # it needs 19 ms to leave
+    bus.read_block(ONE, 0, 50)
+    assert clock.now() - before == pytest.approx((108 + 8 + 56) * 10 / 57_600 + 0.0005, rel=0.01)
+    assert bus.tally(1).misses == 0
+
+
+def test_a_slow_adapter_is_given_its_time() -> None:
+    bus, _, clock = direct_bus(chain(1), latency=0.016)
+    assert bus.latency == 0.016
+    with pytest.raises(NoReply):
+        bus.read_block(At(9), 36, 11, tries=1)
+    assert 0.016 < clock.now() < 0.022
+
+
+def test_it_says_for_how_long_the_wire_was_in_use() -> None:
+    bus, _, clock = direct_bus(chain(2, paced=True))
+    for servo in (1, 2):
+        bus.read_block(At(servo), 36, 11)
+    clock.advance(1.0)
+    assert bus.busy() == pytest.approx(2 * (25 * 10e-6 + 500e-6), rel=0.01)
+    bus.sync_write_block(1, 30, {1: bytes(4), 2: bytes(4)})
+    assert bus.busy() == pytest.approx(2 * (25 * 10e-6 + 500e-6) + 18 * 10e-6, rel=0.01)
+    assert bus.tally(1).worst == pytest.approx(25 * 10e-6 + 500e-6, rel=0.01)
+
+
+# --- many at once -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["MX-28", "XL430-W250"])
+def test_of_many_the_missing_ones_are_missing_and_never_zero(model: str) -> None:
+    servos = chain(10, model, paced=True)
+    bus, _, clock = direct_bus(servos)
+    fast, protocol = MODELS[model].table.fast, MODELS[model].protocol
+    wanted = {At(number, protocol): fast for number in range(1, 11)}
+    how = MODELS[model].reads
+    assert how != "single"
+    assert bus.read_many(wanted, how=how).keys() == wanted.keys()
+    servos.servo(10).present = False
+    before = clock.now()
+    found = bus.read_many(wanted, how=how)
+    assert found.keys() == wanted.keys() - {At(10, protocol)}
+    assert all(len(data) == fast.size for data in found.values())
+    assert clock.now() - before < 0.006 + sum(10e-6 * (fast.size + 14) + 500e-6 for _ in wanted)
+    assert bus.tally(10).misses == 1
+
+
+def test_of_many_one_damaged_reply_spoils_only_itself() -> None:
+    damaged = status(2, 0, b"\x03\x04")[:-1] + b"\x00"
+    script = Script(soon(status(1, 0, b"\x01\x02") + damaged + status(3, 0, b"\x05\x06")))
+    found = script.bus.read_many(dict.fromkeys((At(1), At(2), At(3)), Block(36, 2)), how="bulk")
+    assert found == {At(1): b"\x01\x02", At(3): b"\x05\x06"}
+    assert script.bus.tally(2).corrupt == 1
+
+
+def test_who_owes_a_reply_of_that_size_is_left_to_be_read_alone() -> None:
+    script = Script([], soon(status(2, 0, b"\x07\x00")))
+    with pytest.raises(NoReply):
+        script.bus.read_block(ONE, 40, 2, tries=1)
+    assert script.bus.read_many(dict.fromkeys((At(1), At(2)), Block(36, 2)), how="bulk") == {At(2): b"\x07\x00"}
+    assert script.sent[1] == bytes.fromhex("FF FF FE 06 92 00 02 02 24 41")
+    with pytest.raises(NoReply):
+        script.bus.read_block(At(2), 40, 2, tries=1)
+    assert script.bus.read_many(dict.fromkeys((At(1), At(2)), Block(36, 2)), how="bulk") == {}
+    assert len(script.sent) == 3
+
+
+def test_what_cannot_be_asked_of_many_is_refused() -> None:
+    bus, line, _ = direct_bus(chain(2))
+    with pytest.raises(BadRequest, match=r"protocol 1\.0 has no sync read"):
+        bus.read_many({ONE: Block(36, 2)}, how="sync")
+    with pytest.raises(BadRequest, match="the same of all servos"):
+        bus.read_many({ONE2: Block(36, 2), At(2, 2): Block(40, 2)}, how="sync")
+    with pytest.raises(BadRequest, match="both protocols"):
+        bus.read_many({At(1): Block(36, 2), At(2, 2): Block(36, 2)}, how="bulk")
+    with pytest.raises(BadRequest, match=r"cannot hold blocks of \[2, 4\] bytes"):
+        bus.sync_write_block(1, 30, {1: bytes(4), 2: bytes(2)})
+    with pytest.raises(BadRequest, match=r"cannot hold blocks of \[200\] bytes"):
+        bus.sync_write_block(1, 0, {1: bytes(200)})
+    with pytest.raises(BadRequest, match=r"0\.\.253 in protocol 1\.0, not 254"):
+        bus.sync_write(1, LED, {254: 1})
+    assert bus.read_many({}, how="bulk") == {}
+    assert line.sent == []
+
+
+# --- replies that are not sound ---------------------------------------------------------------------------------------
+
+SOUND = status(1, 0, b"\x00\x02")
 
 
 @pytest.mark.parametrize("noise", [b"\x00", b"\xff", b"\x00\xff\x13", b"\xff\x00\xff\x01"])
-def test_noise_before_the_header_is_passed_over(bench: Bench, noise: bytes) -> None:
-    bench.distort_first(lambda data: noise + data)
-    assert bench.bus.read(1, m.PRESENT_POSITION) == 512
-    assert bench.bus.tally(1).tries == 1
+def test_noise_before_the_header_is_passed_over_and_counted(noise: bytes) -> None:
+    script = Script(soon(noise + SOUND))
+    assert script.bus.read(ONE, POSITION) == 512
+    assert script.bus.tally(1).tries == 1
+    assert script.bus.noise() == len(noise)
+
+
+def test_a_reply_may_come_in_pieces() -> None:
+    script = Script(soon(*(bytes((byte,)) for byte in SOUND)))
+    assert script.bus.read(ONE, POSITION) == 512
+    assert script.bus.tally(1).tries == 1
 
 
 @pytest.mark.parametrize(
-    "reply",
+    ("reply", "corrupt"),
     [
-        status(1, 0, b"\x07"),  # one byte where two were asked for
-        status(1, 0, b"\x07\x08\x09"),
-        status(1, Fault.CHECKSUM),  # our request arrived damaged
-        bytes.fromhex("FF FF 01 01 FD 00"),  # shorter than any packet, with a right checksum
-        status(2, 0, b"\x07\x08"),  # somebody else's
+        (SOUND[:-1] + bytes((SOUND[-1] ^ 1,)), 1),
+        (status(1, 0, b"\x07"), 1),  # one byte where two were asked for
+        (status(1, 0, b"\x07\x08\x09"), 1),
+        (status(1, Fault.CHECKSUM), 1),  # our request arrived damaged
+        (bytes.fromhex("FF FF 01 01 FD 00"), 0),  # shorter than any packet, with a right checksum
+        (SOUND[:5], 0),
+        (status(2, 0, b"\x07\x08"), 0),  # somebody else's
+        (bytes.fromhex("FF FF 01 04 02 24 02 D2"), 0),  # the adapter's echo of our request
     ],
 )
-def test_a_reply_of_the_wrong_length_or_servo_is_never_taken_for_a_number(bench: Bench, reply: bytes) -> None:
-    bench.distort_first(lambda _: reply)
-    assert bench.bus.read(1, m.PRESENT_POSITION) == 512
-    assert bench.bus.tally(1).tries == 2
-    assert bench.bus.tally(1).misses + bench.bus.tally(1).corrupt == 1
+def test_an_unsound_reply_is_never_taken_for_a_number(reply: bytes, corrupt: int) -> None:
+    script = Script(soon(reply), soon(SOUND))
+    assert script.bus.read(ONE, POSITION) == 512
+    tally = script.bus.tally(1)
+    assert (tally.tries, tally.corrupt, tally.misses) == (2, corrupt, 1 - corrupt)
 
 
-def test_a_write_without_a_reply_is_not_repeated(bench: Bench) -> None:
-    bench.distort_first(lambda _: b"", times=9)
+def test_a_damaged_reply_is_asked_for_again_at_once() -> None:
+    script = Script(soon(SOUND[:-1] + b"\x00"), soon(SOUND))
+    assert script.bus.read(ONE, POSITION) == 512
+    assert script.clock.now() < 0.001
+
+
+def test_replies_that_stay_damaged_name_the_likely_cause() -> None:
+    script = Script(*[soon(SOUND[:-1] + b"\x00")] * TRIES)
+    with pytest.raises(NoReply, match=r"3 of 3 replies .* damaged") as caught:
+        script.bus.read(ONE, POSITION)
+    assert "two with ID 1" in caught.value.hint
+
+
+def test_a_silent_servo_says_what_to_try() -> None:
+    bus, _, _ = direct_bus(chain(3))
+    with pytest.raises(NoReply, match=r"arm: servo 9: no reply to a read of 2 bytes at 36 on .* at 1000000") as caught:
+        bus.read(At(9), POSITION)
+    assert "power" in caught.value.hint
+    assert "protocol (1.0)" in caught.value.hint
+    tally = bus.tally(9)
+    assert (tally.tries, tally.misses, tally.corrupt) == (TRIES, TRIES, 0)
+    assert bus.read(ONE, POSITION) == 512
+
+
+def test_an_adapter_that_echoes_is_no_obstacle() -> None:
+    servos = mixed_chain("AX-12A", "XL430-W250")
+    servos.mishaps = Mishaps(echo=1.0)
+    bus, _, _ = direct_bus(servos)
+    assert bus.ping(ONE) == 12
+    assert bus.ping(At(2, 2)) == 1060
+    bus.write(ONE, SPEED, 77)
+    assert bus.read(ONE, SPEED) == 77
+    bus.sync_write(1, SPEED, {1: 78})
+    assert bus.read(ONE, SPEED) == 78
+    with pytest.raises(NoReply):
+        bus.ping(At(9))  # the echo of what is asked of it is not its answer
+    assert bus.tally(1).tries == bus.tally(2).tries + 3
+
+
+# --- what servos say --------------------------------------------------------------------------------------------------
+
+
+def test_it_reads_writes_and_writes_to_many_in_both_protocols() -> None:
+    bus, _, _ = direct_bus(mixed_chain("AX-12A", "XL430-W250", "RX-64", "XL430-W250"))
+    bus.write(ONE, AX["goal_position"], 600)
+    assert bus.read(ONE, AX["goal_position"]) == 600
+    bus.sync_write(1, SPEED, {1: 11, 3: 33})
+    bus.sync_write(2, XL["profile_velocity"], {2: 22, 4: 44})
+    assert [bus.read(At(servo), SPEED) for servo in (1, 3)] == [11, 33]
+    assert [bus.read(At(servo, 2), XL["profile_velocity"]) for servo in (2, 4)] == [22, 44]
+    block = bus.read_block(ONE, 30, 4)
+    assert (AX["goal_position"].decode(block, 30), SPEED.decode(block, 30)) == (600, 11)
+    assert bus.tally(9).tries == 0
+
+
+def test_a_write_without_a_reply_is_not_repeated() -> None:
+    servos = chain(1, mishaps=Mishaps(drop=1.0))
+    bus, line, _ = direct_bus(servos)
     with pytest.raises(NoReply, match="write of 01 at 25"):
-        bench.bus.write(1, m.LED, 1)
-    assert bench.bus.tally(1).tries == 1
-    assert bench.chain.servo(1).get(m.LED) == 1  # it was carried out: only the reply was lost
+        bus.write(ONE, LED, 1)
+    assert len(line.sent) == bus.tally(1).tries == 1
+    assert servos.servo(1).get("led") == 1  # it was carried out: only the reply was lost
 
 
-def test_what_a_servo_refuses_is_a_bad_request_in_words(bench: Bench) -> None:
+def test_what_a_servo_refuses_is_a_bad_request_in_words() -> None:
+    bus, _, _ = direct_bus(mixed_chain("AX-12A", "XL430-W250"))
     with pytest.raises(BadRequest, match="servo 1 refused a write of 05 at 24: range"):
-        bench.bus.write_block(1, m.TORQUE_ENABLE.address, b"\x05")
+        bus.write_block(ONE, 24, b"\x05")
     with pytest.raises(BadRequest, match="servo 1 refused a read of 9 bytes at 48: range"):
-        bench.bus.read_block(1, 48, 9)
+        bus.read_block(ONE, 48, 9)
+    bus.write(At(2, 2), XL["torque_enable"], 1)
+    with pytest.raises(BadRequest, match="servo 2 refused a write of 05 at 7: access") as caught:
+        bus.write(At(2, 2), XL["id"], 5)
+    assert "torque off" in caught.value.hint
+    assert (bus.tally(1).refused, bus.tally(2).refused) == (2, 1)
+
+
+def test_what_no_servo_could_take_is_not_even_sent() -> None:
+    bus, line, _ = direct_bus(chain(1))
     with pytest.raises(BadRequest, match=r"torque_limit takes 0\.\.1023, not 1024"):
-        bench.bus.write(1, m.TORQUE_LIMIT, 1024)
-    with pytest.raises(BadRequest, match=r"0\.\.253, not 254"):
-        bench.bus.ping(254)
-    assert bench.bus.tally(1).tries == 2
+        bus.write(ONE, AX["torque_limit"], 1024)
+    with pytest.raises(BadRequest, match=r"servo 2: led takes 0\.\.1, not 2"):
+        bus.sync_write(1, LED, {1: 1, 2: 2})
+    with pytest.raises(BadRequest, match="no address or size 256"):
+        bus.read_block(ONE, 256, 2)
+    with pytest.raises(BadRequest, match="a packet holds 253 parameters, not 301"):
+        bus.write_block(ONE, 0, bytes(300))
+    with pytest.raises(BadRequest, match=r"0\.\.253 in protocol 1\.0, not 254"):
+        bus.ping(At(254))
+    with pytest.raises(BadRequest, match=r"0\.\.252 in protocol 2\.0, not 253"):
+        bus.ping(At(253, 2))
+    with pytest.raises(BadRequest, match=r"protocol 1\.0 has no reboot") as caught:
+        bus.reboot(ONE)
+    assert "torque limit" in caught.value.hint
+    with pytest.raises(BadRequest, match=r"protocol 1\.0 has no factory reset that keeps the id"):
+        bus.reset(ONE, "id")
+    assert line.sent == []
 
 
-def test_lasting_faults_do_not_spoil_a_reading(bench: Bench) -> None:
-    bench.chain.servo(1).overload()
-    assert bench.bus.read(1, m.TORQUE_LIMIT) == 0
-    assert bench.bus.faults(1) == Fault.OVERLOAD
-    assert bench.bus.faults(2) == Fault(0)
+def test_lasting_faults_do_not_spoil_a_reading() -> None:
+    servos = chain(2)
+    bus, _, _ = direct_bus(servos)
+    servos.servo(1).overload()
+    assert bus.read(ONE, AX["torque_limit"]) == 0
+    assert bus.faults(1) == Fault.OVERLOAD
+    assert bus.faults(2) == Fault(0)
 
 
-def test_one_sync_write_holds_no_more_than_a_packet(bench: Bench) -> None:
-    with pytest.raises(BadRequest, match="cannot hold 60 blocks"):
-        bench.bus.sync_write_block(30, {servo: bytes(4) for servo in range(60)})
-    with pytest.raises(BadRequest, match="cannot hold 2 blocks"):
-        bench.bus.sync_write_block(30, {1: bytes(4), 2: bytes(2)})
-    bench.bus.sync_write_block(30, {})
+def test_an_alert_of_protocol_2_is_told_beside_the_reading() -> None:
+    script = Script(soon(status2(1, ALERT, b"\x07")), soon(status2(1, ALERT | Error.RANGE)))
+    assert script.bus.read(ONE2, XL["led"]) == 7
+    assert script.bus.faults(1) == Fault.ALERT
+    with pytest.raises(BadRequest, match=r"range$"):
+        script.bus.write(ONE2, XL["led"], 1)
+    assert script.bus.faults(1) == Fault.ALERT
 
 
-def test_two_threads_on_one_bus_wait_for_each_other(bench: Bench) -> None:
-    failures: list[Exception] = []
-
-    def ask(servo: int) -> None:
-        try:
-            for value in range(100):
-                bench.bus.write(servo, m.MOVING_SPEED, value)
-                assert bench.bus.read(servo, m.MOVING_SPEED) == value
-        except Exception as error:  # handed to the test's own thread
-            failures.append(error)
-
-    threads = [Thread(target=ask, args=(servo,)) for servo in (1, 2, 3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
-    assert failures == []
-    assert sum(bench.bus.tally(servo).corrupt for servo in (1, 2, 3)) == 0
+# --- the line ---------------------------------------------------------------------------------------------------------
 
 
-def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench: Bench) -> None:
-    bench.terminal.unplug()
-    assert str(until_lost(lambda: bench.bus.read(1, m.LED))).startswith(f"arm: {bench.terminal.path}: ")
-    assert not bench.bus.is_open
+def test_another_rate_reaches_other_servos() -> None:
+    servos = mixed_chain("AX-12A", "AX-12A", baud=57_600)
+    bus, _, _ = direct_bus(servos)
+    assert bus.baud == 1_000_000
+    with pytest.raises(NoReply):
+        bus.ping(ONE, tries=1)
+    bus.baud = 57_600
+    assert bus.ping(ONE) == 12
+
+
+def test_a_line_that_is_gone_is_let_go_and_taken_again() -> None:
+    bus, line, _ = direct_bus(chain(1))
+    line.plugged = False
     with pytest.raises(NotConnected):
-        bench.bus.sync_write(m.LED, {1: 1})
-    with pytest.raises(NotConnected, match="no such device"):
-        bench.bus.open()
-    bench.terminal.replug()
-    bench.bus.open()
-    assert bench.bus.ping(1) == 12
-
-
-def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
-    bench.terminal.unplug()
-    until_lost(lambda: bench.bus.sync_write(m.LED, {1: 1}))
-    assert not bench.bus.is_open
-
-
-def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
-    second = Bus(bench.terminal.path, bench.clock, name="head")
-    with pytest.raises(NotConnected, match=r"head: .*: in use"):
-        second.open()
-    bench.bus.close()
-    second.open()
-    second.close()
-
-
-def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) -> None:
-    bus = Bus(str(tmp_path / "servos"), SystemClock(), name="arm")
-    with pytest.raises(NotConnected, match="not opened yet"):
-        bus.read(1, m.LED)
+        bus.read(ONE, LED)
+    assert not bus.is_open
+    with pytest.raises(NotConnected, match="unplugged"):
+        bus.sync_write(1, LED, {1: 1})
     with pytest.raises(NotConnected, match="no such device"):
         bus.open()
+    bus.baud = 57_600  # for when it is back
     with pytest.raises(NotConnected, match="no such device"):
         bus.require()
-    bus.close()
-    bus.close()
-    with pytest.raises(NotConnected, match="closed"):
-        bus.require()
-
-
-@pytest.fixture
-def bare() -> Iterator[tuple[int, str]]:
-    """A pseudo-terminal whose other end the test plays: its descriptor, and the name of the port."""
-    master, slave = pty.openpty()
-    yield master, os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
-
-
-def test_a_reply_may_arrive_in_pieces(bare: tuple[int, str]) -> None:
-    master, path = bare
-    bus = Bus(path, SystemClock(), patience=2.0)
+    line.plugged = True
+    bus.baud = 1_000_000
     bus.open()
-    reply = status(1, 0, b"\x00\x02")
-    pause = Event()
-
-    def play() -> None:
-        heard = b""
-        while len(heard) < 8:
-            heard += os.read(master, 8 - len(heard))
-        for byte in reply:
-            os.write(master, bytes((byte,)))
-            pause.wait(0.003)
-
-    player = Thread(target=play)
-    player.start()
-    try:
-        assert bus.read(1, m.PRESENT_POSITION) == 512
-        assert bus.tally(1).tries == 1
-    finally:
-        player.join(10)
-        bus.close()
+    assert bus.ping(ONE) == 12
 
 
-def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) -> None:
-    master, path = bare
-    bus = Bus(path, SystemClock(), patience=0.02)
+def test_what_is_owed_from_before_is_forgotten_with_the_line() -> None:
+    servos = chain(1)
+    bus, line, _ = direct_bus(servos)
+    servos.servo(1).present = False
+    with pytest.raises(NoReply):
+        bus.read(ONE, POSITION)
+    servos.servo(1).present = True
+    bus.close()
     bus.open()
-    ending = Event()
-    os.set_blocking(master, False)
-
-    def babble() -> None:
-        while not ending.is_set():
-            try:
-                os.write(master, status(7) * 20)
-            except BlockingIOError:
-                ending.wait(0.001)
-
-    babbler = Thread(target=babble)
-    babbler.start()
-    try:
-        with pytest.raises(NoReply):
-            bus.read(1, m.PRESENT_POSITION)
-    finally:
-        ending.set()
-        babbler.join(10)
-        bus.close()
-
-
-def test_an_adapter_that_holds_bytes_back_is_noticed(bare: tuple[int, str], tmp_path: Path) -> None:
-    _, path = bare
-    with serial.Serial(path, 1_000_000) as line:
-        assert quicken(line, adapters=tmp_path) == 0
-        timer = timer_of(path, adapters=tmp_path)
-        timer.parent.mkdir()
-        timer.write_text("16\n")
-        assert quicken(line, adapters=tmp_path) == 0.016
+    bus.read(ONE, LOAD)
+    assert line.sent[-1][5:7] == bytes((40, 2))

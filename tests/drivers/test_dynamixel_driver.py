@@ -1,130 +1,37 @@
 """The arm's driver over virtual servos: real packets, real time, every fault that an arm has."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from math import inf, nan
 from pathlib import Path
-from threading import Event
-from typing import Any
 
 import pytest
 
-from drivers.api import JointState, Notice, Quality, Reading
+from drivers.api import JointState, Quality, Reading
 from drivers.clock import SystemClock
-from drivers.dynamixel import models as m
+from drivers.dynamixel import tables as m
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.register import Register
 from drivers.dynamixel.torque import settle
-from drivers.dynamixel.wire import Fault, Instruction, Packet, Parser, status
+from drivers.dynamixel.wire import Fault, Instruction, status
 from drivers.errors import BadRequest, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.terminal import Terminal
-from tests.drivers.chains import chain
+from tests.drivers.arms import PLAIN, TICK, Make, making
 from tests.waiting import wait_until
-
-TICK = m.MODELS["AX-12A"].tick
-PLAIN = {"shoulder": JointSpec(1), "elbow": JointSpec(2), "wrist": JointSpec(3)}
-
-
-class Recorder:
-    """A device that notes every request on its way to the one behind it."""
-
-    def __init__(self, device: VirtualServoBus) -> None:
-        self.requests: list[Packet] = []
-        self._device = device
-        self._parser = Parser()
-
-    @property
-    def baud(self) -> int:
-        return self._device.baud
-
-    def feed(self, data: bytes, now: float) -> bytes:
-        self.requests += self._parser.feed(data)
-        return self._device.feed(data, now)
-
-    def poll(self, now: float) -> bytes:
-        return self._device.poll(now)
-
-    def writes(self, servo: int) -> list[tuple[int, bytes]]:
-        """What one servo was written, in order: the address and the data."""
-        found = []
-        for packet in list(self.requests):
-            if packet.code == Instruction.WRITE and packet.id == servo:
-                found.append((packet.parameters[0], packet.parameters[1:]))
-            elif packet.code == Instruction.SYNC_WRITE:
-                address, size = packet.parameters[:2]
-                blocks = packet.parameters[2:]
-                each = [blocks[at : at + size + 1] for at in range(0, len(blocks), size + 1)]
-                found += [(address, block[1:]) for block in each if block[0] == servo]
-        return found
-
-
-class Arm:
-    """Three virtual servos on a terminal, and the driver over them."""
-
-    def __init__(self, specs: Mapping[str, JointSpec] = PLAIN, **options: Any) -> None:
-        self.clock = SystemClock()
-        self.chain: VirtualServoBus = chain(3)
-        self.wire = Recorder(self.chain)
-        self.terminal = Terminal("arm", self.wire, self.clock)
-        self.terminal.open()
-        self.notices: list[Notice] = []
-        self.rounds = Event()
-        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
-        self.joints = DynamixelJoints(
-            self.bus, specs, self.clock, report=self.notices.append, changed=self.rounds.set, **options
-        )
-
-    def start(self) -> "Arm":
-        self.joints.open()
-        wait_until(lambda: self.joints.health().online and self.told("online"))
-        return self
-
-    def close(self) -> None:
-        self.joints.close()
-        self.terminal.close()
-
-    def told(self, text: str) -> bool:
-        """Whether a notice of that kind, or with these words in it, has come."""
-        return any(text in (notice.kind, notice.what) or text in notice.what for notice in list(self.notices))
-
-    def state(self, name: str) -> JointState:
-        value = self.joints.states()[name].value
-        assert value is not None
-        return value
-
-    def at(self, name: str, angle: float) -> bool:
-        return abs(self.state(name).position - angle) <= TICK
-
-    def fresh_of(self, name: str) -> None:
-        """Wait for a reading of one joint that begins after now."""
-        now = self.clock.now()
-        wait_until(lambda: self.joints.states()[name].stamp > now)
-
-    def limp(self, servo: int) -> bool:
-        return self.chain.servo(servo).limp
-
-    def fresh(self) -> None:
-        """Wait for a whole round of readings that begins after now."""
-        now = self.clock.now()
-        wait_until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
-
-
-Make = Callable[..., Arm]
 
 
 @pytest.fixture
 def make() -> Iterator[Make]:
-    arms: list[Arm] = []
+    with making() as build:
+        yield build
 
-    def build(specs: Mapping[str, JointSpec] = PLAIN, **options: Any) -> Arm:
-        arms.append(Arm(specs, **options))
-        return arms[-1]
 
-    yield build
-    for arm in arms:
-        arm.close()
+@pytest.fixture
+def make_unhurried() -> Iterator[Make]:
+    with making(intervals={}) as build:
+        yield build
 
 
 # --- joints as described ----------------------------------------------------------------------------------------------
@@ -149,7 +56,7 @@ def test_limits_are_those_of_the_robot_file_in_its_order(make: Make) -> None:
     arm = make({"z": JointSpec(2, lower=-1, upper=1, speed=3), "a": JointSpec(1, speed=99)})
     assert list(arm.joints.limits) == ["z", "a"]
     assert (arm.joints.limits["z"].lower, arm.joints.limits["z"].upper, arm.joints.limits["z"].speed) == (-1, 1, 3)
-    assert arm.joints.limits["a"].speed == pytest.approx(1023 * m.MODELS["AX-12A"].speed_unit)
+    assert arm.joints.limits["a"].speed == pytest.approx(1023 * MODELS["AX-12A"].speed_unit)
 
 
 # --- finding the servos -----------------------------------------------------------------------------------------------
@@ -179,17 +86,18 @@ def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(
     arm.terminal.unplug()
     wait_until(lambda: arm.told("offline"))
     online_at: list[tuple[int, bool]] = []
+    who_are_you = bytes((m.MODEL_NUMBER.address, 3))
 
     def note(data: bytes) -> bytes:
-        pinged = [packet for packet in arm.wire.requests[seen:] if packet.code == Instruction.PING]
-        online_at.append((len(pinged), arm.joints.health().online))
+        asked = [packet for packet in arm.wire.requests[seen:] if packet.parameters == who_are_you]
+        online_at.append((len(asked), arm.joints.health().online))
         return data
 
     seen = len(arm.wire.requests)
     arm.terminal.distort = note
     arm.terminal.replug()
     wait_until(lambda: arm.joints.health().online)
-    assert [pinged for pinged, online in online_at if pinged < 3 and online] == []
+    assert [asked for asked, online in online_at if asked < 3 and online] == []
     assert (1, False) in online_at
     # A move that came earlier would have been undone: the elbow is stopped where it stands when it is found.
     arm.joints.move({"elbow": -0.3})
@@ -227,7 +135,7 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
     ],
 )
 def test_a_servo_that_is_set_up_otherwise_is_not_driven_until_it_is_put_right(
-    make: Make, register: m.Register, value: int, complaint: str
+    make: Make, register: Register, value: int, complaint: str
 ) -> None:
     arm = make()
     right = arm.chain.servo(2).get(register)
@@ -254,8 +162,8 @@ def test_offline_when_no_servo_answers(make: Make) -> None:
     wait_until(lambda: arm.joints.health().online and arm.joints.health().detail == "")
 
 
-def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> None:
-    arm = make().start()
+def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make_unhurried: Make) -> None:
+    arm = make_unhurried().start()
     arm.chain.servo(2).present = False
     wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     wait_until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
@@ -304,7 +212,7 @@ def test_the_goal_is_where_the_joint_stands_before_its_torque_comes_on(make: Mak
     wait_until(lambda: arm.at("shoulder", 0.7))
     arm.joints.move({"shoulder": 0.0})
     wait_until(lambda: arm.at("shoulder", 0.0))
-    here = m.GOAL_POSITION.encode(m.MODELS["AX-12A"].ticks(0.7))
+    here = m.GOAL_POSITION.encode(MODELS["AX-12A"].ticks(0.7))
     writes = arm.wire.writes(1)
     first_goal = next(i for i, (address, _) in enumerate(writes) if address == m.GOAL_POSITION.address)
     assert writes[first_goal][1][:2] == here
@@ -331,7 +239,7 @@ def test_a_joint_mounted_the_other_way_round_turns_the_other_way(make: Make) -> 
     wait_until(lambda: arm.at("neck", 0.0))
     arm.joints.move({"neck": 0.3}, speeds={"neck": 0.5})
     wait_until(lambda: arm.state("neck").velocity > 0)
-    wait_until(lambda: arm.at("neck", 0.3))
+    wait_until(lambda: arm.at("neck", 0.3) and not arm.state("neck").moving)
     assert arm.chain.servo(1).angle == pytest.approx(0.2, abs=TICK)
 
 
@@ -491,7 +399,7 @@ def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
 
 
 def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None:
-    joint = Joint("elbow", JointSpec(2), m.MODELS["AX-12A"])
+    joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"])
     assert joint.position_at(5.0) is None
 
     def at(now: float, *, velocity: float, goal: float | None) -> float | None:
@@ -511,7 +419,7 @@ def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None
 def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: Make) -> None:
     arm = make()
     arm.bus.open()
-    joint = Joint("elbow", JointSpec(2), m.MODELS["AX-12A"], complaint="", answers=True, goal=2.0)
+    joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"], complaint="", answers=True, goal=2.0)
     seen = JointState(0.5, 5.0, 2.0, 0.0, 12.0, 35.0, moving=True, torque=True)
     joint.reading = Reading(seen, 1.0, Quality.GOOD)
     assert settle(arm.bus, [joint], stiff=True, now=1.05) == []
@@ -643,7 +551,7 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
         raise ValueError("broken")
 
     with monkeypatch.context() as patched:
-        patched.setattr(arm.joints._watch, "look", broken)
+        patched.setattr(arm.joints._watch, "read", broken)
         wait_until(lambda: len(rounds) >= 2)
     arm.fresh()
     assert [notice.what for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]

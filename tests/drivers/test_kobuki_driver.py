@@ -4,7 +4,6 @@ import errno
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from itertools import pairwise
 from math import inf, nan, pi, radians
 
@@ -16,10 +15,11 @@ from hypothesis import strategies as st
 from drivers.api import COMMAND_LIFE, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
+from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
-from drivers.kobuki.limits import STILL, Limits, permitted
+from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
 from drivers.kobuki.senses import Senses, battery_percent
 from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, encode
@@ -116,15 +116,6 @@ def test_braking_is_harder_than_speeding_up() -> None:
 def test_a_limit_must_be_a_positive_number(wrong: float) -> None:
     with pytest.raises(ValueError, match="max_angular must be a positive number"):
         Limits(0.5, wrong, 0.5, 3.5)
-
-
-def test_touch_permits_a_retreat_but_no_advance() -> None:
-    for contact in (replace(NOWHERE, bumper=Sides(left=True)), replace(NOWHERE, cliff=Sides(right=True))):
-        assert permitted(Velocity(0.2, 0.5), contact) == Velocity(0.0, 0.5)
-        assert permitted(Velocity(-0.2, 0.5), contact) == Velocity(-0.2, 0.5)
-    assert permitted(Velocity(-0.2, 0.5), replace(NOWHERE, wheel_drop=Sides(left=True))) == STILL
-    assert permitted(Velocity(0.2, 0.5), NOWHERE) == Velocity(0.2, 0.5)
-    assert permitted(Velocity(0.2, 0.5), None) == STILL
 
 
 def test_the_battery_is_read_by_the_documented_line() -> None:
@@ -496,15 +487,15 @@ def test_a_wheel_in_the_air_ends_all_motion_and_is_told_once() -> None:
     assert bench.notices[0].hint
 
 
-def test_a_bump_wakes_who_waits_and_forbids_to_push_on() -> None:
+def test_a_bump_wakes_who_waits_and_makes_it_back_off_from_the_side_that_was_hit() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     assert bench.changes == 0
     bench.device.bumper = Sides(left=True)
     bench.drive(0.5, 0.3, 0.5)
     assert bench.changes == 1
-    assert bench.link.velocities()[-1][0] == 0.0
-    assert bench.link.velocities()[-1][1] > 0.0
+    assert bench.link.velocities()[-1][0] < 0.0
+    assert bench.link.velocities()[-1][1] < 0.0
     bench.device.bumper = Sides()
     bench.drive(1.0, 0.3)
     assert bench.changes == 2

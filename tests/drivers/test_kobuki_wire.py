@@ -1,6 +1,7 @@
 """The Kobuki's bytes: the published packets in both directions, and a stream with anything in it."""
 
-from math import pi
+from fractions import Fraction
+from math import pi, trunc
 from struct import error
 
 import pytest
@@ -164,6 +165,50 @@ def test_the_base_understands_the_velocity_that_was_meant(linear: float, angular
     # A millimetre is cut off the speed and off the radius; a circle of under 2 mm is a turn on the spot.
     assert turning == pytest.approx(angular, abs=0.025 + 0.02 * abs(angular))
     assert understood == pytest.approx(linear, abs=0.011)
+
+
+def documented(linear: float, angular: float) -> tuple[Fraction, Fraction]:
+    """The vendor's rule in exact numbers, before it is cut to whole millimetres: the speed, and the radius.
+
+    On a circle the speed is that of the wheel that is further out, which is the right one when the centre is on the
+    left; each wheel is half of 230 mm from the middle.
+    """
+    v, w = 1000 * Fraction(linear), Fraction(angular)
+    left, right = v - 115 * w, v + 115 * w
+    if abs(w) < Fraction(1, 10_000):
+        return v, Fraction(0)
+    if abs(v) < Fraction(1, 10) or abs(v) <= abs(w):  # slower than 0.1 mm/s, or a radius of 1 mm at most
+        return (right - left) / 2, Fraction(1)
+    return (right if v * w > 0 else left), v / w
+
+
+def cut(value: Fraction) -> set[int]:
+    """What a value of floating point may become: cut off towards zero, and clipped to 16 bits."""
+    off = Fraction(1, 10**12)
+    return {max(-0x8000, min(trunc(value * share), 0x7FFF)) for share in (1 - off, 1 + off)}
+
+
+EDGES = (0.0, 1e-5, 9.9e-5, 1.01e-4, 4.95e-4, 5.05e-4, 1.98e-3, 2.02e-3)
+"""Around what counts as nothing (0.0001), and around a radius of 1 mm with a turn of 0.5 or 2 rad/s."""
+
+SPEEDS = sorted({sign * speed for sign in (-1, 1) for speed in (*EDGES, *(step / 20 for step in range(1, 15)), 40.0)})
+TURNS = sorted({sign * turn for sign in (-1, 1) for turn in (*EDGES, *(step / 10 for step in range(1, 33)), 300.0)})
+
+
+@pytest.mark.parametrize("linear", SPEEDS)
+def test_speed_and_radius_are_those_of_the_documented_rule(linear: float) -> None:
+    for angular in TURNS:
+        command = BaseControl.of(linear, angular)
+        speed, radius = documented(linear, angular)
+        assert command.speed_mm in cut(speed), (linear, angular)
+        assert command.radius_mm in cut(radius), (linear, angular)
+        (payload,) = FrameFinder().feed(encode(command))
+        assert decode(payload, COMMANDS).parts == (command,)
+
+
+@pytest.mark.parametrize(("linear", "angular", "speed"), [(0.0005, 0.5, 57), (-0.0005, 0.5, 57), (0.002, -2.0, -230)])
+def test_a_radius_of_one_millimetre_is_a_turn_on_the_spot(linear: float, angular: float, speed: int) -> None:
+    assert BaseControl.of(linear, angular) == BaseControl(speed, 1)
 
 
 def test_a_circle_too_wide_for_16_bits_is_clipped_but_keeps_its_speed() -> None:

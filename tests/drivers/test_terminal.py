@@ -1,10 +1,52 @@
 """The pseudo-terminal as a thing with a life: nothing before it is opened, nothing after it was closed."""
 
+from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 
-from drivers.clock import ManualClock
+import pytest
+import serial
+
+from drivers.clock import ManualClock, SystemClock
 from drivers.virtual.rodney import VirtualRodney
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import Punctual, Terminal, Tunable, agree
+
+
+class Echo:
+    """Gives back what it hears ``delay`` seconds later, at the moment; it hears every rate and keeps the newest."""
+
+    def __init__(self, clock: SystemClock, delay: float) -> None:
+        self.baud = 9600
+        self.late: list[float] = []
+        self._clock = clock
+        self._delay = delay
+        self._due: float | None = None
+        self._data = b""
+
+    def tune(self, baud: int) -> None:
+        self.baud = baud
+
+    def next_at(self) -> float | None:
+        return self._due
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        self._data, self._due = data, now + self._delay
+        return b""
+
+    def poll(self, now: float) -> bytes:
+        if self._due is None or now < self._due:
+            return b""
+        self.late.append(now - self._due)
+        self._due = None
+        return self._data
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    for _ in range(1000):
+        if condition():
+            return True
+        Event().wait(0.01)
+    return False
 
 
 def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None:
@@ -20,3 +62,57 @@ def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None
         terminal.close()
         terminal.close()
         assert not folder.exists()
+
+
+def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
+    clock = SystemClock()
+    echo = Echo(clock, 0.002)
+    assert isinstance(echo, Punctual)
+    terminal = Terminal("echo", echo, clock, period=1.0)
+    terminal.open()
+    try:
+        with serial.Serial(terminal.path, 115_200, timeout=5) as port:
+            for number in range(20):
+                port.write(bytes((number,)))
+                assert port.read(1) == bytes((number,))
+    finally:
+        terminal.close()
+    assert min(echo.late) >= 0
+    assert sorted(echo.late)[10] < 0.1  # a tenth of the period, however busy the machine is
+
+
+def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
+    clock = SystemClock()
+    echo = Echo(clock, 0.0)
+    assert isinstance(echo, Tunable)
+    terminal = Terminal("echo", echo, clock)
+    terminal.open()
+    try:
+        for baud in (57_600, 250_000, 4_500_000, 117_647):
+            with serial.Serial(terminal.path, baud, timeout=5) as port:
+                port.write(b"?")
+                assert port.read(1) == b"?"
+                assert terminal.client_baud() == echo.baud == baud
+        terminal.unplug()
+        assert terminal.client_baud() is None
+    finally:
+        terminal.close()
+
+
+def test_a_waiting_moment_ends_when_the_terminal_is_closed() -> None:
+    clock = ManualClock(10.0)
+    echo = Echo(SystemClock(), 1e-4)
+    terminal = Terminal("echo", echo, clock)  # its clock stands still just before the reply is due
+    terminal.open()
+    with serial.Serial(terminal.path, 9600) as port:
+        port.write(b"?")
+        assert eventually(lambda: echo.next_at() is not None)
+        terminal.close()
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "understood"),
+    [(115_200, 117_647, True), (57_600, 57_143, True), (57_600, 115_200, False), (1_000_000, 1_152_000, False)],
+)
+def test_two_rates_agree_within_three_hundredths(one: int, other: int, understood: bool) -> None:
+    assert agree(one, other) is agree(other, one) is understood

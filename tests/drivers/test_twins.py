@@ -16,8 +16,8 @@ from drivers.arduino.driver import ArduinoHead
 from drivers.clock import ManualClock
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
+from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.driver import KobukiBase
-from drivers.kobuki.limits import STILL
 from drivers.kobuki.senses import battery_percent
 from drivers.link import Link, Talker
 from drivers.sim.body import Body

@@ -1,20 +1,20 @@
-"""The virtual servos, asked with our own packets without a terminal, and by the plain Dynamixel SDK over one."""
+"""The virtual servos of protocol 1.0, asked with our own packets, in simulated time."""
 
-from collections.abc import Iterator
-from math import radians
+from math import degrees, pi, radians
 
-import dynamixel_sdk as sdk
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.clock import SystemClock
-from drivers.dynamixel import models as m
+from drivers.dynamixel import tables as m
+from drivers.dynamixel.models import MODELS, Model
+from drivers.dynamixel.register import Register
 from drivers.dynamixel.wire import BROADCAST, Fault, Instruction, Packet, Parser, request
-from drivers.virtual.ax12 import VirtualAX12
 from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.terminal import Terminal
-from tests.drivers.chains import chain
+from drivers.virtual.servo import VirtualServo
+from tests.drivers.chains import chain, mixed_chain
+
+OLD = [model for model in MODELS.values() if model.protocol == 1]
 
 
 class Client:
@@ -27,11 +27,11 @@ class Client:
     def ask(self, servo: int, instruction: int, parameters: bytes = b"") -> list[Packet]:
         return Parser().feed(self.bus.feed(request(servo, instruction, parameters), self.now))
 
-    def read(self, servo: int, register: m.Register) -> int:
+    def read(self, servo: int, register: Register) -> int:
         (reply,) = self.ask(servo, Instruction.READ, bytes((register.address, register.size)))
         return register.decode(reply.parameters, register.address)
 
-    def write(self, servo: int, register: m.Register, value: int) -> Fault:
+    def write(self, servo: int, register: Register, value: int) -> Fault:
         (reply,) = self.ask(servo, Instruction.WRITE, bytes((register.address,)) + register.encode(value))
         return Fault(reply.code)
 
@@ -61,9 +61,9 @@ def test_published_packets_are_answered_as_published() -> None:
 
 
 def test_a_new_servo_holds_the_defaults_of_its_manual(client: Client) -> None:
-    for register in m.MODELS["AX-12A"].registers:
+    for register in MODELS["AX-12A"].table.registers.values():
         if register.writable and register not in (m.ID, m.GOAL_POSITION):
-            assert client.read(2, register) == m.MODELS["AX-12A"].default(register), register.name
+            assert client.read(2, register) == MODELS["AX-12A"].default(register), register.name
     assert client.read(2, m.ID) == 2
     assert client.read(2, m.GOAL_POSITION) == client.read(2, m.PRESENT_POSITION) == 512
     assert client.read(2, m.PRESENT_VOLTAGE) == 120
@@ -88,8 +88,8 @@ def test_writing_a_goal_switches_the_torque_on_and_turns_the_shaft_at_the_set_sp
     client.wait(0.5)
     assert servo.angle == pytest.approx(0.5, rel=0.01)
     assert client.read(1, m.MOVING) == 1
-    assert m.signed(client.read(1, m.PRESENT_SPEED)) == speed
-    assert m.signed(client.read(1, m.PRESENT_LOAD)) > 0
+    assert client.read(1, m.PRESENT_SPEED) == speed
+    assert client.read(1, m.PRESENT_LOAD) > 0
     client.wait(1.5)
     assert client.read(1, m.PRESENT_POSITION) == 812
     assert client.read(1, m.MOVING) == client.read(1, m.PRESENT_SPEED) == 0
@@ -100,7 +100,7 @@ def test_speed_0_means_as_fast_as_the_motor_can(client: Client) -> None:
     client.write(1, m.GOAL_POSITION, 200)
     client.wait(0.1)
     assert servo.angle == pytest.approx(-0.1 * servo.model.free_speed, rel=0.01)
-    assert m.signed(client.read(1, m.PRESENT_SPEED)) < 0
+    assert client.read(1, m.PRESENT_SPEED) < 0
 
 
 def test_a_limp_shaft_turns_by_hand_and_a_stiff_one_does_not(client: Client) -> None:
@@ -130,7 +130,7 @@ def test_a_limp_shaft_turns_by_hand_and_a_stiff_one_does_not(client: Client) -> 
     ],
 )
 def test_what_does_not_fit_is_refused_and_changes_nothing(
-    client: Client, register: m.Register, value: int, fault: Fault
+    client: Client, register: Register, value: int, fault: Fault
 ) -> None:
     before = client.read(1, register)
     assert client.write(1, register, value) == fault
@@ -176,7 +176,7 @@ def test_registered_writes_start_together_on_action(client: Client) -> None:
     assert [servo.angle for servo in client.bus.servos] == [0, 0, 0]
     assert client.ask(BROADCAST, Instruction.ACTION) == []
     client.wait(0.5)
-    assert [servo.get(m.PRESENT_POSITION) for servo in client.bus.servos] == [600, 600, 512]
+    assert [client.read(servo, m.PRESENT_POSITION) for servo in (1, 2, 3)] == [600, 600, 512]
     assert client.read(1, m.REGISTERED) == 0
 
 
@@ -254,7 +254,7 @@ def test_an_overload_shuts_it_down_until_the_torque_limit_is_set_anew(client: Cl
     servo.burden = -1.2
     client.wait(0.5)
     stopped = servo.angle
-    assert client.read(1, m.PRESENT_LOAD) == m.unsigned(-1023)
+    assert client.read(1, m.PRESENT_LOAD) == -1023
     assert client.read(1, m.MOVING) == 0
     client.wait(0.7)
     (reply,) = client.ask(1, Instruction.PING)
@@ -297,7 +297,7 @@ def test_in_wheel_mode_it_turns_without_end_in_both_directions(client: Client) -
     client.write(1, m.CW_ANGLE_LIMIT, 0)
     client.write(1, m.CCW_ANGLE_LIMIT, 0)
     client.write(1, m.TORQUE_ENABLE, 1)
-    client.write(1, m.MOVING_SPEED, 512 | m.CLOCKWISE)
+    client.write(1, m.MOVING_SPEED, -512)
     client.wait(0.1)
     assert servo.angle == pytest.approx(-0.1 * servo.model.free_speed * 512 / 1023, rel=0.01)
     client.write(1, m.MOVING_SPEED, 1023)
@@ -328,7 +328,7 @@ def test_no_bytes_whatsoever_upset_it(data: list[bytes]) -> None:
 
 @given(address=st.integers(0, 60), data=st.binary(min_size=1, max_size=12))
 def test_a_write_is_carried_out_whole_or_not_at_all(address: int, data: bytes) -> None:
-    servo = VirtualAX12(1)
+    servo = VirtualServo(1)
     client = Client(VirtualServoBus([servo]))
     client.wait(0.01)
     before = bytes(servo.table)
@@ -338,49 +338,196 @@ def test_a_write_is_carried_out_whole_or_not_at_all(address: int, data: bytes) -
     else:
         assert all(
             register.lower <= servo.get(register) <= register.upper
-            for register in servo.model.registers
+            for register in servo.model.table.registers.values()
             if register.writable
         )
 
 
-@pytest.fixture
-def plugged() -> Iterator[Terminal]:
-    terminal = Terminal("servos", chain(3), SystemClock())
-    terminal.open()
-    yield terminal
-    terminal.close()
-
-
-def test_the_plain_sdk_pings_reads_and_writes(plugged: Terminal) -> None:
-    device = plugged.device
-    assert isinstance(device, VirtualServoBus)
-    port = sdk.PortHandler(plugged.path)
-    packets = sdk.Protocol1PacketHandler()
-    assert port.openPort()
-    try:
-        assert packets.ping(port, 1) == (12, 0, 0)
-        assert packets.write2ByteTxRx(port, 1, m.GOAL_POSITION.address, 1023) == (0, 0)
-        assert packets.read2ByteTxRx(port, 1, m.GOAL_POSITION.address) == (1023, 0, 0)
-        assert packets.write1ByteTxRx(port, 1, m.TORQUE_ENABLE.address, 5) == (0, Fault.RANGE)
-        group = sdk.GroupSyncWrite(port, packets, m.MOVING_SPEED.address, 2)
-        assert group.addParam(1, [10, 0])
-        assert group.addParam(2, [20, 0])
-        assert group.txPacket() == sdk.COMM_SUCCESS
-        assert packets.read2ByteTxRx(port, 2, m.MOVING_SPEED.address) == (20, 0, 0)
-        assert packets.regWriteTxRx(port, 3, m.LED.address, 1, [1]) == (0, 0)
-        assert packets.action(port, BROADCAST) == sdk.COMM_SUCCESS
-        assert packets.read1ByteTxRx(port, 3, m.LED.address) == (1, 0, 0)
-        device.servo(3).present = False
-        assert packets.ping(port, 3) == (0, sdk.COMM_RX_TIMEOUT, 0)
-        assert packets.factoryReset(port, 1) == (sdk.COMM_SUCCESS, Fault.INSTRUCTION)
-        port.setBaudRate(57_600)
-        assert packets.ping(port, 1) == (0, sdk.COMM_RX_TIMEOUT, 0)
-    finally:
-        port.closePort()
-
-
 def test_shafts_start_where_they_are_put_and_a_missing_id_is_named() -> None:
-    bus = VirtualServoBus([VirtualAX12(4, angle=radians(30))])
+    bus = VirtualServoBus([VirtualServo(4, angle=radians(30))])
     assert bus.servo(4).angle == radians(30)
     with pytest.raises(KeyError, match="ID 5"):
         bus.servo(5)
+
+
+@pytest.mark.parametrize("model", OLD, ids=lambda model: model.name)
+def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(model: Model) -> None:
+    client = Client(chain(1, model.name))
+    servo, table = client.bus.servo(1), model.table
+    assert client.read(1, table["model_number"]) == model.number
+    (whole,) = client.ask(1, Instruction.READ, bytes((0, table.size)))
+    assert len(whole.parameters) == table.size
+    client.write(1, table["moving_speed"], 40)
+    assert client.write(1, table["goal_position"], model.centre + 100) == Fault(0)
+    client.wait(0.1)
+    assert servo.angle == pytest.approx(0.1 * 40 * model.speed_unit, rel=0.02)
+    assert client.read(1, table["present_speed"]) == 40
+    client.wait(100 * model.tick / (40 * model.speed_unit))
+    assert client.read(1, table["present_position"]) == model.centre + 100
+    assert client.read(1, table["moving"]) == 0
+
+
+@pytest.mark.parametrize("model", OLD, ids=lambda model: model.name)
+def test_a_goal_beyond_the_limits_is_clamped_in_a_sync_write_and_refused_in_a_plain_one(model: Model) -> None:
+    client = Client(chain(1, model.name))
+    table, limit = model.table, model.last - 100
+    goal = table["goal_position"]
+    client.write(1, table["ccw_angle_limit"], limit)
+    assert client.write(1, goal, limit + 1) in (Fault.ANGLE_LIMIT, Fault.RANGE)
+    assert client.read(1, goal) == model.centre
+    block = bytes((1,)) + goal.encode(model.last) + table["moving_speed"].encode(1023)
+    client.ask(BROADCAST, Instruction.SYNC_WRITE, bytes((goal.address, 4)) + block)
+    assert client.read(1, goal) == limit
+    assert client.ask(1, Instruction.PING) == [Packet(1, 0)]  # a state that lasts is told in every reply; this is none
+    client.wait(5.0)
+    assert client.read(1, table["present_position"]) == limit
+    assert client.write(1, goal, limit) == Fault(0)
+
+
+def test_a_sync_write_of_nonsense_besides_the_goal_is_not_carried_out(client: Client) -> None:
+    block = bytes((1,)) + m.GOAL_POSITION.encode(2000) + (4000).to_bytes(2, "little")
+    client.ask(BROADCAST, Instruction.SYNC_WRITE, bytes((m.GOAL_POSITION.address, 4)) + block)
+    assert client.read(1, m.GOAL_POSITION) == 512
+    assert client.bus.servo(1).limp
+
+
+def test_mx_answer_a_bulk_read_in_turn_and_are_silent_behind_a_missing_one() -> None:
+    client = Client(mixed_chain("MX-28", "MX-64", "MX-106", "AX-12A"))
+    wanted = bytes((0, 2, 3, 30, 1, 1, 43, 2, 2, 36))
+    replies = client.ask(BROADCAST, Instruction.BULK_READ, wanted)
+    assert [(reply.id, len(reply.parameters)) for reply in replies] == [(3, 2), (1, 1), (2, 2)]
+    client.bus.servo(1).present = False
+    assert [reply.id for reply in client.ask(BROADCAST, Instruction.BULK_READ, wanted)] == [3]
+    assert client.ask(BROADCAST, Instruction.BULK_READ, bytes((0, 2, 4, 30))) == []  # an AX knows none
+    assert Fault(client.ask(4, Instruction.BULK_READ, bytes((0, 2, 4, 30)))[0].code) == Fault.INSTRUCTION
+
+
+def test_a_factory_reset_makes_it_id_1_at_the_rate_of_the_shop() -> None:
+    client = Client(chain(2, "MX-28"))
+    client.bus.servo(1).present = False
+    client.write(2, MODELS["MX-28"].table["return_delay"], 7)
+    assert client.ask(2, Instruction.FACTORY_RESET) == [Packet(2, 0)]
+    client.wait(0.02)
+    client.bus.tune(57_600)
+    assert client.ask(1, Instruction.PING) == [Packet(1, 0)]
+    assert client.read(1, MODELS["MX-28"].table["return_delay"]) == 250
+
+
+def test_an_mx_counts_turns_when_both_its_limits_are_the_highest() -> None:
+    client = Client(chain(1, "MX-28"))
+    table = MODELS["MX-28"].table
+    for name in table.limits:
+        client.write(1, table[name], 4095)
+    assert client.write(1, table["goal_position"], 3 * 4096) == Fault(0)
+    client.wait(6.0)
+    assert client.read(1, table["present_position"]) == 3 * 4096
+    assert client.bus.servo(1).angle == pytest.approx(5 * pi, abs=0.002)
+    assert client.write(1, table["goal_position"], -28_673) == Fault.RANGE
+
+
+def test_an_mx_in_wheel_mode_holds_the_speed_that_it_is_told() -> None:
+    client = Client(chain(1, "MX-28"))
+    table = MODELS["MX-28"].table
+    for name in table.limits:
+        client.write(1, table[name], 0)
+    client.write(1, table["torque_enable"], 1)
+    client.write(1, table["moving_speed"], -100)
+    client.wait(0.5)
+    assert client.bus.servo(1).angle == pytest.approx(-0.5 * 100 * MODELS["MX-28"].speed_unit, rel=0.03)
+    assert client.read(1, table["present_speed"]) == -100
+
+
+def test_a_reversed_servo_counts_the_other_way_round() -> None:
+    client = Client(chain(1, "EX-106+"))
+    model = MODELS["EX-106+"]
+    client.write(1, model.table["drive_mode"], 1)
+    client.write(1, model.table["goal_position"], 2048 + 300)
+    client.wait(1.0)
+    assert client.read(1, model.table["present_position"]) == 2048 + 300
+    assert client.bus.servo(1).angle == pytest.approx(-300 * model.tick, abs=model.tick)
+
+
+@pytest.mark.parametrize(("name", "none"), [("EX-106+", 512), ("MX-64", 2048)])
+def test_servos_with_a_current_sensor_show_what_they_push_with(name: str, none: int) -> None:
+    client = Client(chain(1, name))
+    table = MODELS[name].table
+    client.wait(0.01)
+    assert client.read(1, table["present_current"]) == none
+    client.write(1, table["goal_position"], 2048)
+    client.bus.servo(1).burden = 0.5
+    client.wait(0.01)
+    assert client.read(1, table["present_current"]) > none
+    assert client.read(1, table["present_load"]) == pytest.approx(0.5 * 1023, abs=60)
+
+
+def test_after_a_brown_out_it_is_limp_and_silent_then_starts_from_its_defaults(client: Client) -> None:
+    servo = client.bus.servo(1)
+    client.write(1, m.GOAL_POSITION, 700)
+    client.wait(1.0)
+    servo.voltage = 5.5
+    client.wait(0.01)
+    assert Fault(client.ask(1, Instruction.PING)[0].code) == Fault.VOLTAGE
+    servo.brown_out(0.5)
+    client.wait(0.3)
+    assert client.ask(1, Instruction.PING) == []
+    assert servo.limp
+    servo.turn_by_hand(0.2)
+    servo.voltage = 12.0
+    client.wait(0.3)
+    assert client.ask(1, Instruction.PING) == [Packet(1, 0)]
+    assert client.read(1, m.TORQUE_ENABLE) == 0
+    assert client.read(1, m.GOAL_POSITION) == client.read(1, m.PRESENT_POSITION) == servo.model.ticks(0.2)
+
+
+def test_the_computers_rate_decides_which_servos_hear() -> None:
+    client = Client(chain(2))
+    client.bus.servo(2).set("baud", 34)
+    client.wait(0.02)
+    heard = {}
+    for baud in (1_000_000, 57_600, 57_143, 115_200):
+        client.bus.tune(baud)
+        heard[baud] = [servo for servo in (1, 2) if client.ask(servo, Instruction.PING)]
+        assert client.bus.baud == baud
+    assert heard == {1_000_000: [1], 57_600: [2], 57_143: [2], 115_200: []}
+
+
+def test_an_empty_chain_is_silent() -> None:
+    client = Client(VirtualServoBus([], 57_600))
+    assert client.bus.baud == 57_600
+    assert client.ask(1, Instruction.PING) == []
+
+
+def test_with_pacing_a_reply_takes_the_time_of_its_bytes_and_its_return_delay() -> None:
+    bus = chain(2, paced=True)
+    bus.servo(2).set("return_delay", 0)
+    now, read = 50.0, bytes((36, 8))
+    for servo, delay in ((1, 500e-6), (2, 0.0)):
+        assert bus.feed(request(servo, Instruction.READ, read), now) == b""
+        due = bus.next_at()
+        assert due == pytest.approx(now + 220e-6 + delay)
+        assert due is not None
+        assert bus.poll(due - 1e-9) == b""
+        assert len(bus.poll(due)) == 14
+        assert bus.next_at() is None
+        now = due
+
+
+def test_with_pacing_a_request_waits_until_the_wire_is_free() -> None:
+    bus = chain(10, paced=True)
+    goals = b"".join(bytes((n,)) + m.GOAL_POSITION.encode(500) + m.MOVING_SPEED.encode(100) for n in range(1, 11))
+    bus.servo(1).set("return_delay", 0)
+    assert bus.feed(request(BROADCAST, Instruction.SYNC_WRITE, bytes((30, 4)) + goals), 50.0) == b""
+    bus.feed(request(1, Instruction.PING), 50.0)
+    assert bus.next_at() == pytest.approx(50.0 + 580e-6 + 120e-6)
+
+
+def test_a_chain_at_57600_is_as_slow_as_that() -> None:
+    bus = VirtualServoBus([VirtualServo(1, model="RX-64")], 57_600, paced=True)
+    bus.servo(1).set("return_delay", 0)
+    bus.feed(request(1, Instruction.READ, bytes((36, 8))), 50.0)
+    assert bus.next_at() == pytest.approx(50.0 + 22 * 10 / 57_600)
+
+
+def test_a_shaft_that_was_put_beyond_half_a_turn_is_found_within_one_after_power_on() -> None:
+    servo = VirtualServo(1, model="MX-28", angle=radians(270))
+    assert degrees(servo.angle) == pytest.approx(-90)

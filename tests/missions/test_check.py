@@ -188,7 +188,7 @@ def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
 # What is wrong
 
 LISTED = "`mission behaviours` lists what there is"
-NAMES = "known are: n, patience, x, base, battery, face, head"
+NAMES = "known are: n, patience, x, base, battery, face, head, range"
 ANGLE = "'turn' needs an angle such as '30 deg'"
 UNITS = "(units: deg, rad)"
 

@@ -7,6 +7,7 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.faults import Fault, InvalidFileError, Source
 from missions.assembly.things import THINGS
+from missions.language.claims import Target
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 
@@ -16,7 +17,7 @@ WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})
 
 def check(tree: str, parts: frozenset[str] = WHOLE) -> Plan:
     text = tree if tree.startswith("#") else f"mission: m\ntree:\n{tree}"
-    return check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=("r2", parts))
+    return check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=Target("r2", parts))
 
 
 def faults(tree: str, parts: frozenset[str] = WHOLE) -> list[Fault]:

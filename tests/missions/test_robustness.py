@@ -131,7 +131,7 @@ def test_one_part_that_cannot_be_settled_does_not_keep_the_others_from_it() -> N
     def broken() -> None:
         raise RuntimeError("no")
 
-    bench.base.stop = broken  # type: ignore[method-assign]
+    bench.base.stop = broken  # type: ignore[method-assign,assignment]
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
     Assembled("r", robot, {}).settle(frozenset({"base", "arm"}))
     assert bench.arm.commands == [HOLD]

@@ -89,6 +89,18 @@ GOOD = [
     ["- set: {count: 1, who: [a, b], far: 3 m}"],
     ["- gesture: hello", "  name: 3"],
     ["- gesture: {gesture: hello, speed: '${n / 2}'}"],
+    ["- move_joints: {to: {elbow: 30 deg}, speed: 20 deg/s}"],
+    ["- set: {pose: {elbow: 30 deg}}", "- move_joints: {to: '${pose}'}"],
+    ["- play: wave"],
+    ["- play: {move: gait, speed: 0.5}"],
+    ["- torque: off"],
+    ["- torque: {stiff: true, joints: [left_arm, 7]}"],
+    ["- mirror: {leader: left_arm, follower: right_arm, scale: -1, scales: {elbow: 0.5}, offsets: {elbow: 3 deg}}"],
+    ["- sweep: {joints: elbow, between: [0 deg, 9 deg], sine: on}"],
+    ["- joint_at: {joint: elbow, angle: 3 deg}"],
+    ["- joint_hot"],
+    ["- joint_hot: {joints: elbow, over: 55 degC}"],
+    ["- record_move: mine"],
     ["- pretend: [running, success]"],
     ["- pretend: failure", "  on_failure: succeed"],
     ["- wait: 1 s", "  if: n > 1", "  while: ${battery.percent > 20}", "  until: false"],
@@ -136,6 +148,15 @@ BROKEN = [
     ["- succeed: 3"],
     ["- succeed: {a: 1}"],
     ["- find_face: [-9 deg, 9 deg]"],
+    ["- move_joints: {to: {}}"],
+    ["- move_joints: {to: {elbow: 30}}"],
+    ["- move_joints: {to: 30 deg}"],
+    ["- move_joints: {to: [elbow]}"],
+    ["- torque: stiff"],
+    ["- joint_hot: []"],
+    ["- joint_hot: {joints: elbow, over: 55}"],
+    ["- play: wav"],
+    ["- record_move: ''"],
     ["- set: 3"],
     ["- set: {}"],
     ["- set: {a b: 1}"],
@@ -324,7 +345,11 @@ def test_every_proposed_form_is_a_mission(label: str, text: str) -> None:
 def test_defaults_and_examples_of_arguments_are_valid_themselves() -> None:
     for leaf in LEAVES.values():
         arguments = leaf.arguments.values()
-        given_values = {each.name: "hello" if each.kind == "gesture" else example_of(each) for each in arguments}
+        given_values = {
+            each.name: "hello" if each.kind in {"gesture", "move"} else example_of(each)
+            for each in arguments
+            if each.required or shown_default(each) != "nothing"  # which is written by leaving it out
+        }
         if not leaf.open_ended:
             text = mission(f"- {json.dumps({leaf.word: given_values})}")
             assert accepted(text), text

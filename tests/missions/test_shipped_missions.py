@@ -4,17 +4,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
 from behaviours.tracking.follow import RuleBases
+from config.arm import ArmConfig
 from config.controller import load_controller
-from config.gesture import load_gesture
+from config.gesture import GestureConfig, load_gesture
 from config.library import shipped
-from config.robot import load_robot
+from config.robot import RobotConfig, load_robot
 from config.world import load_world
+from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
 from missions.library import find_mission, load_mission, shipped_missions
+from missions.runner import DEFAULT_ROBOT
 
-DEFAULT = "turtlebot2_arm"
 LOADERS: dict[str, Callable[[Path], object]] = {
     "robots": load_robot,
     "worlds": load_world,
@@ -31,20 +34,30 @@ def test_every_shipped_file_loads_and_is_named_after_its_file(kind: str, name: s
     assert getattr(loaded, "summary", "")
 
 
+def robot_for(mission: str) -> RobotConfig:
+    """Return the robot on which the tests of a mission run it."""
+    tests = shipped_missions()[mission].with_suffix(".test.yaml")
+    within = yaml.safe_load(tests.read_text(encoding="utf-8")).get("with", {}) if tests.exists() else {}
+    return load_robot(shipped("robots")[within.get("robot", DEFAULT_ROBOT)])
+
+
 @pytest.mark.parametrize("name", list(shipped_missions()))
-def test_every_shipped_mission_is_good_on_the_default_robot(name: str) -> None:
-    robot = load_robot(shipped("robots")[DEFAULT])
-    plan = load_mission(name, robot=(robot.name, robot.parts))
+def test_every_shipped_mission_is_good_on_its_robot(name: str) -> None:
+    plan = load_mission(name, robot=target_of(robot_for(name)))
     assert plan.mission == name.rpartition("/")[2]
     assert plan.summary
 
 
+def arm_for(gesture: GestureConfig) -> ArmConfig:
+    """Return the arm of the first robot that has the joints of ``gesture``."""
+    arms = (load_robot(path).arm for path in shipped("robots").values())
+    return next(arm for arm in arms if arm is not None and gesture.joints <= arm.joints.keys())
+
+
 @pytest.mark.parametrize("name", list(shipped("gestures")))
-def test_every_gesture_stays_within_the_joints_of_the_default_robot(name: str) -> None:
-    arm = load_robot(shipped("robots")[DEFAULT]).arm
-    assert arm is not None
+def test_every_gesture_stays_within_the_joints_of_a_shipped_robot(name: str) -> None:
     gesture = load_gesture(shipped("gestures")[name])
-    assert gesture.joints <= arm.joints.keys()
+    arm = arm_for(gesture)
     for time, positions in gesture.keyframes:
         for joint, angle in positions.items():
             limits = arm.joints[joint]
@@ -53,10 +66,10 @@ def test_every_gesture_stays_within_the_joints_of_the_default_robot(name: str) -
 
 @pytest.mark.parametrize("name", list(shipped("gestures")))
 def test_every_gesture_can_be_followed_at_the_speed_of_the_joints(name: str) -> None:
-    arm = load_robot(shipped("robots")[DEFAULT]).arm
-    assert arm is not None
+    gesture = load_gesture(shipped("gestures")[name])
+    arm = arm_for(gesture)
     before: dict[str, tuple[float, float]] = {}
-    for time, positions in load_gesture(shipped("gestures")[name]).keyframes:
+    for time, positions in gesture.keyframes:
         for joint, angle in positions.items():
             since, was = before.get(joint, (0.0, 0.0))
             assert abs(angle - was) <= arm.joints[joint].speed * (time - since) + 1e-9, f"{joint} at {time} s"

@@ -1,6 +1,7 @@
 """From world files to worlds and drawings: what ships, what the docs show, and ``mission world show``."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -15,11 +16,13 @@ from config.layout import ROBOT
 from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
-from drivers.sim import acts, people, things, topview
+from drivers.sim import acts, dock, people, things, topview
+from drivers.sim.body import Body
 from drivers.sim.looks import LOOKS
 from drivers.sim.things import Ball
+from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
-from missions.assembly.worlds import build_world
+from missions.assembly.worlds import build_battery, build_world
 from missions.pictures.plan import METRE, plan
 from missions.pictures.words import lines_about
 from tests.missions.command import command
@@ -54,6 +57,7 @@ def test_files_and_simulation_mean_the_same() -> None:
     assert config_people.BODY == people.BODY
     assert config_things.THICKNESS == things.THICKNESS
     assert config_things.MARKERS == things.MARKERS
+    assert dock.SIZE[:2] == config_things.DOCK
     assert pytest.approx(topview.ROBOT, abs=0.005) == ROBOT
     assert config_things.RoverConfig("R", 1, 0, 0, 0, (0.35, 0.35, 0.42), "grey", (), 0.2, 0, loop=True).size == (
         things.Rover("R", 1, 0.0, 0.0).size
@@ -129,6 +133,61 @@ def test_a_world_in_words_tells_of_everything_in_it() -> None:
     assert "Chidi (chidi) at [3.6 m, 1.6 m]; goes to [3.6 m, -1.8 m] and back at 0.5 m/s" in words
     assert "15 % from 3 s (within 5 s)" in "\n".join(lines_about(config_of("dim")))
     assert "R2 with marker 7 at [3.2 m, 0.3 m]" in "\n".join(lines_about(config_of("objects")))
+
+
+def test_a_dock_is_in_the_words_the_plan_and_the_map_of_its_world() -> None:
+    config = config_of("square_arena")
+    assert "  dock       at [-2.45 m, -1 m], facing 0 deg" in lines_about(config)
+    world = build_world(config)
+    drawn = plan("square_arena", world)
+    assert "dock" in texts(drawn)
+    assert [element.tag[-4:] for element in elements(drawn) if element.get("class") == "docking"] == ["line"]
+    bare = replace(world, dock=None)
+    with_it, without = (topview.TopView(each, (500, 500)).draw(0.0, world.start) for each in (world, bare))
+    changed = np.argwhere((with_it != without).any(axis=2))
+    scale = 500 / (config.length + 0.7)
+    middle = 250 + scale * -1.0 * np.array((-1.0, 2.45))  # row, column of the dock
+    assert len(changed) > 100
+    assert np.abs(changed - middle).max() < 0.6 * scale
+
+
+def test_a_battery_is_in_the_words_of_its_world_and_the_base_gets_it(tmp_path: Path) -> None:
+    file = tmp_path / "hall.yaml"
+    for text, words in (
+        ("{level: 80 %, drain: 10}", "80 %, empties and fills 10 times as fast as a real one"),
+        ("{level: 30 %}", "30 %"),
+        ("{level: 30 %, drain: 0}", "30 %, and does not empty"),
+    ):
+        file.write_text(f"world: hall\nphysics: {{battery: {text}}}\n", encoding="utf-8")
+        config = load_world(file)
+        assert f"  battery    {words}" in lines_about(config)
+        assert not any(line.startswith("  physics") for line in lines_about(config))
+        battery, given = build_battery(config.physics), config.physics.battery
+        assert battery is not None
+        assert given is not None
+        assert (battery.percent, battery.drain) == (100 * given.level, given.drain)
+    assert build_battery(config_of("empty").physics) is None
+
+
+def test_the_square_arena_has_room_for_a_square_of_three_metres_and_its_dock_is_heard_from_the_start() -> None:
+    world = build_world(config_of("square_arena"))
+    x, y = world.start.x, world.start.y
+    assert all(
+        world.touched(x + along * 3.0, y + across * 3.0, ROBOT + 0.3, 0.0) == []
+        for along, across in [(share, 0.0) for share in np.linspace(0, 1, 31)]
+        + [(1.0, share) for share in np.linspace(0, 1, 31)]
+        + [(share, 1.0) for share in np.linspace(0, 1, 31)]
+        + [(0.0, share) for share in np.linspace(0, 1, 31)]
+    )
+    body = Body(wheels=Wheels(pose=Pose2D(x, y, np.pi)), ground=world)
+    body.advance(0.0)
+    assert body.signals()
+
+
+def test_the_corridor_lets_the_robot_pass_straight_on() -> None:
+    world = build_world(config_of("corridor"))
+    assert all(world.touched(x, 0.0, ROBOT + 0.1, 0.0) == [] for x in np.linspace(0.0, 6.5, 66))
+    assert world.touched(2.0, 0.3, ROBOT, 0.0)
 
 
 # mission world show

@@ -1,21 +1,29 @@
 """The twin of a Kobuki: the real driver's rules and odometry over a simulated body, in one thread."""
 
 from collections.abc import Callable
-from math import degrees, inf, isfinite
+from math import degrees, inf
 from random import Random
 
 from drivers.api import (
+    BaseLimits,
     BaseState,
     Health,
+    Lamp,
     Notice,
     Pose2D,
     Quality,
     Reading,
+    Reflexes,
     Report,
     Sides,
+    Source,
+    Steered,
+    Steering,
+    Tune,
     Velocity,
     unheard,
     unreported,
+    unsteered,
 )
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
@@ -25,14 +33,17 @@ from drivers.kobuki.commands import BaseControl
 from drivers.kobuki.driver import SILENT_AFTER, STALE_AFTER
 from drivers.kobuki.feedback import Core, Inertia
 from drivers.kobuki.helm import Helm
-from drivers.kobuki.limits import Limits, permitted
+from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.senses import EMPTY_VOLTAGE, FULL_VOLTAGE, compare
+from drivers.kobuki.outputs import LIGHTS
+from drivers.kobuki.requests import check, require, tone
+from drivers.kobuki.senses import compare
 from drivers.sim.body import NOTHING, Body, either
+from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.twins.plug import Plug
 
-Contacts = tuple[Sides, Sides, Sides, frozenset[int]]
-"""Bumper, cliff, wheel drop and buttons."""
+Contacts = tuple[Sides, Sides, Sides, frozenset[int], bool]
+"""Bumper, cliff, wheel drop, buttons, and whether it stands on the contacts of its dock."""
 
 
 class BaseTwin:
@@ -41,7 +52,8 @@ class BaseTwin:
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
     ``body`` and a gyro, each report of which errs by ``gyro_noise`` rad/s (standard deviation). ``dropouts`` is the
     share 0..1 of reports that get lost. What is left to chance is drawn from ``seed``.
-    ``changed`` is called whenever a contact or button changes. Raises ValueError for values that make no sense.
+    ``changed`` is called whenever a contact or button changes, ``steered`` with what is new of who commands.
+    Raises ValueError for values that make no sense.
     """
 
     PERIOD = 0.02
@@ -54,8 +66,10 @@ class BaseTwin:
         max_angular: float = 1.9,
         linear_acceleration: float = 0.5,
         angular_acceleration: float = 3.5,
+        reflexes: Reflexes | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
+        steered: Steered = unsteered,
         name: str = "base",
         body: Body | None = None,
         gyro_noise: float = 0.0,
@@ -70,7 +84,14 @@ class BaseTwin:
         self._clock = clock
         self._report = guarded(report)
         self._changed = guarded(changed)
-        self._helm = Helm(Limits(max_linear, max_angular, linear_acceleration, angular_acceleration))
+        self._steered = guarded(steered)
+        limits = Limits(max_linear, max_angular, linear_acceleration, angular_acceleration)
+        self._limits = limits.told
+        self._helm = Helm(limits, reflexes)
+        self._told = self._helm.steering
+        self.played: list[Tune | tuple[float, float]] = []
+        """The tunes and tones (hertz, seconds) that it was asked for: nobody is there to hear them."""
+        self.lights: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
         self._odometry = Odometry()
         self._headings = History()
         self._random = Random(f"{seed} {name}")  # noqa: S311 - chance, not a secret
@@ -78,8 +99,8 @@ class BaseTwin:
         self._dropouts = dropouts
         self._gyro_error = 0.0  # radians that the noise has added up to
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NOTHING, NOTHING, frozenset())  # by hand
-        self._battery = 100.0
-        self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset())  # of the newest report
+        self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), False)  # of the newest report
+        self._signals = NO_SIGNALS  # of the dock, likewise
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
         self._latest: BaseState | None = None  # of the newest report, made when somebody asks
         self._heard_at = -inf
@@ -88,29 +109,69 @@ class BaseTwin:
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
-    def drive(self, velocity: Velocity) -> Velocity:
-        """Drive so for ``COMMAND_LIFE`` at most; return what was accepted: limited, and what the touch permits.
+    @property
+    def limits(self) -> BaseLimits:
+        """How fast it goes, and how quickly that changes."""
+        return self._limits
 
-        Raises BadRequest for a value that is not finite, and NotConnected when no reports arrive.
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
+
+        Raises as the real one.
         """
-        if not (isfinite(velocity.linear) and isfinite(velocity.angular)):
-            raise BadRequest(
-                f"{self.name}: cannot drive at {velocity.linear} m/s, {velocity.angular} rad/s",
-                hint="both must be finite numbers",
-            )
+        check(self.name, velocity, source)
         now = self._clock.now()
         if not self._hears(now):
             self.stop()
             self.plug.require()
             detail, hint = self._silence()
             raise NotConnected(detail, hint=hint)
-        return permitted(self._helm.steer(velocity, now), self._felt)
+        require(self.name, self._helm.latched)
+        return self._helm.steer(velocity, now, self._felt, source)
 
-    def stop(self) -> None:
-        """Stand still now, without any ramp. Safe from any state, more than once; does not raise when offline."""
-        self._helm.halt()
-        if self.plug.online:
+    def stop(self, *, source: Source | None = None) -> None:
+        """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).
+
+        Safe from any state, more than once; does not raise when offline.
+        """
+        if self._helm.halt(source) and self.plug.online:
             self.body.command(0.0, 0.0, self._clock.now())
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        self._helm.latch(reason)
+        self.stop()
+
+    def enable(self) -> None:
+        """End a latched stop; nothing of before is in force then."""
+        self._helm.enable()
+
+    @property
+    def latched(self) -> str:
+        """Why it is latched; empty while it is not."""
+        return self._helm.latched
+
+    def steering(self) -> Steering:
+        """Return who commands it, and what came of that."""
+        return self._helm.steering
+
+    def play(self, tune: Tune) -> None:
+        """Note a tune in ``played``. Raises NotConnected."""
+        self.plug.require()
+        self.played.append(tune)
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Note a tone in ``played``. Raises BadRequest, NotConnected."""
+        tone(self.name, frequency, seconds)
+        self.plug.require()
+        self.played.append((frequency, seconds))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        if number not in LIGHTS:
+            raise BadRequest(f"{self.name}: no light {number}", hint="it has lights 1 and 2")
+        self.plug.require()
+        self.lights[number] = colour
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it is older than the real driver's limit."""
@@ -160,8 +221,11 @@ class BaseTwin:
         elif not (self._silent or self._hears(now)):
             self._silent = True
             self._report(Notice(self.name, "offline", *self._silence()))
-        velocity = self._helm.velocity(now, self._felt if self._hears(now) else None)
+        velocity = self._helm.velocity(now, self._feels(now))
         self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
+        if self._helm.steering != self._told:
+            self._told = self._helm.steering
+            self._steered(self._told)
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
@@ -177,11 +241,15 @@ class BaseTwin:
         """Take it off the floor, or put it down where it was: in the air both wheels drop and drive nothing."""
         self.body.lifted = up
 
+    def feed(self, *, on: bool = True) -> None:
+        """Have its contacts fed as a dock does, wherever it stands, or no more."""
+        self.body.fed = on
+
     def drain(self, percent: float) -> None:
         """Leave ``percent`` (0..100) of the battery. Raises ValueError for another value."""
         if not 0 <= percent <= 100:
             raise ValueError(f"{self.name}: a battery cannot hold {percent} percent")
-        self._battery = percent
+        self.body.battery.percent = percent
         self._latest = None
 
     # --- the inside ---------------------------------------------------------------------------------------------------
@@ -205,6 +273,7 @@ class BaseTwin:
         core = Core(time_ms=round(1000 * now), left_encoder=left, right_encoder=right)
         self._odometry.update(core, Inertia(heading, rate), now)
         self._headings.add(now, (self._odometry.pose.heading,))
+        self._signals = self.body.signals()
         self._heard_at = now
         self._latest = None
         self._frames += 1
@@ -217,7 +286,7 @@ class BaseTwin:
             self._report(Notice(self.name, "online", f"{self.name}: the base reports again"))
         bumper, cliff, buttons = self._pressed
         body = self.body
-        contacts = (either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons)
+        contacts = (either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons, body.docked)
         if contacts == self._contacts and self._felt is not None:
             return
         self._contacts = contacts
@@ -230,7 +299,8 @@ class BaseTwin:
 
     def _state(self) -> BaseState:
         """Return the state as of the newest report."""
-        bumper, cliff, wheel_drop, buttons = self._contacts
+        bumper, cliff, wheel_drop, buttons, docked = self._contacts
+        battery = self.body.battery
         return BaseState(
             pose=self._odometry.pose,
             velocity=self._odometry.velocity,
@@ -238,9 +308,19 @@ class BaseTwin:
             cliff=cliff,
             wheel_drop=wheel_drop,
             buttons=buttons,
-            battery_voltage=EMPTY_VOLTAGE + (self._battery - 5) / 95 * (FULL_VOLTAGE - EMPTY_VOLTAGE),
-            battery_percent=self._battery,
+            battery_voltage=battery.voltage,
+            battery_percent=battery.told,
+            charging=battery.charging,
+            docked=docked,
+            dock=self._signals,
+            overcurrent=self.body.overcurrent,
         )
+
+    def _feels(self, now: float) -> BaseState | None:
+        """Return what the reflexes go by: what it touches, and where that is while it matters."""
+        if not self._hears(now):
+            return None
+        return self._state() if self._helm.alert else self._felt
 
     def _hears(self, now: float) -> bool:
         return self.plug.online and now - self._heard_at <= SILENT_AFTER

@@ -1,21 +1,22 @@
 """The twin of an arm of Dynamixel servos: the real driver's joints and rules, in one thread and without a bus."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf
 from typing import Literal
 
-from drivers.api import Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api import Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.clock import Clock
+from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.driver import FRESH
-from drivers.dynamixel.driver import PERIOD as ROUND
+from drivers.dynamixel.following import Following
 from drivers.dynamixel.joint import JointSpec, check
-from drivers.errors import BadRequest
+from drivers.dynamixel.refusals import check_couplings, check_move, check_names
+from drivers.dynamixel.telling import REMEDY, Telling
+from drivers.dynamixel.wire import Fault
 from drivers.guard import guarded
 from drivers.sim.twins.plug import Plug
-from drivers.sim.twins.servo import TEMPERATURE, VOLTAGE, ServoTwin
-
-REMEDY = "free the joint, then switch the arm's power off and on"
+from drivers.sim.twins.servo import ServoTwin
 
 
 class JointsTwin:
@@ -23,11 +24,12 @@ class JointsTwin:
 
     ``joints`` and ``at_rest`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves or holds
     them. Unplugged, the servos keep their goals; plugged in again, those that are meant to be stiff hold where they
-    are. ``changed`` is called with every ``step``: there are new readings.
+    are. With every ``step`` followers are led, and ``changed`` is called: there are new readings.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
-    PERIOD = ROUND
+    PERIOD = 0.025
+    """Longer than a round of the real driver's, which costs nothing: readings are of the moment when they are asked."""
 
     def __init__(
         self,
@@ -48,6 +50,10 @@ class JointsTwin:
         self._stiff_at_rest = at_rest == "hold"
         self._report = guarded(report)
         self._changed = guarded(changed)
+        described = {joint: servo.joint for joint, servo in self._servos.items()}
+        self._telling = Telling(name, described, self._report)
+        self._clamping = Clamping(name, described, self._report)
+        self._following = Following()
         self._read_at = -inf
         self._readings: Mapping[str, Reading[JointState]] = {}
 
@@ -61,25 +67,30 @@ class JointsTwin:
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
 
-        Joints whose servo has shut down are left out, with a notice. Raises BadRequest for an unknown joint or a value
-        that is not finite, NotConnected when the arm is unplugged.
+        Joints that followed others do so no more, and those whose servo has shut down are left out, with a notice.
+        Raises BadRequest for an unknown joint or a value that is not finite, NotConnected when the arm is unplugged.
         """
         speeds = speeds or {}
-        self._reject(goals, speeds)
+        check_move(self.name, goals, speeds, self._servos)
         self.plug.require()
         now = self._clock.now()
-        accepted = {name: self._servos[name].joint.clamp(goal) for name, goal in goals.items()}
-        for name, goal in accepted.items():
-            servo = self._servos[name]
-            if servo.joint.shut:
-                if not servo.joint.left_out:
-                    self._tell(f"a move left {servo.joint.title} out: it has shut down")
-            else:
-                servo.joint.wanted = True
-                servo.go(goal, speeds.get(name, self._limits[name].speed), now)
-            servo.joint.left_out = servo.joint.shut
-        self._read_at = -inf
+        accepted = self._clamping.accept(goals, now)
+        self._following.end(goals)
+        self._go(accepted, speeds, now)
         return accepted
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """Let joints follow others with every ``step`` from now on, until told otherwise; () ends it.
+
+        Joints that follow no more stand where they are. Raises BadRequest for couplings that cannot be, and
+        NotConnected, but not in order to end them.
+        """
+        check_couplings(self.name, couplings, self._servos)
+        if couplings:
+            self.plug.require()
+        freed = self._following.freed_by(couplings)
+        self._following = Following(couplings)
+        self._settle(freed, stiff=True)
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
@@ -93,13 +104,16 @@ class JointsTwin:
         quality = Quality.GOOD if now - self._read_at <= FRESH else Quality.STALE
         return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
 
-    def hold(self) -> None:
-        """Stand still and stiff where it is now. Safe from any state; does not raise when offline."""
-        self._settle(stiff=True)
+    def hold(self, joints: Collection[str] | None = None) -> None:
+        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
 
-    def relax(self) -> None:
-        """Switch the torque off. Safe from any state; does not raise when offline."""
-        self._settle(stiff=False)
+        Safe from any state; does not raise when offline. Raises BadRequest for an unknown joint.
+        """
+        self._settle(self._servos if joints is None else joints, stiff=True)
+
+    def relax(self, joints: Collection[str] | None = None) -> None:
+        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
+        self._settle(self._servos if joints is None else joints, stiff=False)
 
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut down stiff again where they stand; return the names of the joints.
@@ -124,7 +138,7 @@ class JointsTwin:
         """Hold or relax, as the robot file asks; tell it if that cannot be. Never raises."""
         if not self.plug.connections:
             return  # it was never there: nothing was moved
-        self._settle(stiff=self._stiff_at_rest)
+        self._settle(self._servos, stiff=self._stiff_at_rest)
         if not self.plug.online:
             what = "held" if self._stiff_at_rest else "relaxed"
             names = ", ".join(servo.joint.title for servo in self._servos.values())
@@ -144,8 +158,10 @@ class JointsTwin:
         return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=REMEDY)
 
     def step(self) -> None:
-        """Tell that there are new readings; what they are is worked out when somebody asks."""
+        """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
         if self.plug.online:
+            if self._following:
+                self._lead(self._clock.now())
             self._changed()
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -156,18 +172,22 @@ class JointsTwin:
 
     def overload(self, joint: str) -> None:
         """Let the servo of ``joint`` shut itself down for an overload. Raises BadRequest for an unknown joint."""
-        self._reject({joint: 0.0}, {})
-        servo = self._servos[joint]
+        check_names(self.name, {joint}, self._servos)
+        servo, now = self._servos[joint], self._clock.now()
         if servo.joint.shut:
             return
-        servo.shut_down(self._clock.now())
+        servo.shut_down(now)
         self._read_at = -inf
         if self.plug.online:
-            self._tell(
-                f"{servo.joint.title} reports overload ({VOLTAGE:.1f} V, {TEMPERATURE:.0f} °C, load +0%)",
-                "free the joint, or take the load off it",
-            )
-            self._tell_shut(servo)
+            servo.joint.reading = Reading(servo.state(now), now, Quality.GOOD)
+            self._telling.faults(servo.joint, Fault.OVERLOAD)
+            self._telling.shut(servo.joint)
+
+    def turn_by_hand(self, joint: str, angle: float) -> None:
+        """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].turn_by_hand(angle, self._clock.now())
+        self._read_at = -inf
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
@@ -176,7 +196,7 @@ class JointsTwin:
         now = self._clock.now()
         for servo in self._servos.values():
             if servo.joint.shut:
-                self._tell_shut(servo)
+                self._telling.shut(servo.joint)
             elif servo.joint.wanted is False:
                 servo.relax(now)
             elif servo.joint.wanted:
@@ -191,27 +211,35 @@ class JointsTwin:
         self._readings = {name: Reading(servo.state(now), now, Quality.GOOD) for name, servo in self._servos.items()}
         self._read_at = now
 
-    def _settle(self, *, stiff: bool) -> None:
+    def _go(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
+        """Send joints to goals within their limits, but those that have shut down."""
+        for name, goal in goals.items():
+            servo = self._servos[name]
+            joint = servo.joint
+            if not joint.shut:
+                joint.wanted = True
+                servo.go(goal, speeds.get(name, self._limits[name].speed), now)
+            if joint.left_out != joint.shut:
+                joint.left_out = joint.shut
+                self._telling.left_out()
+        self._read_at = -inf
+
+    def _lead(self, now: float) -> None:
+        """Send every follower where it belongs now."""
+        leaders = {coupling.leader for coupling in self._following.couplings}
+        positions = {leader: self._servos[leader].position(now) for leader in leaders}
+        self._go(self._clamping.accept(self._following.goals(positions), now), {}, now)
+
+    def _settle(self, names: Collection[str], *, stiff: bool) -> None:
+        check_names(self.name, set(names), self._servos)
         now = self._clock.now()
-        for servo in self._servos.values():
+        self._following.end(names)
+        for name in names:
+            servo = self._servos[name]
             servo.joint.wanted = stiff
             if self.plug.online:
                 servo.hold(now) if stiff else servo.relax(now)
                 self._read_at = -inf
 
-    def _reject(self, goals: Mapping[str, float], speeds: Mapping[str, float]) -> None:
-        """Raise BadRequest with all that is wrong with a move."""
-        unknown = sorted((goals.keys() | speeds.keys()) - self._servos.keys())
-        wrong = [f"no joint {name!r} (there are {', '.join(self._servos)})" for name in unknown]
-        for what, values in (("goal", goals), ("speed", speeds)):
-            wrong += [
-                f"{name}: a {what} of {value} is not finite" for name, value in values.items() if not isfinite(value)
-            ]
-        if wrong:
-            raise BadRequest(f"{self.name}: {'; '.join(wrong)}")
-
-    def _tell(self, what: str, hint: str = "") -> None:
+    def _tell(self, what: str, hint: str) -> None:
         self._report(Notice(self.name, "fault", what, hint))
-
-    def _tell_shut(self, servo: ServoTwin) -> None:
-        self._tell(f"{servo.joint.title} has shut down: its torque limit is 0", REMEDY)

@@ -5,8 +5,7 @@ from math import copysign
 from drivers.api import JointState
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
-from drivers.sim.servo import Shaft
-from drivers.virtual.ax12 import FRICTION
+from drivers.sim.servo import FRICTION, Shaft
 
 VOLTAGE = 12.0
 """Volts that it measures."""
@@ -23,13 +22,14 @@ class ServoTwin:
         self._limits = self.joint.limits
         self._shaft = Shaft(0.0, 0.0, 0.0)
         self._speed = 0.0  # asked for last, in rad/s
+        self._still: JointState | None = None  # what it feels for as long as it stands still
 
     def go(self, goal: float, speed: float, now: float) -> None:
         """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
         if joint.torque and goal == joint.goal and speed == self._speed:
             return  # it is on its way already
-        joint.goal, joint.torque, self._speed = goal, True, speed
+        joint.goal, joint.torque, self._speed, self._still = goal, True, speed, None
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
         wanted = joint.model.speed_ticks(min(max(speed, 0.0), self._limits.speed)) * joint.model.speed_unit
@@ -44,7 +44,14 @@ class ServoTwin:
     def relax(self, now: float) -> None:
         """Be limp."""
         self._shaft.goal = self._shaft.advance(now)
-        self.joint.torque, self.joint.goal = False, None
+        self.joint.torque, self.joint.goal, self._still = False, None, None
+
+    def turn_by_hand(self, angle: float, now: float) -> None:
+        """Turn a limp joint to ``angle`` (radians), as far as its servo turns; a stiff one stays where it is."""
+        if not self.joint.torque:
+            self._shaft.advance(now)
+            self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
+            self._still = None
 
     def shut_down(self, now: float) -> None:
         """Give up its torque for good, as at an overload; it still knows its goal."""
@@ -56,13 +63,19 @@ class ServoTwin:
         """Return where the joint really is at time ``now``, in radians."""
         return self._shaft.advance(now)
 
+    def position(self, now: float) -> float:
+        """Return where it feels that it is at time ``now``, in radians: in the steps of its sensor."""
+        return self.joint.angle(self.joint.ticks(self._shaft.advance(now)))
+
     def state(self, now: float) -> JointState:
-        """Return what it feels at time ``now``; the position in the steps of its sensor."""
+        """Return what it feels at time ``now``."""
+        if self._still is not None:
+            return self._still
         joint, shaft = self.joint, self._shaft
-        position = shaft.advance(now)
-        way = shaft.goal - position
-        return JointState(
-            position=joint.angle(joint.ticks(position)),
+        position = self.position(now)
+        way = shaft.goal - shaft.position
+        state = JointState(
+            position=position,
             velocity=copysign(shaft.speed, way) if way else 0.0,
             goal=joint.goal,
             load=copysign(FRICTION, way) if way else 0.0,
@@ -71,3 +84,5 @@ class ServoTwin:
             moving=bool(way),
             torque=joint.torque,
         )
+        self._still = None if way else state
+        return state

@@ -6,7 +6,7 @@ import pytest
 
 from config.faults import Mark
 from drivers.api import Pose2D
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged
+from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, ReflexFired
 from missions.executive.executive import Result
 from missions.testing.expectations import Expectation, Item, Place
 from missions.testing.history import History
@@ -29,6 +29,8 @@ EVENTS: Sequence[Event] = (
     Logged(2.0, "voice", "Hello, you"),
     node(2.0, "say", "running", key="1.3", kind="say"),
     FaultRaised(2.5, "arm", "offline", "the cable is out"),
+    ReflexFired(2.6, 1, "bumper", "left", on=True),
+    ReflexFired(2.7, 1, "bumper", "left", on=False),
     node(3.0, "say", "idle", key="1.3", kind="say"),
     node(3.0, "tree", "success", key="1", kind="sequence"),
 )
@@ -41,6 +43,7 @@ def history() -> History:
         found(event)
     found.result = Result("m", "failure", "nobody found", 3.0, 60)
     found.pose = Pose2D(1.0, 2.0, 3.1)
+    found.joints = {"elbow": 0.5}
     found.returns = {"count": 2, "name": "Anna", "ready": True, "share": 0.1 + 0.2}
     return found
 
@@ -68,8 +71,11 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("order", [Moment("tree", "starts"), Moment("look", "starts")]),
     ("order", [Moment("say", "starts"), Moment("robot", "says", "Hello"), Moment("arm", "disconnects")]),
     ("faults", ["the cable"]),
+    ("order", [Moment("bumper", "fires"), Moment("bumper", "clears"), Moment("say", "halts")]),
+    ("reflexes", ["bumper", "bumper left"]),
     ("base", ["stopped"]),
     ("pose", [Place(1.05, 2.0), Place(1.0, 2.0, heading=-3.1)]),
+    ("joints", [("elbow", 0.5, 0.0), ("elbow", 0.6, 0.11)]),
     ("returns", [("count", 2), ("name", "Anna"), ("ready", True), ("share", 0.3)]),
 ]
 
@@ -94,8 +100,12 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("order", [Moment("ask", "succeeds"), Moment("nod", "starts")], "after 'ask succeeds' it never happened"),
     ("faults", ["elbow"], "the notices were"),
     ("faults", [], 'it was not to be told that "arm disconnects: the cable is out"'),
+    ("reflexes", ["bumper", "cliff"], 'the reflexes that fired were "bumper left"'),
+    ("reflexes", [], 'these reflexes fired: "bumper left"'),
     ("pose", [Place(0.8, 2.0)], "the base was at [1.00 m, 2.00 m], heading 178 deg"),
     ("pose", [Place(1.0, 2.0, heading=1.0)], "the base was at"),
+    ("joints", [("elbow", 0.6, 0.05)], "'elbow' was at 28.6 deg"),
+    ("joints", [("wrist", 0.6, 0.05)], "the arm was not there"),
     ("returns", [("count", 3)], "'count' was 2"),
     ("returns", [("name", "Ben")], "'name' was Anna"),
     ("returns", [("ready", False)], "'ready' was yes"),
@@ -126,6 +136,8 @@ def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(histo
     history(CommandSent(2.9, 1, "base", "drive (1.4)", {"linear": 0.2, "angular": 0.0}))
     assert misses(history, "base", "stopped")
     history(CommandSent(3.0, 1, "base", "drive (1.4)", {"linear": 0.0, "angular": 0.0}))
+    assert misses(history, "base", "stopped") == []
+    history(CommandSent(3.0, 1, "base", "safety", {"linear": -0.1, "angular": 0.0}))  # which is not the mission's doing
     assert misses(history, "base", "stopped") == []
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.base import Drive
+from behaviours.driving.straight import Drive
 from missions.executive.events import Ticked
 from missions.testing.history import History
 from missions.testing.play import play

@@ -1,0 +1,1 @@
+"""Leaves that drive the base, closed over its odometry."""

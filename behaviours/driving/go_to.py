@@ -1,0 +1,100 @@
+"""The leaf that drives to a place."""
+
+import math
+
+from py_trees.common import Status
+
+from behaviours.driving.motion import CRAWL, Way
+from behaviours.driving.spin import Spin
+from behaviours.leaf import SUCCESS, argument
+from drivers.api import BaseState, Pose2D, Velocity
+
+TURN_SPEED = math.radians(60)
+"""rad/s at which it turns at most."""
+
+EAGERNESS = 2.5
+"""rad/s for each radian that the place is beside straight ahead."""
+
+ASIDE = math.radians(20)
+"""With the place further aside it turns on the spot."""
+
+TRIES = 3
+"""How often it drives up to the place, should it miss it."""
+
+
+class GoTo(Spin):
+    """Drive to a place in a straight line, by odometry, and turn to a heading there.
+
+    Running until it stands there, then succeeds. It knows of nothing that is in the way: it fails when it bumps into
+    something or comes to a cliff, when a wheel drops, while the base is stopped until somebody enables it, and when it
+    has missed the place three times. While somebody steers the base by hand it waits, then drives there from elsewhere.
+    """
+
+    word = "go_to"
+    stores = "how far from the place it stands, by odometry (m)"
+    x: float = argument("length", "metres ahead of where the base started: what `base.x` will be")
+    y: float = argument("length", "metres to the left of where it started: what `base.y` will be")
+    heading: float | None = argument(
+        "angle", "how to stand there, as `base.heading` counts; else as it comes", default=None
+    )
+    speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
+    tolerance: float = argument("length", "how far beside the place is near enough", default=0.02, low=0.005)
+    _there = False
+    _facing: float | None = None  # the heading to turn to, among those that are the same the nearest
+    _side = 1.0  # to which it turns
+    _tries = 0
+
+    @property
+    def way(self) -> Way:
+        return Way.ROUND if self._there else Way.AHEAD
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._there, self._facing, self._tries = False, None, 0
+
+    def resume(self, state: BaseState) -> None:
+        super().resume(state)
+        self._there, self._facing, self._tries = False, None, 0
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        del start
+        pose = state.pose
+        dx, dy = self.x - pose.x, self.y - pose.y
+        away = self.result = math.hypot(dx, dy)
+        if self._there:
+            return self._face(state)
+        aside = math.remainder(math.atan2(dy, dx) - pose.heading, math.tau)
+        near, doing = away <= self.tolerance, f"{away:.2f} m to go"
+        turn = max(-TURN_SPEED, min(TURN_SPEED, EAGERNESS * aside))
+        if not near and not self._stopping and abs(aside) > ASIDE:
+            return self.steer(Velocity(0.0, turn), doing)
+        speed = self.approach(away * math.cos(aside), braking=self.braking, crawl=CRAWL)
+        if speed > 0.0:
+            return self.steer(Velocity(min(speed, self.speed), 0.0 if near else turn), doing)
+        if self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular))) is not SUCCESS:
+            return self.wait("stopping")
+        return self._arrived(near=near, state=state)
+
+    def _arrived(self, *, near: bool, state: BaseState) -> Status:
+        """Go on to the heading; or once more to the place, where it was missed."""
+        self._stopping = False
+        if near:
+            self._there = True
+            return self._face(state)
+        self._tries += 1
+        if self._tries == TRIES:
+            return self.fail(
+                f"missed the place by {100 * (self.result if isinstance(self.result, float) else 0.0):.0f} cm"
+            )
+        return self.wait("missed the place: once more")
+
+    def _face(self, state: BaseState) -> Status:
+        if self.heading is None:
+            return SUCCESS
+        if self._facing is None:
+            now = state.pose.heading
+            self._facing = now + math.remainder(self.heading - now, math.tau)
+            self._side = math.copysign(1.0, self._facing - now)
+        return self.turn_to(
+            self._facing, self._side, TURN_SPEED, state, f"turning to {math.degrees(self.heading):.0f} deg"
+        )

@@ -1,0 +1,169 @@
+"""What all leaves that drive the base have in common: they look at it at each tick, and stop it unless they succeed."""
+
+import math
+from abc import abstractmethod
+from enum import Enum
+
+from py_trees.common import Status
+
+from behaviours.leaf import SUCCESS, Leaf
+from drivers.api import Base, BaseState, Pose2D, Source, Steering, Velocity
+
+BRAKING, TURN_BRAKING = 0.5, 0.34
+"""Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
+
+CRAWL = 0.02
+"""Speed in m/s of the last bit: what the base still rolls after it was told to stop is then a few millimetres."""
+
+TURN_CRAWL = math.radians(4)
+"""The same in rad/s."""
+
+REACTION = 0.25
+"""Seconds from a report to the motion that answers it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
+
+STANDSTILL = 0.01
+"""Below this speed (m/s or rad/s) it has stopped."""
+
+STILL = Velocity(0.0, 0.0)
+
+
+class Way(Enum):
+    """Where a motion leads; what the base feels matters accordingly."""
+
+    AHEAD = "ahead"
+    ROUND = "round"  # on the spot, or back in a curve
+    BACK = "back"  # straight
+
+
+class Motion(Leaf):
+    """Drives the base as ``go`` says, from a start pose, in a ``way``; it stops it unless it has succeeded.
+
+    It fails by what the base feels in its way, and while the base is latched. While a person, or a reflex, has the
+    wheels it waits, and goes on from where the base is then. What the base refuses for any other reason, such as an
+    edge that it has not left behind, fails it too.
+    """
+
+    needs = frozenset({"base"})
+    drives = frozenset({"base"})
+    _start: Pose2D | None = None
+    _stopping = False
+    _refused_since: float | None = None
+
+    def initialise(self) -> None:
+        self._start, self._stopping, self._refused_since = None, False, None
+
+    def update(self) -> Status:
+        state = self.state()
+        if state is None or self._start is None:
+            return self.wait("waiting for the base to report")
+        steering = self.robot.base.steering()
+        trouble = held_up(self.robot.base) or self.trouble(state, steering)
+        if trouble:
+            return self.fail(trouble)
+        override = overriding(steering)
+        if override:
+            self._refused_since = None
+            self.resume(state)
+            return self.wait(override)
+        return self.go(state, self._start)
+
+    @property
+    def way(self) -> Way:
+        """Where it leads now."""
+        return Way.AHEAD
+
+    @abstractmethod
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        """Do one tick's work with what the base reports, from where it started."""
+
+    def trouble(self, state: BaseState, steering: Steering) -> str:
+        """Say why it cannot go on, or nothing."""
+        return obstacle(state, self.way, steering)
+
+    def resume(self, state: BaseState) -> None:
+        """Forget what was begun: somebody else has the wheels, and has brought the base to where it is now."""
+        del state
+        self._stopping = False
+
+    def state(self) -> BaseState | None:
+        """Return the base's newest report, None while there is no fresh one; the first one is where it starts."""
+        reading = self.robot.base.state()
+        if not reading.good or reading.value is None:
+            return None
+        if self._start is None:
+            self._start = reading.value.pose
+        return reading.value
+
+    def steer(self, velocity: Velocity, doing: str) -> Status:
+        """Tell the base to move so, and go on; fail once it has refused all of it for longer than a reaction takes."""
+        given = self.robot.base.drive(velocity)
+        if given != STILL or velocity == STILL:
+            self._refused_since = None
+            return self.wait(doing)
+        now = self.run.now()
+        if self._refused_since is None:
+            self._refused_since = now
+        if now - self._refused_since <= REACTION:
+            return self.wait(doing)
+        return self.fail(f"the base does not move: {self.robot.base.steering().because or 'it is not permitted'}")
+
+    def come_to_rest(self, speed: float) -> Status:
+        """Stop, and succeed once it stands still."""
+        if not self._stopping:
+            self._stopping = True
+            self.robot.base.stop()
+        return SUCCESS if abs(speed) < STANDSTILL else self.wait("stopping")
+
+    def approach(self, left: float, *, braking: float, crawl: float) -> float:
+        """Return how fast to go with ``left`` (m or rad) to go; 0 when it is time to stop.
+
+        A motion that ends at the goal with an even deceleration b has v^2 / 2b left. A command that acts a time T
+        after its report meets v + b T at that report, hence (v + b T)^2 / 2b. How long T really is, matters little: the
+        last bit is done at a crawl, and half of what that covers in T is where to stop.
+        """
+        if self._stopping or left <= crawl * REACTION / 2:
+            return 0.0
+        return max(crawl, math.sqrt(2 * braking * left) - braking * REACTION)
+
+    @property
+    def braking(self) -> float:
+        """The deceleration in m/s^2 that an approach counts on."""
+        return BRAKING * self.robot.base.limits.acceleration
+
+    @property
+    def turn_braking(self) -> float:
+        """The same in rad/s^2."""
+        return TURN_BRAKING * self.robot.base.limits.turn_acceleration
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is not SUCCESS:
+            self.robot.base.stop()
+
+
+def held_up(base: Base) -> str:
+    """Say why a base does not move at all until somebody enables it, or nothing."""
+    return f"the base is stopped: {base.latched}" if base.latched else ""
+
+
+def obstacle(state: BaseState, way: Way, steering: Steering | None = None) -> str:
+    """Say what stops a base from going on in a way, or nothing.
+
+    What is ahead matters only where it goes there; but at an edge there is no way but straight back: with a turn it
+    would fall. A base that ``steering`` says is backing off has bumped, though it may have left that behind already.
+    """
+    if state.wheel_drop:
+        return "a wheel has dropped"
+    if state.cliff and way is not Way.BACK:
+        return "a cliff ahead" if way is Way.AHEAD else "a cliff ahead: the only way is straight back"
+    if way is Way.AHEAD and (state.bumper or (steering is not None and steering.source is Source.SAFETY)):
+        return "bumped into something"
+    return ""
+
+
+def overriding(steering: Steering) -> str:
+    """Say who goes before a mission and has the wheels now, or nothing."""
+    if steering.source is Source.TELEOP:
+        return "teleoperation has the wheels"
+    if steering.source is Source.SAFETY:
+        return steering.because or "a reflex has the wheels"
+    return ""

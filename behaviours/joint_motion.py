@@ -1,0 +1,133 @@
+"""What leaves that move joints along a path have in common: they look before they move, and never leap."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Protocol
+
+from py_trees.common import Status
+
+from behaviours.leaf import SUCCESS, Leaf
+from behaviours.tracking_error import Sample
+from drivers.api import Joints, JointState, Reading
+
+AHEAD = 0.05
+"""Seconds that the goals run ahead of the time: a tick and the bus."""
+
+LONGEST_STEP = 0.1
+"""Seconds: a tick counts for no longer, so that after a late one, a pause or a lost arm nothing leaps."""
+
+RUN_IN = math.radians(50)
+"""rad/s at most on the way to where a movement begins, wherever the joints were left."""
+
+CATCH_UP = 0.2
+"""Seconds within which a joint makes up for what it lags behind its path."""
+
+MARGIN = 1.1
+"""By how much faster than its path a joint may go: one that is at each goal a little early keeps up with the next."""
+
+SLOWEST = 0.1
+"""rad/s: under load, slower orders do not move a small servo evenly."""
+
+
+class Path(Protocol):
+    """Where joints are to be over time."""
+
+    def at(self, time: float) -> Mapping[str, float]:
+        """Return the positions (radians) at ``time`` seconds after the start."""
+        ...
+
+
+class JointMotion(Leaf):
+    """Moves joints along a path: laid out from where they are, followed at its own time, and held where it is halted.
+
+    A subclass says which joints are ``moved``, lays out the ``path``, and says in ``follow`` how far it has come.
+    """
+
+    needs = frozenset({"arm"})
+    drives = frozenset({"arm"})
+    _path: Path | None = None
+    _time = 0.0  # on the path
+    _moved_at = 0.0
+    _even_since = 0.0  # since when the path's time goes as the run's
+
+    def initialise(self) -> None:
+        self._path = None
+
+    @abstractmethod
+    def moved(self) -> tuple[str, ...]:
+        """Return the joints that it moves."""
+
+    @abstractmethod
+    def path(self, start: Mapping[str, float]) -> Path:
+        """Return the path of its joints from where they are."""
+
+    @abstractmethod
+    def follow(self, time: float, samples: Mapping[str, Sample]) -> Status:
+        """Say how far it has come, ``time`` seconds after the start; ``samples`` are what was measured, by joint."""
+
+    def update(self) -> Status:
+        if self._path is None:
+            if misfits := self.misfits(self.robot.reach):
+                return self.fail("; ".join(misfits))
+            start, joints = positions(self.robot.arm), self.moved()
+            if silent := [joint for joint in joints if joint not in start]:
+                return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
+            self._path = self.path({joint: start[joint] for joint in joints})
+            self._time, self._moved_at = 0.0, self.run.now()
+            self._even_since = self._moved_at
+        return self._go_on(self._path)
+
+    def _go_on(self, path: Path) -> Status:
+        """Order where to be at the next tick."""
+        now = self.run.now()
+        passed = now - self._moved_at
+        if passed > LONGEST_STEP:
+            self._even_since = now
+        time = self._time + min(passed, LONGEST_STEP)
+        samples = self._measured(path, time, now)
+        goals, here = path.at(time + AHEAD), path.at(time)
+        limits = self.robot.arm.limits
+        speeds = {}
+        for joint, goal in goals.items():
+            lag = -samples[joint].error if joint in samples else 0.0
+            speed = abs((goal - here[joint]) / AHEAD + lag / CATCH_UP) * MARGIN
+            speeds[joint] = min(max(speed, SLOWEST), limits[joint].speed)
+        self.robot.arm.move(goals, speeds=speeds)
+        self._time, self._moved_at = time, now
+        return self.follow(time, samples)
+
+    def _measured(self, path: Path, time: float, now: float) -> dict[str, Sample]:
+        """Return the newest readings, each beside where its joint should have been when it was measured."""
+        samples = {}
+        planned: dict[float, Mapping[str, float]] = {}  # most readings were taken at the same time
+        states = self.robot.arm.states()
+        for joint in path.at(time):
+            stamp, position = states[joint].stamp, _position(states[joint])
+            if position is None or stamp < self._even_since:
+                continue
+            then = time - (now - stamp)
+            if stamp not in planned:
+                planned[stamp] = path.at(then)
+            samples[joint] = Sample(then, joint, planned[stamp][joint], position)
+        return samples
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is not SUCCESS and self._path is not None:
+            self.robot.arm.hold(self.moved())
+
+
+def positions(arm: Joints) -> dict[str, float]:
+    """Return where the joints are now (radians), as far as that is known."""
+    found = {joint: _position(state) for joint, state in arm.states().items()}
+    return {joint: position for joint, position in found.items() if position is not None}
+
+
+def off(arm: Joints, goals: Mapping[str, float], tolerance: float) -> list[str]:
+    """Return the joints that are not, or not known to be, within ``tolerance`` (radians) of their goals."""
+    at = positions(arm)
+    return [joint for joint, goal in goals.items() if abs(at.get(joint, math.inf) - goal) > tolerance]
+
+
+def _position(state: Reading[JointState]) -> float | None:
+    return state.value.position if state.good and state.value is not None else None

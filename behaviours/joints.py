@@ -1,0 +1,133 @@
+"""Leaves that order joints about: to angles, to be stiff, to be limp."""
+
+import math
+from collections.abc import Mapping
+
+from py_trees.common import Status
+
+from behaviours.joint_motion import LONGEST_STEP, off, positions
+from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.reach import Reach, degrees
+
+CONFIRMED = 2.0
+"""Seconds within which joints report that they are stiff or limp: several rounds, even of the slow registers."""
+
+RESENT = 0.5
+"""Seconds after which an order is given again: a servo that was gone for a moment has forgotten it."""
+
+
+class MoveJoints(Leaf):
+    """Move joints to angles, all at once.
+
+    Running until each has been measured at its angle, then succeeds. Fails before anything moves when the arm lacks a
+    joint, or one is asked to go too far or too fast; and when a joint has not arrived, with how far it is off.
+    """
+
+    word = "move_joints"
+    needs = frozenset({"arm"})
+    drives = frozenset({"arm"})
+    stores = "how long it took, in seconds"
+    to: Mapping[str, float] = argument("angle", "where each joint is to go", by_joint=True)
+    speed: float | None = argument(
+        "turn rate", "how fast; else each as fast as the robot file allows", default=None, low=math.radians(1)
+    )
+    tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=math.radians(0.2))
+    patience: float = argument("duration", "how much longer than the way should take it may take", default=3.0, low=0.1)
+    _goals: Mapping[str, float] | None = None
+    _limit = 0.0  # how long it may take
+    _time = 0.0  # that it has been at it; lost connections and pauses do not count
+    _seen_at = 0.0
+    _begun = 0.0
+
+    def misfits(self, reach: Reach) -> list[str]:
+        speeds = {} if self.speed is None else dict.fromkeys(self.to, self.speed)
+        return [*reach.beyond([self.to]), *reach.too_fast(speeds)]
+
+    def initialise(self) -> None:
+        self._goals = None
+
+    def update(self) -> Status:
+        if self._goals is None:
+            if misfits := self.misfits(self.robot.reach):
+                return self.fail("; ".join(misfits))
+            start = positions(self.robot.arm)
+            if silent := [joint for joint in self.to if joint not in start]:
+                return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
+            ways = (abs(goal - start[joint]) / self._speed(joint) for joint, goal in self.to.items())
+            self._limit = self.patience + max(ways, default=0.0)
+            self._begun = self._seen_at = self.run.now()
+            self._time = 0.0
+        now = self.run.now()
+        self._time += min(now - self._seen_at, LONGEST_STEP)
+        self._seen_at = now
+        # Said at every tick: a joint that was gone for a moment has forgotten where to go.
+        self._goals = self.robot.arm.move(self.to, speeds={joint: self._speed(joint) for joint in self.to})
+        late = off(self.robot.arm, self._goals, self.tolerance)
+        if not late:
+            self.result = now - self._begun
+            return SUCCESS
+        if self._time > self._limit:
+            return self.fail(", ".join(self._short(joint) for joint in late))
+        return self.wait(f"waiting for {', '.join(late)}")
+
+    def _speed(self, joint: str) -> float:
+        return self.robot.arm.limits[joint].speed if self.speed is None else self.speed
+
+    def _short(self, joint: str) -> str:
+        """Say how far a joint is from where it was to go."""
+        at, goal = positions(self.robot.arm).get(joint), self.to[joint]
+        if at is None:
+            return f"{joint} does not report"
+        return f"{joint} stopped {degrees(abs(goal - at))} short of {degrees(goal)}"
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is not SUCCESS and self._goals is not None:
+            self.robot.arm.hold(tuple(self.to))
+
+
+class Torque(Leaf):
+    """Make joints stiff where they stand (`torque: on`), or limp, to be moved by hand (`torque: off`).
+
+    Running until all report that they are, then succeeds. Fails when one does not. Halted before, they are held.
+    """
+
+    word = "torque"
+    needs = frozenset({"arm"})
+    drives = frozenset({"arm"})
+    stiff: bool = argument("flag", "on, or off for limp", principal=True)
+    joints: tuple[str, ...] = argument("joints", "which; else all", default=())
+    _names: tuple[str, ...] = ()
+    _asked_at: float | None = None  # None while there is nobody to ask
+    _told_at = 0.0
+
+    def misfits(self, reach: Reach) -> list[str]:
+        return reach.unknown(self.joints)
+
+    def initialise(self) -> None:
+        self._names, self._asked_at = self.robot.reach.named(self.joints), None
+
+    def update(self) -> Status:
+        arm, now = self.robot.arm, self.run.now()
+        health = arm.health()
+        if not health.online:
+            self._asked_at = None
+            return self.wait(f"waiting: {health.detail}")
+        if self._asked_at is None or now - self._told_at >= RESENT:
+            self._asked_at, self._told_at = now if self._asked_at is None else self._asked_at, now
+            (arm.hold if self.stiff else arm.relax)(self._names)
+        states = arm.states()
+        wrong = [
+            joint
+            for joint in self._names
+            if (state := states[joint].value) is None or not states[joint].good or state.torque is not self.stiff
+        ]
+        if not wrong:
+            return SUCCESS
+        wanted = "stiff" if self.stiff else "limp"
+        if now - self._asked_at > CONFIRMED:
+            return self.fail(f"{', '.join(wrong)} did not become {wanted}")
+        return self.wait(f"waiting for {', '.join(wrong)} to be {wanted}")
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is not SUCCESS and self._names:
+            self.robot.arm.hold(self._names)

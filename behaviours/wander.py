@@ -1,0 +1,167 @@
+"""The leaf that drives about and runs into nothing."""
+
+import math
+from collections import deque
+
+import numpy as np
+from py_trees.common import Status
+
+from behaviours.clearance import MARGIN, RADIUS, Lookout, Points, free_way, free_ways, safe_speed, turned
+from behaviours.coverage import Visited
+from behaviours.driving.motion import REACTION, STILL, Motion
+from behaviours.leaf import FAILURE, argument
+from drivers.api import BaseState, Pose2D, Sides, Steering, Velocity
+
+BLIND = 0.1
+"""m/s at most without a range finder: as fast as it may bump into something."""
+
+BACK, BACK_SPEED, BACK_TIME = 0.15, 0.1, 4.0
+"""Metres that it drives straight back after a bump or from an edge, how fast, and for how long (s) at most."""
+
+HEADINGS = np.radians(np.arange(-180, 180, 10.0))
+"""The ways that it chooses from, from straight ahead."""
+
+FAR = 3.0
+"""Metres: more than that ahead is no better."""
+
+KEEP = 1.25
+"""How many times better another way must be than the one that it goes."""
+
+CHOOSE_EVERY = 0.4
+"""Seconds after which it thinks about its way anew."""
+
+ASKEW = math.radians(30)
+"""So far beside its way it only turns."""
+
+EAGERNESS, TURN_SPEED = 2.0, math.radians(80)
+"""rad/s for each radian beside its way, and rad/s at most."""
+
+SHUT_IN = 5.0
+"""Seconds without a way out after which it gives up."""
+
+REMEMBERED = 60
+"""How many of the places where it bumped, or found an edge, it keeps in mind."""
+
+_BUMPERS = {"left": math.radians(55), "centre": 0.0, "right": math.radians(-55)}
+
+
+class Wander(Motion):
+    """Drive about without running into things, and where it has not been rather than where it has.
+
+    With a range finder it sees things in time, as far as they are as high as that. Without one it drives at 0.1 m/s at
+    most, and finds out by its bumpers. From a bump or an edge it drives straight back, and remembers the place.
+    Running all the time; it never succeeds. Fails when there is no way out, when a wheel drops, and while the base is
+    stopped until somebody enables it. While somebody steers the base by hand it waits.
+    """
+
+    word = "wander"
+    uses = frozenset({"range"})
+    ends = frozenset({"failure"})
+    speed: float = argument("speed", "how fast", default=0.3, low=0.05, high=0.7)
+    _lookout: Lookout
+    _visited: Visited
+    _course: float | None = None  # the heading to keep, by odometry
+    _chosen_at = -math.inf
+    _hit: tuple[Pose2D, float] | None = None  # from where it drives back, and since when
+    _shut_since: float | None = None
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._lookout, self._visited = Lookout(self.robot), Visited()
+        self._met: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)
+        self._course = self._hit = self._shut_since = None
+
+    def trouble(self, state: BaseState, steering: Steering) -> str:
+        if state.wheel_drop:
+            return super().trouble(state, steering)
+        if state.cliff or state.bumper:
+            self._meet(state.pose, state.cliff or state.bumper)
+        return ""
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        del start
+        self._visited.visit(state.pose)
+        seen = self._lookout.around(state, self.run.now())
+        if seen is None and self.robot.ranger_part is not None:
+            return self.steer(STILL, "waiting for the range finder")
+        things = self._things(state.pose, seen)
+        if self._hit is not None and self._backs(state.pose, *self._hit, things):
+            return self.steer(Velocity(-BACK_SPEED, 0.0), "backing off")
+        self._hit = None
+        if self._course is None or self.run.now() - self._chosen_at >= CHOOSE_EVERY:
+            self._course, self._chosen_at = self._choose(state.pose, things), self.run.now()
+        course = self._course
+        if course is None:
+            return self._shut_in()
+        off = math.remainder(course - state.pose.heading, math.tau)
+        turn = max(-TURN_SPEED, min(TURN_SPEED, EAGERNESS * off))
+        status = self.steer(Velocity(self._speed(off, free_way(things), blind=seen is None), turn), self._doing(off))
+        if status is FAILURE:  # an edge that is not far enough behind it
+            self._hit = state.pose, self.run.now()
+            return self._shut_in()
+        if self._refused_since is None:
+            self._shut_since = None
+        return status
+
+    # --- where to ---------------------------------------------------------------------------------------------------
+
+    def _choose(self, pose: Pose2D, things: Points) -> float | None:
+        """Return the heading to keep: a new one where the present one is blocked, or another is much better."""
+        ways = free_ways(things, HEADINGS)
+        if not (ways > MARGIN).any():
+            return None
+        value = [self._value(pose, heading, way) for heading, way in zip(HEADINGS, ways, strict=True)]
+        best = int(np.argmax(value))
+        if self._course is not None:
+            kept = math.remainder(self._course - pose.heading, math.tau)
+            way = float(free_ways(things, np.array([kept]))[0])
+            if way > MARGIN and self._value(pose, kept, way) * KEEP >= value[best]:
+                return self._course
+        return pose.heading + float(HEADINGS[best])
+
+    def _value(self, pose: Pose2D, heading: float, way: float) -> float:
+        """Return what a way is worth: how far it leads, how much of that is new, how little one has to turn."""
+        length = min(way, FAR)
+        new = self._visited.unvisited(pose, pose.heading + heading, length)
+        return length * (0.2 + new) * (1.0 - 0.4 * abs(heading) / math.pi)
+
+    def _speed(self, off: float, way: float, *, blind: bool) -> float:
+        """Return how fast it may drive with so much room ahead, and so far off its course."""
+        safe = safe_speed(way, braking=self.braking, reaction=REACTION)
+        return min(self.speed, safe, BLIND if blind else math.inf) * max(0.0, 1.0 - abs(off) / ASKEW)
+
+    # --- what is there ----------------------------------------------------------------------------------------------
+
+    def _things(self, pose: Pose2D, seen: Points | None) -> Points:
+        """Return all that is to be gone round: what is seen, and what was met before."""
+        met = np.array(self._met, dtype=np.float64).reshape(-1, 2) - (pose.x, pose.y)
+        known = turned(met, pose.heading)
+        return known if seen is None else np.concatenate((seen, known))
+
+    def _meet(self, pose: Pose2D, where: Sides) -> None:
+        """Remember a thing, or an edge, at the rim of the base, and begin to drive back from it."""
+        sides = [angle for name, angle in _BUMPERS.items() if getattr(where, name)]
+        if self._hit is None:
+            for angle in sides:
+                place = pose.heading + angle
+                self._met.append((pose.x + RADIUS * math.cos(place), pose.y + RADIUS * math.sin(place)))
+        self._hit, self._course = (self._hit or (pose, self.run.now())), None
+
+    def _backs(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
+        """Say whether it has to drive farther back, and can."""
+        gone = math.hypot(pose.x - origin.x, pose.y - origin.y)
+        room = float(free_ways(things, np.array([math.pi]))[0])
+        return gone < BACK and room > 0.0 and self.run.now() - since < BACK_TIME
+
+    def _shut_in(self) -> Status:
+        now = self.run.now()
+        if self._shut_since is None:
+            self._shut_since = now
+        if now - self._shut_since >= SHUT_IN:
+            return self.fail("no way out")
+        return self.steer(STILL, "no way out")
+
+    def _doing(self, off: float) -> str:
+        return (
+            f"turning by {math.degrees(off):.0f} deg" if abs(off) >= ASKEW else f"{len(self._visited)} places visited"
+        )

@@ -1,0 +1,68 @@
+"""What a behaviour sees of a robot: small protocols and value types, nothing of any bus.
+
+SI units and radians throughout, with the axes of REP 103: x forward, y left, z up, anticlockwise positive.
+So a positive pan looks left, and a positive tilt (about y) looks *down*.
+
+Every device starts without its hardware: ``open`` starts looking for it, ``health`` says whether it is there, and
+it reconnects by itself. Commands to a device that is offline raise ``drivers.errors.NotConnected``.
+So all commands may be made in a tick: they take one exchange on the wire at most, a few milliseconds, while the
+hardware answers. The exception are joints, which confirm hold, relax, and a move that first makes them stiff, one by
+one: each that answers costs two or three exchanges, each that has just fallen silent up to six time-outs (6 ms each,
+22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
+"""
+
+from drivers.api.base import Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
+from drivers.api.camera import Camera, CameraFrame, Image
+from drivers.api.device import Device, Health, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
+from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
+from drivers.api.ranging import Angles, Ranger, Ranges, RangeScan, wrapped
+from drivers.api.steering import COMMAND_LIFE, Reflexes, Source, Steered, Steering, Velocity, unsteered
+from drivers.api.voice import Utterance, Voice
+
+__all__ = [
+    "COMMAND_LIFE",
+    "HEAD_ACCELERATION",
+    "Angles",
+    "Base",
+    "BaseLimits",
+    "BaseState",
+    "Camera",
+    "CameraFrame",
+    "Coupling",
+    "Device",
+    "DockBeam",
+    "DockSignals",
+    "Gesture",
+    "Head",
+    "HeadLimits",
+    "HeadPose",
+    "Health",
+    "Image",
+    "JointLimits",
+    "JointState",
+    "Joints",
+    "Keyframe",
+    "Lamp",
+    "Notice",
+    "Pose2D",
+    "Quality",
+    "RangeScan",
+    "Ranger",
+    "Ranges",
+    "Reading",
+    "Reflexes",
+    "Report",
+    "Sides",
+    "Source",
+    "Steered",
+    "Steering",
+    "Tune",
+    "Utterance",
+    "Velocity",
+    "Voice",
+    "unheard",
+    "unreported",
+    "unsteered",
+    "wrapped",
+]

@@ -1,0 +1,176 @@
+"""What a behaviour sees of a base that drives on two wheels."""
+
+from dataclasses import dataclass
+from enum import IntFlag, StrEnum
+from typing import Protocol
+
+from drivers.api.device import Device, Reading
+from drivers.api.steering import Source, Steering, Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2D:
+    """Where the base is since the driver first heard from it.
+
+    ``x``, ``y`` in metres; ``heading`` in radians, continuous: it does not wrap.
+    """
+
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sides:
+    """A sensor that comes as a left, a centre and a right one."""
+
+    left: bool = False
+    centre: bool = False
+    right: bool = False
+
+    def __bool__(self) -> bool:
+        return self.left or self.centre or self.right
+
+    def __str__(self) -> str:
+        """Name those that are on: "left and centre"."""
+        named = (("left", self.left), ("centre", self.centre), ("right", self.right))
+        return " and ".join(name for name, on in named if on)
+
+
+class DockBeam(IntFlag):
+    """The beams of a dock as its base hears them: near or far, in the dock's left, middle or right sector."""
+
+    NEAR_LEFT = 1
+    NEAR_CENTRE = 2
+    NEAR_RIGHT = 4
+    FAR_CENTRE = 8
+    FAR_LEFT = 16
+    FAR_RIGHT = 32
+
+
+_NOTHING = DockBeam(0)
+
+
+@dataclass(frozen=True, slots=True)
+class DockSignals:
+    """What each of the base's infrared receivers hears of the dock; nothing where there is none in sight."""
+
+    left: DockBeam = _NOTHING
+    centre: DockBeam = _NOTHING
+    right: DockBeam = _NOTHING
+
+    def __bool__(self) -> bool:
+        return bool(self.left or self.centre or self.right)
+
+
+class Tune(StrEnum):
+    """The tunes that a base knows by heart."""
+
+    ON = "on"
+    OFF = "off"
+    RECHARGE = "recharge"
+    BUTTON = "button"
+    ERROR = "error"
+    CLEANING_START = "cleaning_start"
+    CLEANING_END = "cleaning_end"
+
+
+class Lamp(StrEnum):
+    """The colours of a light."""
+
+    OFF = "off"
+    RED = "red"
+    GREEN = "green"
+    ORANGE = "orange"
+
+
+@dataclass(frozen=True, slots=True)
+class BaseLimits:
+    """How fast a base goes (m/s) and turns (rad/s) at most, and how quickly that changes (m/s^2, rad/s^2)."""
+
+    speed: float
+    turn: float
+    acceleration: float
+    turn_acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class BaseState:
+    """One report of a base: where it is, how it moves, what it feels. Battery in volts and 0..100 percent.
+
+    ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
+    """
+
+    pose: Pose2D
+    velocity: Velocity
+    bumper: Sides = Sides()
+    cliff: Sides = Sides()
+    wheel_drop: Sides = Sides()
+    buttons: frozenset[int] = frozenset()
+    battery_voltage: float = 0.0
+    battery_percent: float = 0.0
+    charging: bool = False
+    docked: bool = False
+    dock: DockSignals = DockSignals()
+    overcurrent: Sides = Sides()
+
+
+class Base(Device, Protocol):
+    """A base that drives on two wheels. Who may tell it how, and what it does by itself: see ``drivers.steering``."""
+
+    @property
+    def limits(self) -> BaseLimits:
+        """How fast it goes, and how quickly that changes."""
+        ...
+
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Drive so until told otherwise, for ``COMMAND_LIFE`` at most; return what is in force after limiting.
+
+        That is standing still while a more important source has the wheels. Raises BadRequest for a value that is not
+        finite or for ``Source.SAFETY``, NotConnected, and DeviceFault while it is latched.
+        """
+        ...
+
+    def stop(self, *, source: Source | None = None) -> None:
+        """Stand still now, without a ramp: forget what ``source`` commands, or what anybody does (None).
+
+        Safe from any state, more than once; does not raise when offline.
+        """
+        ...
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        ...
+
+    def enable(self) -> None:
+        """End a latched stop; nothing of before is in force then."""
+        ...
+
+    @property
+    def latched(self) -> str:
+        """Why it is latched; empty while it is not."""
+        ...
+
+    def steering(self) -> Steering:
+        """Return who commands it now, and what came of that."""
+        ...
+
+    def play(self, tune: Tune) -> None:
+        """Play a tune. Raises NotConnected."""
+        ...
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
+        ...
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch a light: 1 or 2. Raises BadRequest for another, NotConnected."""
+        ...
+
+    def state(self) -> Reading[BaseState]:
+        """The newest report of the base."""
+        ...
+
+    def heading_at(self, stamp: float) -> float | None:
+        """The heading in radians at a past time, interpolated; None when that is not known."""
+        ...

@@ -1,0 +1,97 @@
+"""What all devices have in common: readings, health, notices, and how they begin and end."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Generic, Protocol, TypeVar
+
+T = TypeVar("T")
+
+
+class Quality(StrEnum):
+    """How far a reading can be trusted."""
+
+    GOOD = "good"
+    STALE = "stale"  # measured, but longer ago than the device's own limit
+    NONE = "none"  # never measured
+
+
+@dataclass(frozen=True, slots=True)
+class Reading(Generic[T]):
+    """A measured value, when it was measured (on the driver's clock), and how good it is.
+
+    ``value`` is None exactly when ``quality`` is ``Quality.NONE``: a missed reply never looks like a number.
+    """
+
+    value: T | None
+    stamp: float
+    quality: Quality
+
+    @property
+    def good(self) -> bool:
+        """True when the value is there and fresh."""
+        return self.quality is Quality.GOOD
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Whether a device is there, and the figures of its wire.
+
+    ``detail`` says in a few words what is the matter ("/dev/kobuki: no such device"), ``hint`` what to type next;
+    both are empty when all is well. ``counters`` are totals since ``open``: frames, misses, checksum errors and so on.
+    """
+
+    online: bool
+    detail: str = ""
+    hint: str = ""
+    counters: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """What a device tells of itself unasked: ``kind`` is ``offline``, ``online`` or ``fault``."""
+
+    device: str
+    kind: str
+    what: str
+    hint: str = ""
+
+
+Report = Callable[[Notice], None]
+"""Where a driver sends its notices; called mostly from the driver's own thread, must return at once.
+
+What it raises is logged once and goes no further: a driver that reports must not come to harm by it.
+"""
+
+
+def unreported(notice: Notice) -> None:
+    """Drop a notice: the report of a driver that nobody listens to."""
+
+
+def unheard() -> None:
+    """Do nothing: the ``changed`` callback of a driver that nobody waits for."""
+
+
+class Device(Protocol):
+    """What all devices have in common."""
+
+    @property
+    def name(self) -> str:
+        """The part of the robot that it is: ``base``, ``head``, ``arm``, ``camera``, ``voice``."""
+        ...
+
+    def open(self) -> None:
+        """Start looking for the hardware, and start the threads; returns at once, hardware or not."""
+        ...
+
+    def rest(self) -> None:
+        """Bring every actuator to the rest that the robot file asks for. Safe from any state, more than once."""
+        ...
+
+    def close(self) -> None:
+        """Rest, then end the threads and release the port. Safe from any state, more than once."""
+        ...
+
+    def health(self) -> Health:
+        """Say whether the hardware is there."""
+        ...

@@ -1,0 +1,124 @@
+"""What a behaviour sees of named joints, and how movements of them are written down."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from drivers.api.device import Device, Reading
+
+
+@dataclass(frozen=True, slots=True)
+class JointLimits:
+    """How far (radians) and how fast (rad/s) a joint may go."""
+
+    lower: float
+    upper: float
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointState:
+    """What one joint feels.
+
+    ``position`` and ``goal`` in radians, ``velocity`` in rad/s, ``load`` in -1..1 of the stall torque, ``voltage`` in
+    volts, ``temperature`` in degrees Celsius.
+    """
+
+    position: float
+    velocity: float
+    goal: float | None
+    load: float
+    voltage: float
+    temperature: float
+    moving: bool
+    torque: bool
+
+    @property
+    def error(self) -> float | None:
+        """How far beyond its goal it is, ``position - goal`` in radians; None while it has no goal."""
+        return None if self.goal is None else self.position - self.goal
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """One joint that another leads: ``follower`` goes to ``scale * leader + offset``, in radians.
+
+    A negative ``scale`` mirrors. With a ``threshold`` (radians) it begins once the leader is that far from where it
+    was when the coupling began, and then goes on for good.
+    """
+
+    leader: str
+    follower: str
+    scale: float = 1.0
+    offset: float = 0.0
+    threshold: float = 0.0
+
+
+class Joints(Device, Protocol):
+    """Named joints that take positions: an arm, a leg, a neck."""
+
+    @property
+    def limits(self) -> Mapping[str, JointLimits]:
+        """The joints by name, in the order of the robot file."""
+        ...
+
+    def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
+        """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
+
+        ``speeds`` in rad/s, by name; a joint without one goes at its limit's speed.
+        Raises BadRequest for an unknown joint or a value that is not finite.
+        """
+        ...
+
+    def states(self) -> Mapping[str, Reading[JointState]]:
+        """The newest state of each joint."""
+        ...
+
+    def hold(self, joints: Collection[str] | None = None) -> None:
+        """Let the named joints (None: all) stand still and stiff where they are now.
+
+        Safe from any state; does not raise when offline. Raises BadRequest for an unknown joint.
+        """
+        ...
+
+    def relax(self, joints: Collection[str] | None = None) -> None:
+        """Switch the torque of the named joints (None: all) off. Safe and raising as ``hold``."""
+        ...
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """Let joints follow others from now on, in the driver's own loop; () ends it, and they stand where they are.
+
+        A later ``follow`` replaces this one; a move, hold or relax of a follower ends what leads it. Leaders are not
+        touched: make them limp first. Raises BadRequest for an unknown joint, one that follows twice, or that leads and
+        follows; NotConnected.
+        """
+        ...
+
+    def recover(self) -> tuple[str, ...]:
+        """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
+
+        For a person to ask for who has removed the cause. Raises NotConnected.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """Where the named joints (radians) are to be at ``time`` seconds after the gesture began."""
+
+    time: float
+    positions: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Gesture:
+    """A movement of the arm as keyframes in rising order of time, played with smooth interpolation between them.
+
+    ``minimum_jerk`` comes to rest at each keyframe, as a few poses want it; ``cubic`` goes through them without a halt,
+    as a movement does that was recorded many times a second.
+    """
+
+    name: str
+    summary: str
+    keyframes: tuple[Keyframe, ...]
+    interpolation: Literal["minimum_jerk", "cubic"] = "minimum_jerk"

@@ -1,0 +1,101 @@
+"""Who is on the wire: all servos found at several baud rates, in both protocols, and how each of them is."""
+
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from drivers.dynamixel.bus import At, Bus, Identity
+from drivers.dynamixel.codec import CODECS
+from drivers.dynamixel.models import Model, model_of
+from drivers.dynamixel.units import Protocol
+from drivers.dynamixel.wire import LASTING, Fault
+from drivers.dynamixel.wire2 import hardware_faults
+from drivers.errors import BadRequest, NoReply
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One servo, or several that share an ID.
+
+    ``model`` is None for a ``number`` that is not one of ours; the position (radians from the servo's middle), voltage
+    (V) and temperature (degrees Celsius) are None where they could not be read. ``garbled`` is True when its replies
+    came damaged: another servo may have the same ID. If not even its number was understood, that is None too.
+    """
+
+    at: At
+    baud: int
+    model: Model | None = None
+    number: int | None = None
+    firmware: int | None = None
+    position: float | None = None
+    voltage: float | None = None
+    temperature: float | None = None
+    faults: Fault = field(default=Fault(0))
+    garbled: bool = False
+
+
+def census(
+    bus: Bus, bauds: Sequence[int], protocols: Sequence[Protocol] = (1, 2), ids: Iterable[int] = range(254)
+) -> Generator[Found, None, None]:
+    """Look for servos on an open bus, and yield them as they are found: by rate, protocol and ID.
+
+    In protocol 2.0 all are called at once before each is asked by itself. Nothing is written to them, and the bus has
+    its own rate again in the end, whatever happens; who stops half-way closes the generator. Raises NotConnected.
+    """
+    before, ids = bus.baud, tuple(ids)
+    try:
+        for baud in bauds:
+            bus.baud = baud
+            for protocol in protocols:
+                yield from _found(bus, protocol, [number for number in ids if number <= CODECS[protocol].last_id])
+    finally:
+        bus.baud = before
+
+
+def _found(bus: Bus, protocol: Protocol, ids: Sequence[int]) -> Iterator[Found]:
+    """Look for servos at the present rate."""
+    called = {known.at.id: known for known in bus.find(protocol=2, ids=ids)} if protocol == 2 else {}
+    for number in ids:
+        at = At(number, protocol)
+        damaged = bus.tally(number).corrupt
+        identity = called.get(number) or _asked(bus, at)
+        if identity is not None:
+            yield _described(bus, identity, damaged)
+        elif bus.tally(number).corrupt > damaged:
+            yield Found(at, bus.baud, garbled=True)
+
+
+def _asked(bus: Bus, at: At) -> Identity | None:
+    """Ask one servo who it is, and again if anything was heard; None if it does not say."""
+    before = bus.tally(at.id).corrupt, bus.noise()
+    with suppress(NoReply, BadRequest):
+        return bus.identify(at, tries=1)
+    if (bus.tally(at.id).corrupt, bus.noise()) != before:
+        with suppress(NoReply, BadRequest):
+            return bus.identify(at)
+    return None
+
+
+def _described(bus: Bus, known: Identity, damaged: int) -> Found:
+    """Read how a servo is. ``damaged`` is how many of its replies had been before it was looked for."""
+    at, model = known.at, model_of(known.number)
+    found = Found(at, bus.baud, model, known.number, known.firmware, faults=bus.faults(at.id) & LASTING)
+    if model is not None:
+        with suppress(NoReply, BadRequest):  # it was there a moment ago: what cannot be read stays unknown
+            found = _measured(bus, found, model)
+    return replace(found, garbled=bus.tally(at.id).corrupt > damaged)
+
+
+def _measured(bus: Bus, found: Found, model: Model) -> Found:
+    """Read what a servo of a known model feels. Raises NoReply, NotConnected, BadRequest."""
+    place, volts, heat = (model.table[f"present_{what}"] for what in ("position", "voltage", "temperature"))
+    start = place.address
+    data = bus.read_block(found.at, start, heat.end - start)
+    told = model.table.registers.get("hardware_error")
+    return replace(
+        found,
+        position=model.angle(place.decode(data, start)),
+        voltage=volts.decode(data, start) / 10,
+        temperature=float(heat.decode(data, start)),
+        faults=found.faults if told is None else hardware_faults(bus.read(found.at, told)),
+    )

@@ -1,0 +1,124 @@
+"""What a bus says and hears, in either protocol: requests by their meaning, and what a reply comes to.
+
+The two protocols share most instructions; they differ in their frames, in the width of an address, and in how a servo
+complains.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, NamedTuple
+
+from drivers.dynamixel import wire, wire2
+from drivers.dynamixel.register import Block
+from drivers.dynamixel.wire import BROADCAST, Fault, Packet, Parser
+from drivers.dynamixel.wire2 import Instruction
+from drivers.errors import BadRequest
+
+# What each error byte says, made ready: every reply has one, and flags are slow to make.
+_FAULTS_1 = tuple(Fault(error & wire.ERROR_BYTE) for error in range(256))
+_FAULTS_2 = tuple(wire2.faults_of(error) for error in range(256))
+
+Keep = Literal["nothing", "id", "id and baud"]
+"""What a factory reset leaves as it is."""
+
+
+class Reply(NamedTuple):
+    """What a servo has answered: its complaints, and the data asked for."""
+
+    id: int
+    faults: Fault
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Codec:
+    """One protocol. ``frame`` makes bytes of servo, instruction and parameters, ``parser`` makes packets of bytes.
+
+    ``overhead`` is the bytes of a reply beside its data, ``width`` those of an address, ``longest`` what the
+    parameters of a request may come to for every servo to have room for it.
+    """
+
+    protocol: Literal[1, 2]
+    last_id: int
+    overhead: int
+    width: Literal[1, 2]
+    longest: int
+    frame: Callable[[int, int, bytes], bytes]
+    parser: Callable[[], Parser]
+
+    def reply(self, packet: Packet) -> Reply | None:
+        """Return what an intact packet says; None when it is no reply."""
+        if self.protocol == 1:
+            return Reply(packet.id, _FAULTS_1[packet.code], packet.parameters)
+        if packet.code != wire2.STATUS or not packet.parameters:
+            return None
+        return Reply(packet.id, _FAULTS_2[packet.parameters[0]], packet.parameters[1:])
+
+    def ping(self, servo: int) -> Packet:
+        """Ask whether ``servo`` is there; BROADCAST asks all, in protocol 2.0."""
+        return Packet(servo, Instruction.PING)
+
+    def read(self, servo: int, block: Block) -> Packet:
+        """Ask for a block of the table."""
+        return Packet(servo, Instruction.READ, self._place(block))
+
+    def write(self, servo: int, address: int, data: bytes) -> Packet:
+        """Write ``data`` from ``address`` on."""
+        return Packet(servo, Instruction.WRITE, self._number(address) + data)
+
+    def sync_room(self, size: int) -> int:
+        """Return how many servos one sync write of ``size`` bytes for each can serve."""
+        return (self.longest - 2 * self.width) // (size + 1)
+
+    def sync_write(self, address: int, size: int, blocks: Mapping[int, bytes]) -> Packet:
+        """Write blocks of ``size`` bytes to many servos, of which none answers."""
+        data = b"".join(bytes((servo,)) + block for servo, block in blocks.items())
+        return Packet(BROADCAST, Instruction.SYNC_WRITE, self._place(Block(address, size)) + data)
+
+    def sync_read(self, servos: Collection[int], block: Block) -> Packet:
+        """Ask many servos for the same block. Raises BadRequest in protocol 1.0."""
+        self._two("sync read", "read them one by one")
+        return Packet(BROADCAST, Instruction.SYNC_READ, self._place(block) + bytes(servos))
+
+    def bulk_read(self, blocks: Mapping[int, Block]) -> Packet:
+        """Ask many servos for a block each. In protocol 1.0 only the MX know it."""
+        if self.protocol == 1:
+            rows = [bytes((0,)), *(bytes((block.size, servo, block.address)) for servo, block in blocks.items())]
+        else:
+            rows = [bytes((servo,)) + self._place(block) for servo, block in blocks.items()]
+        return Packet(BROADCAST, Instruction.BULK_READ, b"".join(rows))
+
+    def reboot(self, servo: int) -> Packet:
+        """Start the servo anew. Raises BadRequest in protocol 1.0."""
+        self._two("reboot", "write its torque limit and switch its torque on, or cut its power")
+        return Packet(servo, Instruction.REBOOT)
+
+    def reset(self, servo: int, keep: Keep) -> Packet:
+        """Set the servo back to what it was delivered as. Raises BadRequest for what protocol 1.0 cannot keep."""
+        if self.protocol == 1 and keep == "nothing":
+            return Packet(servo, Instruction.FACTORY_RESET)
+        self._two(f"factory reset that keeps the {keep}", "keep nothing: its ID becomes 1")
+        return Packet(servo, Instruction.FACTORY_RESET, bytes(({"nothing": 0xFF, "id": 1, "id and baud": 2}[keep],)))
+
+    def _number(self, value: int) -> bytes:
+        try:
+            return value.to_bytes(self.width, "little")
+        except OverflowError:
+            raise BadRequest(f"protocol {self.protocol}.0 has no address or size {value}") from None
+
+    def _place(self, block: Block) -> bytes:
+        return self._number(block.address) + self._number(block.size)
+
+    def _two(self, what: str, instead: str) -> None:
+        if self.protocol == 1:
+            raise BadRequest(f"protocol 1.0 has no {what}", hint=instead)
+
+
+CODECS: Mapping[int, Codec] = MappingProxyType(
+    {
+        1: Codec(1, wire.LAST_ID, 6, 1, wire.BUFFER - 6, wire.request, wire.Parser),
+        2: Codec(2, wire2.LAST_ID, 11, 2, wire2.LONGEST, wire2.request, wire2.Parser),
+    }
+)
+"""The protocols by number."""

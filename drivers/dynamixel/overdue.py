@@ -1,0 +1,90 @@
+"""Replies that did not come in time. They may still come, and must not be taken for the answer to something else.
+
+A reply says who sends it, but not what it answers: all replies of a servo with the same number of bytes look alike. So
+what a servo still owes is remembered by size, and nothing else of that size is asked of it meanwhile: a read is widened
+to another size, a write, whose reply has no data, has to wait.
+"""
+
+from typing import NamedTuple
+
+from drivers.dynamixel.register import Block
+
+LATE = 0.05
+"""Seconds by which a reply can be late, and be overtaken by another. No adapter holds bytes back for longer."""
+
+MARGIN = 2
+"""Bytes by which a reply can look longer than it is: where its length is wrong by so much, in protocol 1.0, the header
+of the next packet makes its checksum right."""
+
+FORGOTTEN = 1.0
+"""Seconds after which a reply will not come any more, from a servo that has not answered anything else either."""
+
+
+class Wanted(NamedTuple):
+    """What a servo is asked for: a reply with ``size`` bytes of data.
+
+    Replies to equal questions are as good as each other: those to the tries of one read, which ``began`` at one time,
+    and those to equal writes.
+    """
+
+    question: object
+    size: int
+    began: float
+
+
+class _Owed(NamedTuple):
+    wanted: Wanted
+    since: float
+
+
+class Overdue:
+    """What the servos of a bus owe, by ID. Times are those of the bus's clock."""
+
+    def __init__(self) -> None:
+        self._owed: dict[int, list[_Owed]] = {}
+
+    def add(self, servo: int, wanted: Wanted, now: float) -> None:
+        """Remember that ``servo`` has not answered."""
+        kept = [owed for owed in self._owed.get(servo, ()) if now - owed.since < FORGOTTEN]
+        self._owed[servo] = [*kept, _Owed(wanted, now)]
+
+    def came(self, servo: int, size: int) -> bool:
+        """Strike off a reply that has come after all; return whether one of that size was owed."""
+        for owed in self._owed.get(servo, ()):
+            if owed.wanted.size == size:
+                self._owed[servo].remove(owed)
+                return True
+        return False
+
+    def answered(self, servo: int, wanted: Wanted) -> None:
+        """Strike off what will not come any more, for the servo has answered what it was asked long after that."""
+        if owed := self._owed.get(servo):
+            self._owed[servo] = [o for o in owed if o.since > wanted.began - LATE]
+
+    def until(self, servo: int, wanted: Wanted, seconds: float = LATE) -> float:
+        """Return when the last reply that could be mistaken for the one ``wanted`` is ``seconds`` overdue."""
+        if not self._owed.get(servo):
+            return 0.0
+        return max(
+            (
+                owed.since + seconds
+                for owed in self._owed[servo]
+                if 0 <= wanted.size - owed.wanted.size <= MARGIN and owed.wanted.question != wanted.question
+            ),
+            default=0.0,
+        )
+
+    def clear(self, servo: int, wanted: Wanted, now: float) -> bool:
+        """Return whether nothing that is owed could be mistaken for the reply that is ``wanted``."""
+        return now >= self.until(servo, wanted, FORGOTTEN)
+
+    def widened(self, servo: int, block: Block, question: object, now: float) -> Block:
+        """Return the smallest block that contains ``block`` and whose reply cannot be mistaken for one that is owed."""
+        wide = block
+        while self._owed.get(servo) and not self.clear(servo, Wanted(question, wide.size, now), now):
+            wide = Block(max(0, wide.address - 1), wide.size + 1)
+        return wide
+
+    def forget(self) -> None:
+        """Forget everything: nothing of what was asked can be answered any more."""
+        self._owed.clear()

@@ -1,0 +1,37 @@
+"""How often the driver of an arm goes round, and how much of its wire's time that takes."""
+
+WINDOW = 1.0
+"""Seconds over which the figures are taken."""
+
+
+class Pace:
+    """Keeps rounds at ``rate`` (Hz) on an absolute schedule, as far as they can be; counts what came of it.
+
+    ``rounds`` is their number, ``achieved`` (Hz) their rate and ``share`` that of the time that the wire was in use
+    (0..1), both over the last full window.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.rounds = 0
+        self.achieved = 0.0
+        self.share = 0.0
+        self._period = 1 / rate
+        self._next = 0.0
+        self._window = (0.0, 0, 0.0)  # when it began, and the rounds and the seconds of use until then
+
+    def begin(self, now: float, busy: float) -> None:
+        """Begin anew, as after a pause. ``busy`` is for how long (s) the wire has been in use, in all."""
+        self._next = now
+        self._window = (now, self.rounds, busy)
+
+    def rest(self, now: float, busy: float) -> float:
+        """End a round; return the seconds until the next: at least a little, for others want the wire too."""
+        self.rounds += 1
+        began, rounds, used = self._window
+        if (passed := now - began) >= WINDOW:
+            self.achieved, self.share = (self.rounds - rounds) / passed, (busy - used) / passed
+            self._window = (now, self.rounds, busy)
+        self._next += self._period
+        if now - self._next > self._period:  # too late to be made up for
+            self._next = now
+        return max(self._next - now, self._period / 10)

@@ -1,0 +1,47 @@
+"""What cannot be asked of joints, whoever is asked: each check tells all that is wrong at once."""
+
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from math import isfinite
+
+from drivers.api import Coupling
+from drivers.errors import BadRequest
+
+
+def check_names(who: str, names: AbstractSet[str], joints: Mapping[str, object]) -> None:
+    """Raise BadRequest for names that none of ``joints`` has."""
+    if wrong := _unknown(names, joints):
+        raise BadRequest(f"{who}: {'; '.join(wrong)}")
+
+
+def check_move(who: str, goals: Mapping[str, float], speeds: Mapping[str, float], joints: Mapping[str, object]) -> None:
+    """Raise BadRequest for a move of unknown joints, or with values that are not finite."""
+    wrong = _unknown(goals.keys() | speeds.keys(), joints)
+    for what, values in (("goal", goals), ("speed", speeds)):
+        wrong += [f"{name}: a {what} of {value} is not finite" for name, value in values.items() if not isfinite(value)]
+    if wrong:
+        raise BadRequest(f"{who}: {'; '.join(wrong)}")
+
+
+def check_couplings(who: str, couplings: Sequence[Coupling], joints: Mapping[str, object]) -> None:
+    """Raise BadRequest for couplings of unknown joints, of joints that two lead or that both lead and follow."""
+    wrong = _unknown({name for coupling in couplings for name in (coupling.leader, coupling.follower)}, joints)
+    leaders = {coupling.leader for coupling in couplings}
+    followers: set[str] = set()
+    for coupling in couplings:
+        pair = f"{coupling.follower} after {coupling.leader}"
+        if coupling.follower in followers:
+            wrong.append(f"{pair}: {coupling.follower} follows another joint already")
+        if coupling.follower in leaders:
+            wrong.append(f"{pair}: {coupling.follower} leads, and cannot follow as well")
+        if not (isfinite(coupling.scale) and isfinite(coupling.offset)):
+            wrong.append(f"{pair}: scale {coupling.scale} and offset {coupling.offset} must be finite")
+        if not (isfinite(coupling.threshold) and coupling.threshold >= 0):
+            wrong.append(f"{pair}: a threshold of {coupling.threshold} rad is not 0 or more")
+        followers.add(coupling.follower)
+    if wrong:
+        raise BadRequest(f"{who}: {'; '.join(wrong)}", hint="a joint follows one other, which follows none")
+
+
+def _unknown(names: AbstractSet[str], joints: Mapping[str, object]) -> list[str]:
+    return [f"no joint {name!r} (there are {', '.join(joints)})" for name in sorted(names - joints.keys())]

@@ -1,0 +1,119 @@
+"""The control table of a servo, as a shape: its registers, how they are coded, and the blocks read in one go.
+
+A servo is a table of bytes: settings at the front, kept through a power cut (EEPROM), then goals and readings (RAM).
+Numbers are little-endian. What stands in which model's table is in ``tables``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import Enum
+from typing import NamedTuple
+
+from drivers.errors import BadRequest
+
+CLOCKWISE = 0x400
+"""The bit that turns a speed, a load or a torque of protocol 1.0 clockwise."""
+
+
+class Coding(Enum):
+    """How the bytes of a register stand for a number."""
+
+    UNSIGNED = "unsigned"
+    SIGN_BIT = "sign bit"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
+    TWOS = "two's complement"  # protocol 2.0, and positions over several turns
+
+
+_SIGN_BIT, _TWOS = Coding.SIGN_BIT, Coding.TWOS  # a member is slow to look up, and registers are many a second
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One entry of a control table.
+
+    ``size`` is in bytes; ``lower`` and ``upper`` bound what may be written; ``default`` is the value as delivered or,
+    in RAM, after power-on. ``unit`` says what one step is worth, such as ``0.1 V``; empty for codes and flags.
+    """
+
+    name: str
+    address: int
+    size: int
+    default: int
+    lower: int
+    upper: int
+    writable: bool = True
+    eeprom: bool = False  # survives a power cut; the others start from their defaults
+    coding: Coding = Coding.UNSIGNED
+    unit: str = ""
+
+    @property
+    def end(self) -> int:
+        """The address behind it."""
+        return self.address + self.size
+
+    def encode(self, value: int) -> bytes:
+        """Return ``value`` as the table holds it. Raises OverflowError if it does not fit."""
+        if self.coding is _SIGN_BIT and value < 0:
+            if value <= -CLOCKWISE:
+                raise OverflowError(f"{self.name}: {value} does not fit in ten bits and a sign")
+            value = -value | CLOCKWISE
+        return value.to_bytes(self.size, "little", signed=self.coding is _TWOS)
+
+    def decode(self, data: bytes | bytearray, start: int = 0) -> int:
+        """Return the value from ``data``, a copy of the table that begins at address ``start``."""
+        begin = self.address - start
+        value = int.from_bytes(data[begin : begin + self.size], "little", signed=self.coding is _TWOS)
+        if self.coding is _SIGN_BIT and value & CLOCKWISE:
+            return -(value & ~CLOCKWISE)
+        return value
+
+
+class Block(NamedTuple):
+    """``size`` bytes of a control table from ``address`` on, read in one transaction."""
+
+    address: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A control table: its registers by name, in ascending order, and which of them play which part.
+
+    ``fast`` is read in every round, ``slow`` now and then, ``setup`` when a servo joins. The other fields name
+    registers: ``speed`` is how fast to go to the ``goal``; ``velocity`` and ``effort`` are how fast the servo turns
+    and how hard it pushes; ``torque_limit`` (RAM) is the most it may push, itself bounded by ``torque_ceiling``
+    (EEPROM); ``limits`` bound the goal (EEPROM), the lower one first.
+    """
+
+    registers: Mapping[str, Register]
+    fast: Block
+    slow: tuple[Block, ...]
+    setup: Block
+    goal: str
+    speed: str
+    velocity: str
+    effort: str
+    torque_limit: str
+    torque_ceiling: str
+    limits: tuple[str, str]
+
+    def __getitem__(self, name: str) -> Register:
+        """Return the register called ``name``. Raises KeyError if this table has none."""
+        return self.registers[name]
+
+    def __contains__(self, name: str) -> bool:
+        """Whether this table has a register called ``name``."""
+        return name in self.registers
+
+    @property
+    def size(self) -> int:
+        """The address behind the last register."""
+        return max(register.end for register in self.registers.values())
+
+    def named(self, name: str) -> Register:
+        """Return the register that somebody has asked for by ``name``. Raises BadRequest, with what may be meant."""
+        if name in self.registers:
+            return self.registers[name]
+        near = get_close_matches(name.lower().replace(" ", "_").replace("-", "_"), self.registers, cutoff=0.5)
+        meant = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(self.registers)}"
+        raise BadRequest(f"no register {name!r} in the servo's control table", hint=meant)

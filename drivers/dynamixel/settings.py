@@ -1,0 +1,154 @@
+"""The settings of a servo changed for good: compared first, then the torque goes off, they are written, and verified.
+
+Nothing else does so: a driver at work never writes to the EEPROM. How the servo is reached (its ID and baud rate) is
+changed last, so that all else is done while it can still be found.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.register import Register, Table
+from drivers.dynamixel.units import baud_of
+from drivers.errors import BadRequest, DeviceFault, NoReply
+
+WHEREABOUTS = ("id", "baud")
+"""The registers that decide how the servo is reached, in the order in which they are written: last."""
+
+UNHEARD: Mapping[str, tuple[int, str]] = MappingProxyType(
+    {
+        "protocol": (2, "its control table would no longer be the one of its protocol"),
+        "status_return_level": (1, "a servo that answers no reads can be neither verified nor set back"),
+    }
+)
+"""Registers that may not go below a value, and why: afterwards nobody here could tell what the servo holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A register that holds ``before`` and is to hold ``after``."""
+
+    register: Register
+    before: int
+    after: int
+
+
+def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[Change]:
+    """Return what must be changed for the servo to hold ``wanted``, by names of registers; in the order of writing.
+
+    Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, or for an ID that another servo has;
+    NoReply, NotConnected.
+    """
+    registers = _checked(f"{bus.name}: servo {at.id}", table, wanted)
+    held = [Change(register, bus.read(at, register), wanted[register.name]) for register in registers]
+    changes = sorted((change for change in held if change.before != change.after), key=_turn)
+    for change in changes:
+        if change.register.name == "id" and _answers(bus, at._replace(id=change.after)):
+            raise BadRequest(
+                f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
+                hint="mission servo scan  (lists the IDs that are taken)",
+            )
+    return changes
+
+
+def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
+    """Make ``changes``, each verified before the next; return whether the servo was stiff: then it is limp now.
+
+    When this raises, ``planned`` tells what is left to do. Raises DeviceFault for a register that does not hold what
+    was written to it; BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected,
+    before anything is written if the adapter cannot follow to a new baud rate.
+    """
+    changes = sorted(changes, key=_turn)
+    lasting = any(change.register.eeprom for change in changes)
+    if lasting and "lock" in table and bus.read(at, table["lock"]):
+        raise BadRequest(f"{bus.name}: servo {at.id}: its EEPROM is locked", hint="switch its power off and on")
+    for change in changes:
+        with _rate_after(bus, at, change):
+            bus.require()  # an adapter that cannot follow would leave the servo where nobody reaches it
+    stiff = lasting and _relax(bus, at, table)
+    for change in changes:
+        with suppress(NoReply):  # it may have been carried out or not: the verification tells
+            bus.write(at, change.register, change.after)
+        at = _verified(bus, at, change)
+    return stiff
+
+
+def _turn(change: Change) -> int:
+    """When a change is made: how the servo is reached, last."""
+    name = change.register.name
+    return WHEREABOUTS.index(name) + 1 if name in WHEREABOUTS else 0
+
+
+def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register]:
+    """Return the registers that ``wanted`` names. Raises BadRequest with all that is wrong with it."""
+    registers, faults, hints = [], [], []
+    for name, value in wanted.items():
+        try:
+            register = table.named(name)
+        except BadRequest as error:
+            faults.append(str(error))
+            hints.append(error.hint)
+            continue
+        registers.append(register)
+        least, why = UNHEARD.get(name, (value, ""))
+        if not register.writable:
+            faults.append(f"{name} cannot be written")
+        elif not register.lower <= value <= register.upper:
+            faults.append(f"{name} takes {register.lower}..{register.upper}, not {value}")
+        elif value < least:
+            faults.append(f"{name} must stay at {least} or above, not {value}: {why}")
+    if faults:
+        raise BadRequest(f"{who}: {'; '.join(faults)}", hint="; ".join(hints))
+    return registers
+
+
+def _answers(bus: Bus, at: At) -> bool:
+    """Whether anything is heard from ``at``: two servos with one ID already may not be understood."""
+    damaged = bus.tally(at.id).corrupt
+    try:
+        bus.ping(at)
+    except NoReply:
+        return bus.tally(at.id).corrupt > damaged
+    except BadRequest:
+        pass  # whoever refuses is there
+    return True
+
+
+def _relax(bus: Bus, at: At, table: Table) -> bool:
+    """Switch the torque off; return whether it was on. Raises DeviceFault if it stays on."""
+    torque = table["torque_enable"]
+    if not bus.read(at, torque):
+        return False
+    with suppress(NoReply):
+        bus.write(at, torque, 0)
+    if bus.read(at, torque):
+        raise DeviceFault(f"{bus.name}: servo {at.id}: its torque does not go off, nothing else was written")
+    return True
+
+
+def _verified(bus: Bus, at: At, change: Change) -> At:
+    """Read a change back, and return where the servo is from now on. Raises DeviceFault, NoReply, NotConnected."""
+    name = change.register.name
+    if name == "id":
+        at = at._replace(id=change.after)
+    with _rate_after(bus, at, change):
+        held = bus.read(at, change.register)
+    if held != change.after:
+        raise DeviceFault(f"{bus.name}: servo {at.id}: {name} holds {held} after {change.after} was written to it")
+    return at
+
+
+@contextmanager
+def _rate_after(bus: Bus, at: At, change: Change) -> Iterator[None]:
+    """Talk at the rate at which the servo is heard once ``change`` is made; give the bus its own back in the end."""
+    before = bus.baud
+    if change.register.name != "baud":
+        yield
+        return
+    try:
+        bus.baud = baud_of(change.after, at.protocol)
+        yield
+    finally:
+        bus.baud = before

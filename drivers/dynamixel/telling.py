@@ -1,0 +1,107 @@
+"""What the driver of an arm tells of its servos: each thing once, with what may help."""
+
+from collections.abc import Mapping
+
+from drivers.api import Notice, Report
+from drivers.dynamixel.gathering import duration
+from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.wire import Fault
+
+CURES = {
+    Fault.VOLTAGE: "measure the supply at the last servo while the arm moves",
+    Fault.OVERHEATING: "relax the arm and let it cool",
+    Fault.OVERLOAD: "free the joint, or take the load off it",
+    Fault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
+    Fault.SHOCK: "look at its cable and its supply",
+}
+REMEDY = "free the joint, then `mission servo recover`, or switch the arm's power off and on"
+
+
+class Telling:
+    """The words for what happens to ``joints``. It remembers what has been told, so that nothing is told twice."""
+
+    def __init__(self, name: str, joints: Mapping[str, Joint], report: Report) -> None:
+        self._name = name
+        self._joints = joints
+        self._report = report
+        self._online = False
+        self._left_out: frozenset[str] = frozenset()
+
+    def here(self, port: str) -> None:
+        """Tell, if it is new, that servos answer on ``port``."""
+        if not self._online:
+            self._online = True
+            answering = sum(joint.answers for joint in self._joints.values())
+            self._tell("online", f"{answering} of {len(self._joints)} servos answer on {port}")
+
+    def away(self, why: str, hint: str) -> None:
+        """Tell, if it is new, that the arm as a whole is gone."""
+        if self._online:
+            self._online = False
+            self._tell("offline", why, hint)
+
+    def end(self) -> None:
+        """Forget that it was there, without a word."""
+        self._online = False
+
+    def differences(self, hint: str) -> None:
+        """Tell in one notice of all servos that are missing or not what the robot file says."""
+        wrong = [f"{joint.title} {joint.complaint}" for joint in self._joints.values() if not joint.driven]
+        if wrong:
+            self._tell("fault", f"{len(wrong)} of {len(self._joints)} servos: {'; '.join(wrong)}", hint)
+
+    def found(self, joint: Joint, hint: str) -> None:
+        """Tell of a servo that was not driven: it is now, or there is another reason."""
+        if joint.driven:
+            self._tell("online", f"{joint.title} is back")
+        else:
+            self._tell("fault", f"{joint.title} {joint.complaint}", hint)
+
+    def gone(self, joint: Joint, hint: str) -> None:
+        """Tell of a servo that has fallen silent."""
+        self._tell("fault", f"{joint.title} does not answer any more", hint)
+
+    def shut(self, joint: Joint) -> None:
+        """Tell of a servo that has shut itself down."""
+        sign = "its torque limit is 0" if joint.at.protocol == 1 else "its torque is off until it starts again"
+        self._tell("fault", f"{joint.title} has shut down: {sign}", REMEDY)
+
+    def faults(self, joint: Joint, risen: Fault) -> None:
+        """Tell what newly ails a servo, with what it measured."""
+        state = joint.reading.value
+        felt = "" if state is None else f"{state.voltage:.1f} V, {state.temperature:.0f} °C, load {state.load:+.0%}"
+        hint = "; ".join(cure for fault, cure in CURES.items() if fault & risen)
+        self._tell("fault", f"{joint.title} reports {risen.words} ({felt})", hint)
+
+    def dipped(self, joint: Joint) -> None:
+        """Tell of a servo that had lost its settings."""
+        how = "made stiff again where it stood" if joint.torque else "given them again"
+        what = f"{joint.title} had lost its settings and was {how}"
+        self._tell("fault", what, "its supply dips: measure it at the last servo while the arm moves")
+
+    def unled(self, follower: Joint, leader: Joint) -> None:
+        """Tell of a follower that stands still because nothing is heard of its leader."""
+        self._tell("fault", f"{follower.title} stays where it is: nothing is heard of {leader.title}, which leads it")
+
+    def slow(self, rate: float, baud: int) -> None:
+        """Tell if the wire cannot carry ``rate`` rounds of readings a second, and what keeps it busy."""
+        joints = [joint for joint in self._joints.values() if joint.driven]
+        wire, waiting = duration(joints, baud)
+        if wire + waiting <= 1 / rate:
+            return
+        cure = "`mission servo set all return_delay 0`" if waiting > wire / 4 else "raise the baud rate of the servos"
+        what = f"a round of {len(joints)} servos takes {(wire + waiting) * 1000:.0f} ms"
+        detail = f"{waiting * 1000:.0f} ms of it return delay: {1 / (wire + waiting):.0f} Hz instead of {rate:g} Hz"
+        self._tell("fault", f"{what}, {detail}", f"{cure}, or set a lower rate in the robot file")
+
+    def left_out(self) -> None:
+        """Tell of joints that moves have begun to leave out."""
+        left_out = frozenset(joint.name for joint in self._joints.values() if joint.left_out)
+        for name in sorted(left_out - self._left_out):
+            joint = self._joints[name]
+            why = joint.complaint or ("has shut down" if joint.shut else "did not say where it stands")
+            self._tell("fault", f"a move left {joint.title} out: it {why}")
+        self._left_out = left_out
+
+    def _tell(self, kind: str, what: str, hint: str = "") -> None:
+        self._report(Notice(self._name, kind, what, hint))

@@ -1,0 +1,48 @@
+"""What the codes and steps of a control table are worth: turning speeds and baud rates."""
+
+from collections.abc import Mapping
+from math import pi
+from types import MappingProxyType
+from typing import Literal
+
+from drivers.errors import BadRequest
+
+RPM = 2 * pi / 60
+"""One turn a minute in rad/s."""
+
+Protocol = Literal[1, 2]
+
+_TOLERANCE = 0.03
+"""How far, as a share, two rates may be apart and still understand each other."""
+
+# Protocol 1.0: 2 000 000 / (code + 1), called by the usual rate where one is meant; beyond 2 M for the MX alone.
+_USUAL = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
+_FAST = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
+_PROTOCOL_1 = {code: round(2_000_000 / (code + 1)) for code in range(255)} | _USUAL | _FAST
+_PROTOCOL_2 = dict(enumerate((9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)))
+
+_RATES: Mapping[Protocol, Mapping[int, int]] = MappingProxyType(
+    {1: MappingProxyType(_PROTOCOL_1), 2: MappingProxyType(_PROTOCOL_2)}
+)
+
+
+def baud_of(code: int, protocol: Protocol) -> int:
+    """Return the rate that the ``baud`` register means by ``code``. Raises BadRequest if it means none."""
+    if code not in _RATES[protocol]:
+        raise BadRequest(f"baud code {code} stands for no rate in protocol {protocol}.0", hint=_known(protocol))
+    return _RATES[protocol][code]
+
+
+def baud_code(baud: int, protocol: Protocol) -> int:
+    """Return the code of the rate nearest to ``baud``. Raises BadRequest if none is within 3 %."""
+    code = min(_RATES[protocol], key=lambda code: abs(_RATES[protocol][code] - baud))
+    if not abs(_RATES[protocol][code] - baud) <= _TOLERANCE * baud:
+        raise BadRequest(f"no servo of protocol {protocol}.0 can run at {baud} baud", hint=_known(protocol))
+    return code
+
+
+def _known(protocol: Protocol) -> str:
+    """The rates that are worth naming."""
+    usual = (9600, 19_200, 57_600, 115_200, 200_000, 250_000, 400_000, 500_000)
+    rates = sorted(rate for rate in _RATES[protocol].values() if rate in usual or rate >= 1_000_000)
+    return f"rates are {', '.join(str(rate) for rate in rates)}"

@@ -1,0 +1,38 @@
+"""Which of several commands a base obeys: that of the most important source which has asked lately."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from drivers.api import COMMAND_LIFE, Source, Velocity
+
+STILL = Velocity(0.0, 0.0)
+
+HOLD: Mapping[Source, float] = MappingProxyType({Source.TELEOP: 1.0, Source.MISSION: COMMAND_LIFE})
+"""Seconds for which a source keeps the wheels after its last command. A command itself is good for ``COMMAND_LIFE``: a
+person who lets go of the keys stands still for the rest of the second, and only then the mission goes on."""
+
+
+class Arbiter:
+    """Knows who asked for what. Not safe between threads."""
+
+    def __init__(self) -> None:
+        self._asked: dict[Source, tuple[Velocity, float]] = {}
+
+    def ask(self, source: Source, wanted: Velocity, now: float) -> None:
+        """Note what a source wants at ``now`` seconds."""
+        self._asked[source] = (wanted, now)
+
+    def forget(self, source: Source | None = None) -> None:
+        """Forget what a source wants; what anybody does, for None."""
+        if source is None:
+            self._asked.clear()
+        else:
+            self._asked.pop(source, None)
+
+    def decide(self, now: float) -> tuple[Source | None, Velocity]:
+        """Return who has the wheels at ``now``, and what is wanted of them; nobody wants to stand still."""
+        for source, hold in HOLD.items():
+            wanted, asked = self._asked.get(source, (STILL, None))
+            if asked is not None and now - asked <= hold:
+                return source, wanted if now - asked <= COMMAND_LIFE else STILL
+        return None, STILL

@@ -1,0 +1,176 @@
+"""The RPLIDAR as a range finder: scans as soon as it is there, and gives out its newest whole turn."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import inf
+
+from drivers.api import Health, Notice, Quality, RangeScan, Reading, Report, unheard, unreported
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, DriverError, NoReply
+from drivers.guard import guarded
+from drivers.link import Link
+from drivers.rplidar.models import MODELS
+from drivers.rplidar.mounting import Mounting, Place, Sector
+from drivers.rplidar.nodes import NodeFinder
+from drivers.rplidar.session import Session
+from drivers.rplidar.turns import Turns
+from drivers.rplidar.wire import Info
+
+STALE_AFTER = 0.5
+"""Seconds without another turn after which the newest is stale: at 5.5 turns a second two were missed."""
+
+STUCK_AFTER = 3.0
+"""Seconds without a whole turn after which it is begun anew: a motor takes two to come up to speed."""
+
+AGAIN = 1.0
+"""Seconds until it is tried again when it did not answer; it does not turn meanwhile."""
+
+GATHER = 0.02
+"""Seconds for which its link should let bytes gather: 2000 nodes a second come in a thousand pieces otherwise."""
+
+
+class RPLidar:
+    """A ``drivers.api.Ranger`` over a link at ``wire.BAUD``, which it owns: nobody else opens, writes or closes it.
+
+    ``model`` is a key of ``MODELS``. ``place`` is where it sits on the base: x forward and y left in metres, and its
+    yaw in radians. In the ``blind`` sectors, pairs of bearings of the base in radians, anticlockwise from the first to
+    the second, it sees the robot's own posts: nothing is measured there. It turns from ``open`` to ``close``.
+    ``changed`` is called from the link's thread with each turn; it must return at once.
+    Raises ValueError for an unknown model, and for a place that is not finite.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        model: str = "a1",
+        place: Place = (0.0, 0.0, 0.0),
+        blind: Sequence[Sector] = (),
+        report: Report = unreported,
+        changed: Callable[[], None] = unheard,
+        name: str = "range",
+    ) -> None:
+        if model not in MODELS:
+            raise ValueError(f"{name}: no model '{model}': there are {', '.join(MODELS)}")
+        self.name = name
+        self._model = MODELS[model]
+        self._mounting = Mounting(place, tuple(blind))
+        self._link = link
+        self._clock = clock
+        self._report = guarded(report)
+        self._changed = guarded(changed)
+        self._turns = Turns(self._model, self._mounting)
+        # Written by the link's thread alone, and replaced, never altered: any thread may read them.
+        self._session = self._new_session()
+        self._finder = NodeFinder()
+        self._latest: Reading[RangeScan] = Reading(None, -inf, Quality.NONE)
+        self._turned_at = -inf
+        self._trouble: DriverError | None = None
+
+    @property
+    def place(self) -> Place:
+        """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
+        return self._mounting.place
+
+    @property
+    def info(self) -> Info | None:
+        """What it says that it is; None until it has on this connection."""
+        return self._session.info
+
+    def scan(self) -> Reading[RangeScan]:
+        """Return the newest whole turn; stale once ``STALE_AFTER`` has passed without another."""
+        latest, turned_at, now = self._latest, self._turned_at, self._clock.now()
+        if latest.value is None:
+            return replace(latest, stamp=now)
+        return latest if now - turned_at <= STALE_AFTER else replace(latest, quality=Quality.STALE)
+
+    def open(self) -> None:
+        """Start looking for it; returns at once, whether it is there or not."""
+        self._link.open(self)
+
+    def rest(self) -> None:
+        """Do nothing: it moves nothing of the robot, and goes on measuring."""
+
+    def close(self) -> None:
+        """Stop its motor, end the thread and release the port. Safe from any state, more than once."""
+        self._link.close()
+
+    def health(self) -> Health:
+        """Say whether whole turns come, and the figures of its wire."""
+        link, finder = self._link.health(), self._finder
+        counters = {
+            **link.counters,
+            "nodes": finder.nodes,
+            "skipped bytes": finder.skipped_bytes,
+            "slips": finder.slips,
+            "partial turns": self._turns.partial,
+        }
+        trouble = self._trouble
+        if not link.online:
+            return Health(False, link.detail, link.hint, counters)
+        if trouble is not None:
+            return Health(False, str(trouble), trouble.hint, counters)
+        if self._turned_at == -inf:
+            return Health(False, f"{self.name}: {self._link.port}: waiting for its first turn", "", counters)
+        return Health(True, counters=counters)
+
+    # What follows is drivers.link.Talker, called from the link's thread.
+
+    def connected(self) -> None:
+        """Begin anew on a port just opened: nothing of before counts."""
+        self._session = self._new_session()
+        self._trouble = None
+        self._turned_at = -inf
+
+    def received(self, data: bytes) -> None:
+        """Take what it says; the pulse that follows makes something of it."""
+        self._session.received(data)
+
+    def pulse(self) -> None:
+        """Bring it to scan, take the nodes that have come, and notice that none come."""
+        begun = self._session.since < inf
+        try:
+            data = self._session.pulse()
+            self._require_turns()
+        except (NoReply, DeviceFault) as error:
+            self._fail(error)
+            return
+        if not begun:
+            self._finder.restart()
+            self._turns.restart()
+        if data:
+            self._take(data)
+
+    def ending(self) -> None:
+        """Stop the motor, as the last word of a thread that may have been cut short."""
+        self._session.stop()
+
+    def _take(self, data: bytes) -> None:
+        now = self._clock.now()
+        scan = self._turns.add(self._finder.feed(data), now)
+        if scan is None:
+            return
+        self._latest = Reading(scan, scan.stamp, Quality.GOOD)
+        self._turned_at = now  # last: who sees it fresh also sees the turn
+        if self._trouble is not None:
+            self._trouble = None
+            self._report(Notice(self.name, "online", f"{self._link.port}: whole turns come again"))
+        self._changed()
+
+    def _require_turns(self) -> None:
+        """Raise NoReply when it should scan, but no whole turn has come for too long."""
+        if self._clock.now() - max(self._session.since, self._turned_at) > STUCK_AFTER:
+            what = f"{self.name}: {self._link.port}: no whole turn for {STUCK_AFTER:g} s"
+            raise NoReply(what, hint="does its head turn? look at its belt, and at the power of its USB port")
+
+    def _fail(self, error: DriverError) -> None:
+        """Report what is the matter, if that is new, and begin once more after a while."""
+        if str(error) != str(self._trouble):
+            kind = "fault" if isinstance(error, DeviceFault) else "offline"
+            self._report(Notice(self.name, kind, str(error), error.hint))
+        self._trouble = error
+        self._session.again(AGAIN)
+
+    def _new_session(self) -> Session:
+        return Session(self.name, self._model, self._link, self._clock, self._report)

@@ -1,0 +1,60 @@
+"""How a range finder is built into its robot: where it sits, which way it looks, and what of the robot it sees."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import isfinite, pi, tau
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api import Angles
+
+BEAMS = 360
+"""Beams of a scan, one for each degree."""
+
+STEP = tau / BEAMS
+START = -pi
+"""Radians: the first beam points straight back, and beam ``BEAMS // 2`` straight ahead."""
+
+Place = tuple[float, float, float]
+"""x forward and y left in metres, yaw in radians."""
+
+Sector = tuple[float, float]
+"""Two bearings in radians; what is between them, anticlockwise from the first to the second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Where a finder sits on the base, and its ``blind`` sectors: bearings of the base, in which its own posts are.
+
+    Raises ValueError for a number that is not finite.
+    """
+
+    place: Place = (0.0, 0.0, 0.0)
+    blind: Sequence[Sector] = ()
+    hidden: npt.NDArray[np.bool_] = field(init=False, repr=False, compare=False)
+    """Shape (BEAMS,): the beams that are in a blind sector."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.place, *(bearing for sector in self.blind for bearing in sector))
+        if not all(map(isfinite, numbers)):
+            raise ValueError(f"range finder: place or blind sectors are not finite: {self.place}, {self.blind}")
+        hidden = np.zeros(BEAMS, dtype=np.bool_)
+        for first, second in self.blind:
+            past = np.remainder(bearings() - first + 1e-9, tau)
+            hidden |= past <= np.remainder(second - first, tau) + 2e-9
+        object.__setattr__(self, "hidden", hidden)  # the way to fill in a field of a frozen class
+
+    def bearing(self, clockwise: Angles) -> Angles:
+        """Return the bearings on the base of angles (radians) that the finder counts clockwise from its own front."""
+        return self.place[2] - clockwise
+
+
+def bearings() -> Angles:
+    """Return where the beams of a scan point: shape (BEAMS,), radians from straight ahead, anticlockwise."""
+    return START + STEP * np.arange(BEAMS, dtype=np.float64)
+
+
+def beam(bearing: Angles) -> npt.NDArray[np.intp]:
+    """Return which beam of a scan is nearest to each bearing in radians."""
+    return np.rint((bearing - START) / STEP).astype(np.intp) % BEAMS

@@ -1,0 +1,159 @@
+"""The requests and replies of the RPLIDAR protocol; the measurements of a scan are in ``nodes.py``.
+
+A request is ``A5 CMD``; for commands from 0x80 on ``A5 CMD SIZE payload CHK``, where CHK is the XOR of all before it.
+An answer begins with a descriptor, ``A5 5A`` and five bytes: the length of what follows in 30 bits, two bits that say
+whether it is repeated, and its type. Numbers are little-endian. Replies have no checksum of their own.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import reduce
+from operator import xor
+from struct import Struct
+from typing import Self
+
+BAUD = 115200
+"""The rate of the A1 and A2, 8N1."""
+
+BEGIN = 0xA5
+"""The first byte of a request and of a descriptor."""
+
+
+class Command(IntEnum):
+    """What it may be asked; those without a reply are STOP, RESET and PWM."""
+
+    SCAN = 0x20
+    STOP = 0x25
+    RESET = 0x40
+    INFO = 0x50
+    HEALTH = 0x52
+    PWM = 0xF0
+    BOARD = 0xFF
+
+
+_WITH_PAYLOAD = 0x80
+_DESCRIPTOR = Struct("<BBIB")
+_REPEATED = 1 << 30
+_PWM = Struct("<H")
+
+
+def request(command: int, payload: bytes = b"") -> bytes:
+    """Return the bytes of a request. Raises ValueError for a payload that the command cannot have."""
+    if command < _WITH_PAYLOAD:
+        if payload:
+            raise ValueError(f"RPLIDAR command {command:#x} takes no payload")
+        return bytes([BEGIN, command])
+    if len(payload) > 255:
+        raise ValueError(f"an RPLIDAR payload has 255 bytes at most, not {len(payload)}")
+    body = bytes([BEGIN, command, len(payload)]) + payload
+    return body + bytes([reduce(xor, body)])
+
+
+def motor(pwm: int) -> bytes:
+    """Return the request that turns the motor at the pulse width ``pwm`` of 1023; 0 stops it."""
+    return request(Command.PWM, _PWM.pack(pwm))
+
+
+def pwm_of(payload: bytes) -> int:
+    """Return the pulse width that a PWM request asks for. Raises struct.error for another payload."""
+    (pwm,) = _PWM.unpack(payload)
+    return int(pwm)
+
+
+BOARD = request(Command.BOARD, bytes(4))
+"""Asks the board below an A2 whether it can set the pulse width of the motor: bit 0 of the reply."""
+
+
+def descriptor(length: int, kind: int, *, repeated: bool = False) -> bytes:
+    """Return what comes before a reply of ``length`` bytes of the type ``kind``, or before each of a row of them."""
+    return _DESCRIPTOR.pack(BEGIN, 0x5A, length | (_REPEATED if repeated else 0), kind)
+
+
+INFO_REPLY = descriptor(20, 0x04)
+HEALTH_REPLY = descriptor(3, 0x06)
+BOARD_REPLY = descriptor(4, 0xFF)
+SCAN_REPLY = descriptor(5, 0x81, repeated=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """What kind of finder it is; ``model >> 4`` is the number in its name. ``serial`` has 16 bytes."""
+
+    LAYOUT = Struct("<4B16s")
+
+    model: int
+    firmware_minor: int
+    firmware_major: int
+    hardware: int
+    serial: bytes
+
+    @property
+    def series(self) -> int:
+        """1 for an A1, 2 for an A2."""
+        return self.model >> 4
+
+    def pack(self) -> bytes:
+        """Return its 20 bytes. Raises struct.error for a value out of range."""
+        return self.LAYOUT.pack(self.model, self.firmware_minor, self.firmware_major, self.hardware, self.serial)
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Self:
+        """Read it from 20 bytes. Raises struct.error for another number."""
+        return cls(*cls.LAYOUT.unpack(data))
+
+
+class Status(IntEnum):
+    """How it feels."""
+
+    GOOD = 0
+    WARNING = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What it says of its health: a ``Status``, as a number, and the maker's own ``code`` for what is wrong."""
+
+    LAYOUT = Struct("<BH")
+
+    status: int
+    code: int = 0
+
+    def pack(self) -> bytes:
+        """Return its three bytes. Raises struct.error for a value out of range."""
+        return self.LAYOUT.pack(self.status, self.code)
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Self:
+        """Read it from three bytes. Raises struct.error for another number."""
+        return cls(*cls.LAYOUT.unpack(data))
+
+
+class RequestFinder:
+    """Finds requests in a stream that is cut anywhere: the finder's end of the wire."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Take bytes as they come; return the commands that are complete now, each with its payload."""
+        self._buffer += data
+        found: list[tuple[int, bytes]] = []
+        while True:
+            start = self._buffer.find(BEGIN)
+            del self._buffer[: start if start >= 0 else len(self._buffer)]
+            size = self._size()
+            if size is None or len(self._buffer) < size:
+                return found
+            whole = bytes(self._buffer[:size])
+            if size > 2 and reduce(xor, whole) != 0:
+                del self._buffer[0]
+                continue
+            found.append((whole[1], whole[3:-1]))
+            del self._buffer[:size]
+
+    def _size(self) -> int | None:
+        """Return how many bytes the request has that has begun; None while that is open."""
+        if len(self._buffer) < 2 or (self._buffer[1] >= _WITH_PAYLOAD and len(self._buffer) < 3):
+            return None
+        return 2 if self._buffer[1] < _WITH_PAYLOAD else 4 + self._buffer[2]

@@ -1,0 +1,175 @@
+"""The bench: the open bus, or the open arm, that a command works on."""
+
+import threading
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+
+import click
+
+from behaviours.reach import Reach
+from config.arm import ArmConfig
+from config.faults import one_of
+from config.library import find
+from config.robot import RobotConfig
+from config.world import load_world
+from drivers.api import Joints, Notice, unheard
+from drivers.clock import Clock, SystemClock
+from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.models import MODELS, Model, model_of
+from drivers.errors import DeviceFault, NoReply, NotConnected
+from missions.assembly import parts
+from missions.assembly.assemble import SIMULATED_PATIENCE, Ears, Wishes, assemble
+from missions.assembly.simulation import Simulation
+from missions.cli.keys import interruptible
+from missions.cli.servo.target import Target
+from missions.runner import CONNECT_TIME
+
+PATIENCE = 0.004
+"""Seconds that a servo's reply may be late."""
+
+DEFAULT_BAUD = 1_000_000
+"""The rate of a bus of which no robot file tells."""
+
+PAUSE = 0.02
+"""Seconds between two looks at what a driver's own thread has done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file."""
+
+    bus: Bus
+    joints: Mapping[str, Joint]
+    groups: Mapping[str, tuple[str, ...]]
+    clock: Clock
+
+    def joint(self, name: str) -> Joint:
+        """Return a joint by name. Raises click.UsageError with what may be meant."""
+        if name not in self.joints:
+            known = one_of(name, [*self.joints, *self.groups]) or "name a robot's file with --robot"
+            raise click.UsageError(f"no joint '{name}'; {known}")
+        return self.joints[name]
+
+    def chosen(self, names: Collection[str]) -> list[Joint]:
+        """Return the joints of these names, in which groups may be; or all.
+
+        Raises click.UsageError for an unknown one, or for none at all.
+        """
+        if not names and not self.joints:
+            raise click.UsageError("which joints? name a robot's file with --robot")
+        members = (joint for name in names or self.joints for joint in self.groups.get(name, (name,)))
+        return [self.joint(name) for name in dict.fromkeys(members)]
+
+    def servos(self, who: str) -> list[tuple[At, Model]]:
+        """Return the servos that ``who`` means: an ID, a joint, a group, or ``all`` joints of the file.
+
+        What answers is asked for its model: it may be another than the file says. Raises NoReply, NotConnected,
+        DeviceFault for a model that we do not know, click.UsageError.
+        """
+        if who.isdigit():
+            return [self.servo(who)]
+        return [self.identify(joint.spec.id) for joint in self.chosen(() if who == "all" else (who,))]
+
+    def servo(self, who: str) -> tuple[At, Model]:
+        """Return the one servo that ``who`` means: an ID, or a joint. Raises as ``servos``."""
+        return self.identify(int(who) if who.isdigit() else self.joint(who).spec.id)
+
+    def identify(self, servo: int) -> tuple[At, Model]:
+        """Return how to reach a servo by its ID, and its model."""
+        names = [joint for joint in self.joints.values() if joint.spec.id == servo]
+        protocols = [joint.model.protocol for joint in names]
+        for protocol in dict.fromkeys((*protocols, 1, 2)):
+            at = At(servo, protocol)
+            try:
+                number = self.bus.ping(at, tries=2)
+            except NoReply:
+                continue
+            model = model_of(number)
+            if model is None:
+                raise DeviceFault(f"servo {servo}: model number {number} is not known here", hint="mission servo scan")
+            return at, model
+        raise NoReply(
+            f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in either protocol",
+            hint="mission servo scan --baud all  (with the same --robot or --port), and look at power and cable",
+        )
+
+
+@contextmanager
+def opened_bus(target: Target, *, patience: float = SIMULATED_PATIENCE) -> Iterator[Bench]:
+    """Open the bus; close it at the end, whatever comes. Nothing is written to a servo by that.
+
+    ``patience`` is how long (s) a virtual servo may take. Raises NotConnected.
+    """
+    clock = SystemClock()
+    with ExitStack() as closings:
+        closings.enter_context(interruptible())
+        joints: Mapping[str, Joint] = {}
+        groups: Mapping[str, tuple[str, ...]] = {}
+        if target.robot is None and not target.virtual:
+            bus = Bus(str(target.port), clock, baud=target.baud or DEFAULT_BAUD, patience=PATIENCE)
+        else:
+            config = target.config()
+            arm = _arm(config)
+            groups = arm.groups
+            joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in parts.joints(arm).items()}
+            port = arm.port
+            if target.virtual:
+                simulation = closings.enter_context(closing(Simulation(config, frozenset({"arm"}), clock)))
+                simulation.open()
+                port = simulation.ports["arm"]
+            bus = Bus(port, clock, baud=arm.baud, patience=patience if target.virtual else PATIENCE)
+        closings.enter_context(closing(bus))
+        bus.open()
+        yield Bench(bus, joints, groups, clock)
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """An arm that is open and there, behind its driver."""
+
+    joints: Joints
+    reach: Reach
+    config: ArmConfig
+    clock: Clock
+
+
+@contextmanager
+def opened_arm(target: Target) -> Iterator[Arm]:
+    """Open the arm's driver and wait for its servos; bring it to rest and close it at the end, whatever comes.
+
+    What the servos tell meanwhile goes to stderr. Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    """
+    target.require_joints()
+    config, clock = target.config(), SystemClock()
+    arm = _arm(config)
+    wishes = Wishes(world=load_world(find("worlds", "empty")) if target.virtual else None)
+    ears = Ears(tell, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"arm"}), clock, wishes, ears)
+    joints = robot.robot.arm
+    with interruptible(), closing(robot):
+        robot.open()
+        while not (joints.health().online and any(reading.good for reading in joints.states().values())):
+            if clock.now() > CONNECT_TIME:
+                health = joints.health()
+                raise NotConnected(health.detail, hint=health.hint)
+            pause()
+        yield Arm(joints, robot.robot.reach, arm, clock)
+
+
+def _arm(config: RobotConfig) -> ArmConfig:
+    if config.arm is None:
+        raise click.UsageError(f"{config.name} has no arm")
+    return config.arm
+
+
+def tell(notice: Notice) -> None:
+    """Show what a device tells, on stderr; that it is there is no news."""
+    if notice.kind != "online":
+        click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
+def pause(seconds: float = PAUSE) -> None:
+    """Wait a moment for a driver's own thread."""
+    threading.Event().wait(seconds)

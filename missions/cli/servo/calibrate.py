@@ -1,0 +1,121 @@
+"""``mission servo calibrate``: how far each joint goes, found out by hand, and written into the robot file."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import degrees, radians
+
+import click
+
+from config.editing import NotEditableError
+from config.library import find
+from config.ranges import Range, check_keepable, keep_ranges
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.joint import Joint
+from drivers.errors import BadRequest, DeviceFault, NoReply
+from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.servo.bench import Bench, opened_bus
+from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.until import patience, require_terminal, show
+from missions.columns import in_columns
+
+LEAST = radians(5)
+"""What was turned by less than this was not turned on purpose."""
+
+
+@dataclass(slots=True)
+class Turned:
+    """How far a servo was turned by now, in steps; ``zero`` is where it stood at first, if that is its joint's 0."""
+
+    joint: Joint
+    lowest: int
+    highest: int
+    zero: int | None = None
+
+    def look(self, bus: Bus) -> None:
+        """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
+        try:
+            ticks = bus.read(self.joint.at, self.joint.model.table["present_position"])
+        except (NoReply, BadRequest):
+            return
+        self.lowest, self.highest = min(self.lowest, ticks), max(self.highest, ticks)
+
+    def within(self, margin: float) -> Range | None:
+        """Return the range, ``margin`` (radians) short of either end; None if it was hardly turned."""
+        short = round(margin / self.joint.model.tick)
+        if (self.highest - self.lowest) * self.joint.model.tick < LEAST + 2 * margin:
+            return None
+        return Range(max(0, self.lowest + short), min(self.joint.model.last, self.highest - short), self.zero)
+
+
+@click.command()
+@target_options
+@click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
+@click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")
+@click.option("--margin", type=click.FloatRange(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+              help="How far before the ends that are touched the limits lie.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(min=0.1), metavar="N", help="Watch for so long; else until Enter.")
+def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None) -> int:
+    """Find the limits of joints by hand.
+
+    Makes joints limp (all, if none is named), watches how far they are turned, and writes that into the robot file.
+    A limp arm falls: hold it. The robot file of before is kept beside it, as FILE.bak. Ctrl-C writes nothing; the
+    joints stay limp either way.
+    """
+    if target.robot is None:
+        raise click.UsageError("which robot file is to be written? name it with --robot FILE")
+    path = find("robots", target.robot)
+    require_terminal(seconds)
+    try:
+        check_keepable(path)
+        with opened_bus(target) as bench:
+            found = _watch(bench, bench.chosen(joints), zero=zero, seconds=seconds)
+        ranges = {each.joint.name: each.within(radians(margin)) for each in found}
+        click.echo(_table(found, ranges))
+        kept = {name: each for name, each in ranges.items() if each is not None}
+        if not kept:
+            click.echo("no joint was turned: nothing is written", err=True)
+            return FAILURE
+        before = keep_ranges(path, kept)
+    except NotEditableError as error:
+        raise click.UsageError(str(error)) from error
+    click.echo(f"written into {path}; what it was is in {before}")
+    return SUCCESS
+
+
+def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float | None) -> list[Turned]:
+    """Make the joints limp, and watch them until it is over."""
+    found = [_begin(bench.bus, joint, zero=zero) for joint in joints]
+    names = ", ".join(each.joint.name for each in found)
+    click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
+    with patience(bench.clock, seconds) as over:
+        while not over():
+            for each in found:
+                each.look(bench.bus)
+            show("  ".join(f"{each.joint.name} {_width(each):.0f}" for each in found) + " deg")
+    return found
+
+
+def _begin(bus: Bus, joint: Joint, *, zero: bool) -> Turned:
+    """Make a joint limp; raise with its name if that cannot be."""
+    number = bus.ping(joint.at)
+    if number != joint.model.number:
+        hint = f"mission servo info {joint.spec.id}"
+        raise DeviceFault(f"{joint.title} is model {number}, not {joint.model.number} ({joint.model.name})", hint=hint)
+    bus.write(joint.at, joint.model.table["torque_enable"], 0)
+    ticks = bus.read(joint.at, joint.model.table["present_position"])
+    return Turned(joint, ticks, ticks, ticks if zero else None)
+
+
+def _width(turned: Turned) -> float:
+    """Return how far it was turned from end to end, in degrees."""
+    return degrees((turned.highest - turned.lowest) * turned.joint.model.tick)
+
+
+def _table(found: Iterable[Turned], ranges: Mapping[str, Range | None]) -> str:
+    """Return how far each joint was turned, by the zero that it had before."""
+    rows = []
+    for each in found:
+        ends = sorted(degrees(each.joint.angle(ticks)) for ticks in (each.lowest, each.highest))
+        remark = "" if ranges[each.joint.name] is not None else "hardly turned: left as it is"
+        rows.append([each.joint.name, *(f"{end:+.1f}" for end in ends), f"{_width(each):.1f}", remark])
+    return in_columns(("joint", "from deg", "to deg", "range", ""), rows, left=frozenset({"joint", ""}))

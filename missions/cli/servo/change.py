@@ -1,0 +1,95 @@
+"""``mission servo set``, ``set-id`` and ``set-baud``: registers of servos, compared first, written, verified."""
+
+import sys
+from collections.abc import Mapping
+
+import click
+
+from drivers.dynamixel.bus import At
+from drivers.dynamixel.models import Model
+from drivers.dynamixel.settings import Change, apply, planned
+from drivers.dynamixel.units import baud_code
+from missions.cli.root import SUCCESS
+from missions.cli.servo.bench import Bench, opened_bus
+from missions.cli.servo.info import meaning
+from missions.cli.servo.target import Target, target_options
+
+yes_option = click.option("--yes", is_flag=True, help="Do not ask before the EEPROM is written.")
+
+
+@click.command("set", context_settings={"ignore_unknown_options": True})  # so that a value may be below zero
+@target_options
+@click.argument("servo", metavar="ID|JOINT|GROUP|all")
+@click.argument("register", metavar="REGISTER")
+@click.argument("value", type=int)
+@yes_option
+def set_register(target: Target, servo: str, register: str, value: int, yes: bool) -> int:
+    """Set a register by its name.
+
+    Such as: set 3 return_delay 0. `mission servo info` lists them. Nothing is written where it holds the value
+    already. What is kept through a power cut (EEPROM) is written with the
+    torque off, and the servo is limp afterwards.
+    """
+    with opened_bus(target) as bench:
+        servos = bench.servos(servo)
+        for _, model in servos:
+            model.table.named(register)  # of all first: none is changed where another cannot be
+        return _set(bench, {at: (model, {register: value}) for at, model in servos}, yes=yes)
+
+
+@click.command("set-id")
+@target_options
+@click.argument("servo", metavar="ID|JOINT")
+@click.argument("new", type=click.IntRange(0, 253), metavar="NEW_ID")
+@yes_option
+def set_id(target: Target, servo: str, new: int, yes: bool) -> int:
+    """Give a servo another ID. New servos all have ID 1: plug them in one by one."""
+    with opened_bus(target) as bench:
+        at, model = bench.servo(servo)
+        return _set(bench, {at: (model, {"id": new})}, yes=yes)
+
+
+@click.command("set-baud")
+@target_options
+@click.argument("servo", metavar="ID|JOINT|GROUP|all")
+@click.argument("rate", type=click.IntRange(min=1))
+@yes_option
+def set_baud(target: Target, servo: str, rate: int, yes: bool) -> int:
+    """Give servos another baud rate; --baud is what they have now."""
+    with opened_bus(target) as bench:
+        wanted = {at: (model, {"baud": baud_code(rate, model.protocol)}) for at, model in bench.servos(servo)}
+        code = _set(bench, wanted, yes=yes)
+    if target.robot is not None:
+        click.echo(f"  the robot file must say baud: {rate}, once all its servos do", err=True)
+    return code
+
+
+def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, yes: bool) -> int:
+    """Say what is to be changed, ask before the EEPROM is written, change it, and say so."""
+    plans = {at: planned(bench.bus, at, model.table, values) for at, (model, values) in wanted.items()}
+    for at, changes in plans.items():
+        model, values = wanted[at]
+        for change in changes:
+            click.echo(f"servo {at.id} ({model.name}): {_told(model, change)}")
+        if not changes:
+            click.echo(f"servo {at.id} ({model.name}): {', '.join(values)} is so already")
+    if any(change.register.eeprom for changes in plans.values() for change in changes) and not yes:
+        if not sys.stdin.isatty():
+            raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
+        click.confirm("write this into the EEPROM?", abort=True, err=True)
+    for at, changes in plans.items():
+        stiff = apply(bench.bus, at, wanted[at][0].table, changes)
+        if stiff:
+            click.echo(f"servo {at.id} was stiff, and is limp now", err=True)
+        if changes:
+            click.echo(f"servo {at.id}: written and verified")
+    return SUCCESS
+
+
+def _told(model: Model, change: Change) -> str:
+    """Return a change in words, with what the value means."""
+    meant = meaning(model, change.register, change.after)
+    place = "EEPROM" if change.register.eeprom else "RAM"
+    return (
+        f"{change.register.name}: {change.before} -> {change.after}" + (f" ({meant})" if meant else "") + f", {place}"
+    )

@@ -1,0 +1,78 @@
+"""``mission servo import``: the joints of a ROS robot (`dynamixel_controllers`) as those of a robot file."""
+
+from pathlib import Path
+
+import click
+
+from config.arm import JointConfig
+from config.editing import NotEditableError, require_own, rewrite, with_value
+from config.faults import Source, one_of
+from config.marked import read_source
+from config.robot import robot_of
+from config.ros_joints import RosJoints, load_ros_joints
+from config.servo import SERVO_MODELS
+from config.writing import robot_text, write_new
+from missions.cli.root import SUCCESS
+
+
+@click.command("import")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--model", default="AX-12A", show_default=True, help="What its servos are: the file does not say.")
+@click.option("--port", default="/dev/u2d2", show_default=True, metavar="PATH", help="Where they are plugged in.")
+@click.option("--baud", type=click.IntRange(min=1), default=1_000_000, show_default=True, metavar="RATE")
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
+              "robot file; without it the text goes to stdout.")  # fmt: skip
+@click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Add the "
+              "joints to the arm of a robot file of yours.")  # fmt: skip
+def import_joints(file: Path, model: str, port: str, baud: int, output: Path | None, into: Path | None) -> int:
+    """Import joints from a ROS file.
+
+    A YAML of dynamixel_controllers becomes the joints of a robot file; `init`, `min` and `max` stay the servo's
+    steps. What was changed or left out is told on stderr.
+    """
+    if model not in SERVO_MODELS:
+        raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, SERVO_MODELS)}")
+    if output is not None and into is not None:
+        raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
+    found = load_ros_joints(file, model=model)
+    text = robot_text(file.stem, found.joints, port=port, baud=baud)
+    try:
+        if into is not None:
+            _add(into, found, text)
+        elif output is not None:
+            write_new(output, text)
+        else:
+            click.echo(text, nl=False)
+    except NotEditableError as error:
+        raise click.UsageError(str(error)) from error
+    except FileExistsError as error:
+        raise click.UsageError(f"{error}; or add to it: --into {output}") from error
+    for note in found.notes:
+        click.echo(str(note), err=True)
+    if output or into:
+        click.echo(f"{len(found.joints)} joints written into {output or into}", err=True)
+    return SUCCESS
+
+
+def _add(path: Path, found: RosJoints, text: str) -> None:
+    """Add joints, as ``text`` has them, to the arm of a robot file, and nothing else.
+
+    Raises NotEditableError where that cannot be.
+    """
+    require_own(path, "mission servo import JOINTS.yaml --into FILE")
+    source = read_source(path)
+    old = robot_of(source)
+    joints: dict[str, JointConfig] = {} if old.arm is None else dict(old.arm.joints)
+    if there := [name for name in found.joints if name in joints]:
+        raise NotEditableError(f"{path}: it has {', '.join(there)} already")
+    lines = text.partition("  joints:\n")[2].splitlines()
+    new = source.text
+    for line in reversed(lines):  # each is put in front of the others
+        name, _, value = line.strip().partition(": ")
+        new = with_value(Source(source.name, new), ("arm", "joints", name), value)
+    arm = robot_of(Source(source.name, new)).arm
+    if arm is None or dict(arm.joints) != {**found.joints, **joints}:
+        raise NotEditableError(
+            f"{path}: its arm is written in a way that cannot be added to; write the joints yourself"
+        )
+    rewrite(path, new)

@@ -1,0 +1,72 @@
+"""``mission servo record``: a movement made by hand, kept in a file."""
+
+from pathlib import Path
+
+import click
+
+from config.library import shipped
+from config.writing import gesture_text
+from drivers.api import Joints
+from drivers.clock import Clock
+from drivers.dynamixel.models import MODELS
+from missions.cli.root import SUCCESS
+from missions.cli.servo.bench import opened_arm
+from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.until import patience, require_terminal, show
+from missions.moves.record import Recording
+
+
+@click.command()
+@target_options
+@click.argument("name")
+@click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "
+              "more; all without it.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(min=0.1), metavar="N", help="Record for so long; else until Enter.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Where it is "
+              "written; NAME.yaml without it.")  # fmt: skip
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+def record(
+    target: Target, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool
+) -> int:
+    """Record a movement by hand.
+
+    The arm goes limp, and how you move it is written as a gesture. Hold the arm before you begin: limp, it falls.
+    Enter ends the recording, Ctrl-C throws it away; either way the arm comes to its rest.
+    """
+    require_terminal(seconds)
+    path = Path(f"{name}.yaml") if output is None else output
+    if output is None and name in shipped("gestures"):
+        raise click.UsageError(f"'{name}' is a gesture that ships with MissionTree: choose another name")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"{path.parent}: no such folder")
+    if path.exists() and not force:
+        raise click.UsageError(f"{path} is there already: --force writes over it, -o FILE writes another")
+    with opened_arm(target) as arm:
+        chosen = arm.reach.named(names)
+        recording = Recording({joint: MODELS[arm.config.joints[joint].model].tick for joint in chosen})
+        arm.joints.relax(chosen)
+        click.echo(f"limp: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)
+        _record(arm.joints, recording, arm.clock, seconds)
+    gesture = recording.gesture(name, f"Recorded by hand, {recording.seconds:.1f} s.")
+    _write(path, gesture_text(gesture, str(path)))
+    click.echo(
+        f"{path}: {gesture.keyframes[-1][0]:.1f} s of {', '.join(chosen)}, "
+        f"{len(gesture.keyframes)} keyframes of {len(recording.samples)} readings"
+    )
+    click.echo(f"  try: mission servo play {path} --dry-run", err=True)
+    return SUCCESS
+
+
+def _record(joints: Joints, recording: Recording, clock: Clock, seconds: float | None) -> None:
+    """Take readings until it is over."""
+    with patience(clock, seconds) as over:
+        while not over():
+            recording.add(joints.states(), clock.now())
+            show(f"{recording.seconds:5.1f} s, {len(recording.samples)} readings")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise click.UsageError(f"{path}: {error.strerror}") from error

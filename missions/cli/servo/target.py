@@ -1,0 +1,71 @@
+"""Which servos a command means: the options that all of ``mission servo`` share."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+
+from config.library import find
+from config.robot import RobotConfig, load_robot
+from missions.runner import DEFAULT_ROBOT
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Whose servos are meant: those of a robot file, simulated ones, or whatever is behind a port."""
+
+    robot: str | None = None
+    simulate: bool = False
+    port: str | None = None
+    baud: int | None = None
+
+    @property
+    def virtual(self) -> bool:
+        """True where no hardware is meant: on request, or because none was named."""
+        return self.simulate or (self.robot is None and self.port is None)
+
+    def config(self) -> RobotConfig:
+        """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
+        robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
+        if robot.arm is None:
+            raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
+        arm = replace(robot.arm, port=self.port or robot.arm.port, baud=self.baud or robot.arm.baud)
+        return replace(robot, arm=arm)
+
+    def check(self) -> None:
+        """Raise click.UsageError for options that contradict each other."""
+        if self.simulate and self.port is not None:
+            raise click.UsageError("--port names a real port: leave it out, or --simulate")
+
+    def require_joints(self) -> None:
+        """Raise click.UsageError where nothing says which joints there are."""
+        if self.robot is None and not self.virtual:
+            raise click.UsageError("--port alone names no joints: name the robot's file too, with --robot")
+
+
+def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callable[..., Any]:
+    """Add ``--robot``, ``--simulate``, ``--port`` and, unless told not to, ``--baud`` to a command.
+
+    It gets them as its first argument, a ``Target`` that was checked.
+    """
+
+    @functools.wraps(command)
+    def wrapped(robot: str | None, simulate: bool, port: str | None, baud: int | None = None, **others: object) -> Any:
+        target = Target(robot, simulate, port, baud)
+        target.check()
+        return command(target, **others)
+
+    rate = click.option("--baud", type=click.IntRange(min=1), metavar="RATE", help="The bus's rate, instead of the "
+                        "file's.")  # fmt: skip
+    options = (
+        click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
+        click.option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
+        click.option("--robot", metavar="NAME", help="The robot (a name or a file), whose servos move. Without it and "
+                     "--port: simulated."),
+    )  # fmt: skip
+    with_options: Callable[..., Any] = rate(wrapped) if baud else wrapped
+    for option in options:
+        with_options = option(with_options)
+    return with_options

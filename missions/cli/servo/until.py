@@ -1,0 +1,42 @@
+"""Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import click
+
+from drivers.clock import Clock
+from missions.cli.keys import Keys
+from missions.cli.servo.bench import PAUSE, pause
+
+WIDTH = 78
+"""Columns of a line that is shown again and again: a longer one would wrap, and could not be written over."""
+
+
+def require_terminal(seconds: float | None) -> None:
+    """Raise click.UsageError where nobody could press Enter, and no time was given."""
+    if seconds is None and not sys.stdin.isatty():
+        raise click.UsageError("the Enter key needs a terminal; say how long with --seconds N")
+
+
+@contextmanager
+def patience(clock: Clock, seconds: float | None) -> Iterator[Callable[[], bool]]:
+    """Give out a question that waits a moment, then says whether it is over: Enter was pressed, or the time is up."""
+    if seconds is not None:
+        end = clock.now() + seconds
+
+        def timed() -> bool:
+            pause()
+            return clock.now() >= end
+
+        yield timed
+        return
+    with Keys(sys.stdin.fileno()) as keys:
+        yield lambda: keys.read(PAUSE) in ("enter", "end")
+
+
+def show(line: str) -> None:
+    """Show a line in the place of the one before, where there is a terminal."""
+    if sys.stderr.isatty():
+        click.echo(f"\r\x1b[K{line[:WIDTH]}", nl=False, err=True)

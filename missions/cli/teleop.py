@@ -1,0 +1,139 @@
+"""``mission teleop``: drive a robot by hand, with the keys of a terminal or with a game pad."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from threading import Event
+
+import click
+
+from config.library import find
+from config.robot import load_robot
+from config.units import in_dimension
+from config.world import load_world
+from drivers.api import Base, Head, unheard, unreported
+from drivers.clock import Clock, SystemClock
+from drivers.errors import NotConnected
+from missions.assembly.assemble import Ears, Wishes, assemble
+from missions.cli.keys import Keys, interruptible
+from missions.cli.root import SUCCESS
+from missions.runner import CONNECT_TIME, DEFAULT_ROBOT, DEFAULT_WORLD
+from missions.teleop import keymap, pad
+from missions.teleop.pilot import LEAST, MOST, Pilot
+from missions.teleop.turns import drive_by_hand
+
+WIDTH = 78
+"""Columns of the line to be seen: a longer one would wrap, and could not be written over."""
+
+SHOWN = 0.1
+"""Seconds between two changes of that line: a slow line has to keep up with it."""
+
+
+def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
+    """Read a share, such as 30 %."""
+    try:
+        share = in_dimension(value, "share")
+    except ValueError as error:
+        raise click.BadParameter(str(error), ctx=ctx, param=option) from error
+    if not LEAST <= share <= MOST:
+        raise click.BadParameter(f"'{value}' is not within {LEAST:.0%} and {MOST:.0%}", ctx=ctx, param=option)
+    return share
+
+
+@click.command()
+@click.option("--robot", metavar="NAME", help="The robot to drive (a name or a file); it moves. Else simulated.")
+@click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
+@click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")
+@click.option("--port", metavar="PATH", help="Where the base is plugged in, instead of what the file says.")
+@click.option(
+    "--speed",
+    "pace",
+    default="50%",
+    show_default=True,
+    metavar="SHARE",
+    callback=_share,
+    help="The share of the robot's limits to begin with.",
+)
+@click.option(
+    "--pad",
+    "node",
+    is_flag=False,
+    flag_value=pad.FIRST,
+    metavar="[DEVICE]",
+    help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
+)
+def command(
+    robot: str | None, simulate: bool, world: str | None, port: str | None, pace: float, node: str | None
+) -> int:
+    """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
+
+    Simulated unless a robot is named, as with `mission run`. The limits and the reflexes of the robot file hold.
+    Whatever ends it, a line that breaks too, the robot is left at rest.
+    """
+    virtual = simulate or robot is None
+    if virtual and port is not None:
+        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+    if not virtual and world is not None:
+        raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
+    if node is None and not sys.stdin.isatty():
+        raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
+    clock = SystemClock()
+    wishes = Wishes(
+        world=load_world(find("worlds", world or DEFAULT_WORLD)) if virtual else None,
+        ports={} if port is None else {"base": port},
+    )
+    with ExitStack() as open_things:
+        open_things.enter_context(interruptible())
+        held = None
+        if node is not None:
+            held = open_things.enter_context(closing(pad.pad_at(node, clock)))
+            held.open()
+        base, head = open_things.enter_context(_opened(robot, wishes, clock))
+        click.echo(keymap.HELP if held is None else pad.HELP)
+        typed: Callable[[float], str] = _pause
+        if sys.stdin.isatty():
+            open_things.callback(click.echo)  # below the line to be seen
+            typed = open_things.enter_context(Keys(sys.stdin.fileno())).read
+        drive_by_hand(Pilot(base, head, pace=pace), typed, held, clock, _shower(clock))
+    return SUCCESS
+
+
+@contextmanager
+def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
+    """Open the base of a robot, and the head, if it has one, and wait for the base; in the end close them.
+
+    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    """
+    config = load_robot(find("robots", name or DEFAULT_ROBOT))
+    if config.base is None:
+        raise click.UsageError(f"{config.name} has no base")
+    ears = Ears(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"base", "head"}), clock, wishes, ears)
+    base = robot.robot.base
+    with closing(robot):
+        robot.open()
+        begun = clock.now()
+        while not (health := base.health()).online:
+            if clock.now() - begun > CONNECT_TIME:
+                raise NotConnected(health.detail, hint=health.hint)
+            _pause(0.02)
+        yield base, robot.robot.head_part
+
+
+def _pause(seconds: float) -> str:
+    """Wait; nothing is typed meanwhile where there is no terminal."""
+    Event().wait(seconds)
+    return ""
+
+
+def _shower(clock: Clock) -> Callable[[str], None]:
+    """Return what shows a line in the place of the one before, when it is another, and not too often."""
+    shown, at = "", -SHOWN
+
+    def show(line: str) -> None:
+        nonlocal shown, at
+        if line != shown and clock.now() - at >= SHOWN and sys.stdout.isatty():
+            shown, at = line, clock.now()
+            click.echo(f"\r\x1b[K{line[:WIDTH]}", nl=False)
+
+    return show

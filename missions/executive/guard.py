@@ -1,0 +1,75 @@
+"""Looks at the base before every tick, above the tree: tells what it felt, and ends a mission that must end."""
+
+from behaviours.run import Run
+from drivers.api import Base, BaseState, Reflexes, Sides
+from missions.executive.battery import BatteryWatch
+from missions.executive.events import ReflexFired, Stream
+
+CONTACTS = ("bumper", "cliff", "wheel_drop")
+"""What a base feels with its left, its middle and its right; events and state call it so."""
+
+REFLEXES = (*CONTACTS, "button", "docked", "charging", "latched", "battery_low", "battery_critical")
+"""All that the guard tells of."""
+
+_Felt = tuple[Sides, Sides, Sides, frozenset[int], bool, bool]
+_NOTHING: _Felt = (Sides(), Sides(), Sides(), frozenset(), False, False)
+
+
+class Guard:
+    """What a ``base`` does about all this by itself is its driver's business; see ``drivers.api.Reflexes``.
+
+    ``battery`` is what the readings of its battery come to, by the thresholds of ``reflexes``.
+    """
+
+    def __init__(self, base: Base, reflexes: Reflexes, run: Run, stream: Stream) -> None:
+        self.battery = BatteryWatch(reflexes.battery_low, reflexes.battery_critical)
+        self._base = base
+        self._run = run
+        self._stream = stream
+        self._felt = _NOTHING
+        self._latched = ""
+
+    def look(self) -> str:
+        """Look once; return why the mission must end, or nothing. What is not reported afresh is as it was."""
+        latched = self._base.latched
+        if latched != self._latched:
+            self._tell("latched", latched or self._latched, on=bool(latched))
+            self._latched = latched
+        reading = self._base.state()
+        state = reading.value
+        if state is None or not reading.good:
+            return ""
+        felt = (state.bumper, state.cliff, state.wheel_drop, state.buttons, state.docked, state.charging)
+        if felt != self._felt:
+            before, self._felt = self._felt, felt
+            self._tell_felt(before, felt)
+        return self._weigh(state)
+
+    def _tell_felt(self, before: _Felt, felt: _Felt) -> None:
+        """Tell what is new of all that the base feels."""
+        *contacts_before, buttons_before, docked_before, charging_before = before
+        *contacts, buttons, docked, charging = felt
+        for what, was, now in zip(CONTACTS, contacts_before, contacts, strict=True):
+            if now != was:
+                self._tell(what, str(now or was), on=bool(now))
+        for number in sorted(buttons ^ buttons_before):
+            self._tell("button", str(number), on=number in buttons)
+        if docked != docked_before:
+            self._tell("docked", "", on=docked)
+        if charging != charging_before:
+            self._tell("charging", "", on=charging)
+
+    def _weigh(self, state: BaseState) -> str:
+        """Take in how full the battery is; return why the mission must end."""
+        battery, percent = self.battery, state.battery_percent
+        before = battery.low, battery.critical
+        battery.update(percent, self._run.now(), charging=state.charging)
+        after = battery.low, battery.critical
+        if after != before:
+            for what, was, now in zip(REFLEXES[-2:], before, after, strict=True):
+                if now != was:
+                    self._tell(what, f"{percent:.0f} %", on=now)
+        return f"battery critical: {percent:.0f} %" if battery.critical else ""
+
+    def _tell(self, what: str, where: str, *, on: bool) -> None:
+        self._stream.emit(ReflexFired(self._run.now(), self._run.tick, what, where, on))

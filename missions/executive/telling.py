@@ -1,0 +1,121 @@
+"""From what the parts of a robot tell, each on its own thread, to the events of a run."""
+
+import logging
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from math import isfinite
+
+from behaviours.run import Run, log
+from drivers.api import Notice, Source, Steering
+from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen, Stream
+from perception.api import Marker, Percept, Thing, View
+
+OVERRIDES = frozenset({Source.SAFETY, Source.TELEOP})
+"""Who commands the base before a mission does, and is named as the source of such a command."""
+
+
+class Teller:
+    """Hands on to the ``stream`` of a ``run`` what its robot tells, and wakes the run where that is worth a tick."""
+
+    def __init__(self, run: Run, stream: Stream) -> None:
+        self._run = run
+        self._stream = stream
+        self._steered_by: Source | None = None
+
+    def noticed(self, notice: Notice) -> None:
+        """Tell what a device says of itself."""
+        self._stream.emit(FaultRaised(self._run.now(), notice.device, notice.kind, notice.what, notice.hint))
+        self._run.wake()
+
+    def logged(self, record: logging.LogRecord) -> None:
+        """Tell a line of the log."""
+        text = record.getMessage()
+        if record.exc_info is not None:
+            text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
+        self._stream.emit(Logged(self._run.now(), record.levelname.lower(), text))
+
+    def said(self, text: str) -> None:
+        """Tell what the robot says aloud."""
+        self._stream.emit(Logged(self._run.now(), "voice", text))
+
+    def answered(self, who: str, text: str) -> None:
+        """Tell what somebody in a simulated world says."""
+        self._stream.emit(Logged(self._run.now(), "person", f"{who}: {text}"))
+
+    def seen(self, view: View) -> None:
+        """Tell what was found in a picture."""
+        faces, things, markers = (
+            tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
+        )
+        stamp = 0.0 if view.looked is None else view.looked
+        self._stream.emit(PerceptSeen(self._run.now(), stamp, faces, things or None, markers or None))
+        self._run.wake()
+
+    def commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
+        """Tell what a part was commanded."""
+        self._stream.emit(CommandSent(self._run.now(), self._run.tick, to, source, values))
+
+    def steered(self, steering: Steering) -> None:
+        """Tell what somebody else than a mission commands the base; a mission's behaviours tell that themselves.
+
+        Who commanded it before, and does not any more, has stopped it. One that is stopped until somebody enables it,
+        whoever wanted that, is so for safety.
+        """
+        before, self._steered_by = self._steered_by, steering.source
+        source = steering.source or (Source.SAFETY if steering.because else before)
+        if source not in OVERRIDES:
+            return
+        values: dict[str, object] = {"linear": round(steering.given.linear, 4)}
+        values["angular"] = round(steering.given.angular, 4)
+        if steering.given != steering.wanted:
+            values["wanted_linear"] = round(steering.wanted.linear, 4)
+            values["wanted_angular"] = round(steering.wanted.angular, 4)
+        if steering.because:
+            values["because"] = steering.because
+        self.commanded("base", str(source), values)
+
+
+@contextmanager
+def logging_to(hear: Callable[[logging.LogRecord], None]) -> Iterator[None]:
+    """Hear what is logged, from the level of information up: ``log`` in missions, and what goes wrong inside."""
+    handler, before = _Handler(hear), (log.level, log.propagate)
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.propagate = False
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.level, log.propagate = before
+
+
+class _Handler(logging.Handler):
+    """Hands log records on."""
+
+    def __init__(self, hear: Callable[[logging.LogRecord], None]) -> None:
+        super().__init__()
+        self._hear = hear
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand on one record."""
+        self._hear(record)
+
+
+def _told(percept: Percept) -> Mapping[str, object]:
+    """Return a percept as events tell it: the angles in radians, the box in pixels."""
+    box = percept.box
+    told = {
+        "id": percept.id,
+        "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
+        "stamp": percept.stamp,
+        **{name: round(getattr(percept, name), 4) for name in ("bearing", "drop", "yaw", "pitch")},
+        "distance": round(percept.distance, 2) if isfinite(percept.distance) else None,
+    }
+    match percept:
+        case Thing():
+            return told | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
+        case Marker():
+            return told | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
+        case _:
+            return told

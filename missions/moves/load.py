@@ -1,0 +1,43 @@
+"""Movements out of files: a gesture, a spreadsheet of joint angles, or a sheet of which a move file says what it means.
+
+A sheet alone has a column for every joint, headed by its name, in radians, and a row for every moment; a column
+``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``.
+"""
+
+from pathlib import Path
+
+from config.arm import ArmConfig
+from config.gesture import GestureConfig, gesture_of
+from config.marked import read_source
+from config.move import JointSource, MoveConfig, is_move, move_of
+from drivers.api import Gesture, Keyframe
+from missions.moves.rows import TIME, played
+from missions.moves.sheet import KINDS, Sheet, read_sheet
+
+
+def load_move(path: Path, *, rate: float | None = None, arm: ArmConfig | None = None) -> Gesture:
+    """Read a movement. ``rate`` is that of a sheet's rows (Hz), where neither it nor its move file says when they are.
+
+    With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
+    of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
+    """
+    if path.suffix.lower() in KINDS:
+        sheet = read_sheet(path)
+        return played(sheet, _of_headings(sheet, path), rate=rate, arm=arm)
+    source = read_source(path)
+    if not is_move(source):
+        return movement(gesture_of(source, None if arm is None else arm.reaches))
+    move = move_of(source, path.parent, None if arm is None else arm.joints)
+    return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
+
+
+def movement(config: GestureConfig) -> Gesture:
+    """Return what a gesture file says, as behaviours take it."""
+    keyframes = tuple(Keyframe(time, positions) for time, positions in config.keyframes)
+    return Gesture(config.name, config.summary, keyframes, config.interpolation)
+
+
+def _of_headings(sheet: Sheet, path: Path) -> MoveConfig:
+    """Take every column for a joint."""
+    joints = {heading: JointSource(column=heading) for heading in sheet.headings if heading != TIME}
+    return MoveConfig(path.stem, "", path, joints)

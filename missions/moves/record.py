@@ -1,0 +1,120 @@
+"""Recording a movement: what limp joints did while somebody moved them by hand, as keyframes for a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import numpy.typing as npt
+
+from config.gesture import GestureConfig
+from drivers.api import JointState, Reading
+from drivers.errors import BadRequest, NoReply
+
+GAP = 0.25
+"""Seconds without a reading of all joints after which it is unknown what they did meanwhile."""
+
+Table = npt.NDArray[np.float64]
+"""Positions in radians, shape (readings, joints), float64."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Where the joints were (radians) at a time (seconds, on the driver's clock)."""
+
+    time: float
+    positions: Mapping[str, float]
+
+
+class Recording:
+    """A movement while it is made. ``resolutions`` are the joints to record, and the steps (rad) they measure in.
+
+    What a joint does within one such step is not told from its standing still.
+    """
+
+    def __init__(self, resolutions: Mapping[str, float]) -> None:
+        self._resolutions = dict(resolutions)
+        self._heard: float | None = None  # when all joints were heard last, or first asked
+        self.samples: list[Sample] = []
+
+    @property
+    def seconds(self) -> float:
+        """How long it is by now."""
+        return self.samples[-1].time - self.samples[0].time if self.samples else 0.0
+
+    def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
+        """Take the newest readings, if there are new ones of every joint.
+
+        Raises NoReply once no such readings have come for ``GAP`` seconds: a recording with a hole is none.
+        """
+        sample = self._sample(states)
+        if sample is not None:
+            self.samples.append(sample)
+        if sample is not None or self._heard is None:
+            self._heard = now
+        elif now - self._heard > GAP:
+            silent = [name for name in self._resolutions if not states[name].good]
+            raise NoReply(
+                f"{', '.join(silent) or 'the joints'}: no reading for {now - self._heard:.2f} s, "
+                f"{self.seconds:.1f} s after the recording began",
+                hint="look after the cable and the supply, then record it again",
+            )
+
+    def _sample(self, states: Mapping[str, Reading[JointState]]) -> Sample | None:
+        """Return where all the joints are, None where that is not known anew."""
+        readings = {name: states[name] for name in self._resolutions}
+        positions = {name: each.value.position for name, each in readings.items() if each.good and each.value}
+        last = self.samples[-1].time if self.samples else -inf
+        stamps = [each.stamp for each in readings.values()]
+        if len(positions) < len(readings) or min(stamps) <= last:
+            return None
+        return Sample(max(stamps), positions)
+
+    def gesture(self, name: str, summary: str = "") -> GestureConfig:
+        """Return the movement without the stillness around it, thinned out to what the joints can measure.
+
+        Raises BadRequest when nothing moved.
+        """
+        steps = np.array(list(self._resolutions.values()))
+        table = np.array([[sample.positions[joint] for joint in self._resolutions] for sample in self.samples])
+        moved = _moved(table, steps)
+        if moved is None:
+            raise BadRequest(f"{name}: nothing moved while it was recorded", hint="move the joints by hand meanwhile")
+        samples, table = self.samples[moved], table[moved]
+        times = np.array([sample.time - samples[0].time for sample in samples])
+        kept = thinned(times, table, steps)
+        return GestureConfig(name, summary, tuple((float(times[k]), samples[k].positions) for k in kept), "cubic")
+
+
+def _moved(table: Table, steps: npt.NDArray[np.float64]) -> slice | None:
+    """Return the readings from the last before the first movement to the first after the last; None without one."""
+    if len(table) < 2:
+        return None
+    begun = (np.abs(table - table[0]) > 1.5 * steps).any(axis=1)  # to and fro between two steps is no movement
+    under_way = (np.abs(table - table[-1]) > 1.5 * steps).any(axis=1)
+    if not begun.any() or not under_way.any():
+        return None
+    return slice(int(np.argmax(begun)) - 1, len(table) - int(np.argmax(under_way[::-1])) + 1)
+
+
+def thinned(times: npt.NDArray[np.float64], table: Table, steps: npt.NDArray[np.float64]) -> list[int]:
+    """Return the readings (indices) that are enough: straight lines between them miss no other by more than a step.
+
+    The first and the last are always kept, and whichever lies farthest from the line between two kept ones (Douglas
+    and Peucker, 1973, over all joints at once).
+    """
+    kept = {0, len(times) - 1}
+    spans = [(0, len(times) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        share = ((times[first + 1 : last] - times[first]) / (times[last] - times[first]))[:, None]
+        line = table[first] + share * (table[last] - table[first])
+        misses = (np.abs(table[first + 1 : last] - line) / steps).max(axis=1)
+        worst = int(np.argmax(misses))
+        if misses[worst] > 1.0:
+            middle = first + 1 + worst
+            kept.add(middle)
+            spans += [(first, middle), (middle, last)]
+    return sorted(kept)

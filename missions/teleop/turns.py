@@ -1,0 +1,33 @@
+"""Taking the wheels: what hands push is passed on to the pilot, again and again, until somebody ends it."""
+
+from collections.abc import Callable
+
+from drivers.clock import Clock
+from missions.teleop.keymap import ENDS, Held
+from missions.teleop.pad import Pad
+from missions.teleop.pilot import Pilot
+
+TICK = 0.05
+"""Seconds between two commands: a command that lives for 0.3 s may miss five."""
+
+
+def drive_by_hand(
+    pilot: Pilot, typed: Callable[[float], str], pad: Pad | None, clock: Clock, show: Callable[[str], None]
+) -> None:
+    """Let a person drive with the keys that ``typed`` gives out, or with a ``pad`` that is open, until a key ends it.
+
+    ``typed`` waits for so many seconds at most, and returns the empty text where none came; ``show`` is given a line
+    to be seen. Whatever ends it, the wheels are let go. Raises NotConnected when the pad has gone.
+    """
+    hand = Held() if pad is None else pad
+    try:
+        while (key := typed(TICK)) not in ENDS:
+            now = clock.now()
+            for each in (key, *(() if pad is None else pad.keys())):
+                if each:
+                    hand.press(each, now)
+                    pilot.press(each)
+            pilot.steer(hand.push(now))
+            show(pilot.words())
+    finally:
+        pilot.steer(None)

@@ -1,0 +1,108 @@
+"""How far a base can go before what it sees, and how fast; and where it has been."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from behaviours.clearance import MARGIN, RADIUS, Lookout, free_way, free_ways, places, safe_speed, turned
+from behaviours.coverage import CELL, Visited
+from drivers.api import BaseState, Pose2D, RangeScan, Velocity
+from missions.testing.recorders import Bench, none
+
+REACH = RADIUS + MARGIN
+
+
+def seen(*points: tuple[float, float]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
+
+
+@pytest.mark.parametrize(
+    ("point", "way"),
+    [
+        ((1.0, 0.0), 1.0 - REACH),
+        ((1.0, REACH * 0.6), 1.0 - REACH * 0.8),
+        ((1.0, REACH + 0.001), math.inf),
+        ((1.0, -REACH - 0.001), math.inf),
+        ((-1.0, 0.0), math.inf),
+        ((REACH / 2, 0.0), 0.0),
+    ],
+)
+def test_a_way_is_free_until_the_rim_and_its_margin_would_touch(point: tuple[float, float], way: float) -> None:
+    assert free_way(seen(point)) == pytest.approx(way)
+
+
+def test_the_nearest_of_several_things_counts_and_without_any_the_way_is_free() -> None:
+    assert free_way(seen((2.0, 0.0), (1.0, 0.0), (3.0, 0.1))) == pytest.approx(1.0 - REACH)
+    assert free_way(seen()) == math.inf
+
+
+def test_ways_in_other_headings_are_those_of_a_base_that_has_turned() -> None:
+    points = seen((1.0, 0.3), (0.2, -1.5), (-1.0, 0.1))
+    headings = np.radians(np.arange(-180.0, 180.0, 5.0))
+    ways = free_ways(points, headings)
+    assert ways.tolist() == pytest.approx([free_way(turned(points, float(heading))) for heading in headings])
+
+
+def test_a_scan_is_seen_from_the_middle_of_the_base() -> None:
+    scan = RangeScan(np.array([1.0, np.nan, 2.0], dtype=np.float32), 0.0, math.pi / 2, 0.0, 0, least=0.1, most=12.0)
+    assert places(scan, (0.05, 0.1, 0.3)) == pytest.approx(np.array(((1.05, 0.1), (-1.95, 0.1))))
+
+
+@given(way=st.floats(0.0, 10.0), braking=st.floats(0.05, 2.0), reaction=st.floats(0.0, 0.5))
+def test_a_safe_speed_ends_within_the_way(way: float, braking: float, reaction: float) -> None:
+    speed = safe_speed(way, braking=braking, reaction=reaction)
+    assert speed >= 0.0
+    assert speed * reaction + speed**2 / (2 * braking) == pytest.approx(way, abs=1e-6)
+
+
+# --- as from where the base is now -----------------------------------------------------------------------------------
+
+
+def state(heading: float = 0.0, speed: float = 0.0) -> BaseState:
+    return BaseState(Pose2D(0.0, 0.0, heading), Velocity(speed, 0.0))
+
+
+def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
+    bench = Bench()
+    lookout = Lookout(bench.robot)
+    bench.ranger.show({0: 1.0})
+    points = lookout.around(state(speed=0.5), bench.clock.now() + 0.2)
+    assert points is not None
+    assert points.tolist() == [pytest.approx([0.9, 0.0])]
+
+
+def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
+    bench = Bench()
+    lookout = Lookout(bench.robot)
+    bench.ranger.show({0: 1.0})
+    points = lookout.around(state(heading=math.pi / 2), bench.clock.now())  # the recorder's heading then was 0
+    assert points is not None
+    assert points.tolist() == [pytest.approx([0.0, -1.0])]
+
+
+def test_a_finder_that_does_not_report_shows_nothing_known() -> None:
+    bench = Bench()
+    bench.ranger.reading = none()
+    assert Lookout(bench.robot).around(state(), 0.0) is None
+
+
+# --- where it has been -----------------------------------------------------------------------------------------------
+
+
+def test_floor_is_new_until_the_base_was_there() -> None:
+    visited = Visited()
+    here = Pose2D(CELL / 2, CELL / 2, 0.0)
+    visited.visit(here)
+    assert visited.unvisited(here, 0.0, 4 * CELL) == 1.0
+    for cell in (1, 2):
+        visited.visit(Pose2D(CELL / 2 + cell * CELL, CELL / 2, 0.0))
+    assert visited.unvisited(here, 0.0, 4 * CELL) == 0.5
+    assert visited.unvisited(here, math.pi, 4 * CELL) == 1.0
+    assert len(visited) == 3
+
+
+def test_a_way_that_is_too_short_has_nothing_new() -> None:
+    assert Visited().unvisited(Pose2D(0.0, 0.0, 0.0), 0.0, CELL / 2) == 0.0

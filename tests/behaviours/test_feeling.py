@@ -1,0 +1,156 @@
+"""What the base feels, as conditions, and what it shows and sounds."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.ranging import ObstacleWithin
+from behaviours.signals import Led, Sound
+from drivers.api import BaseState, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.errors import BadRequest
+from missions.testing.recorders import GONE, Bench, good, none, stale
+
+HERE = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=40.0)
+LEFT = Sides(left=True)
+
+
+@pytest.mark.parametrize(
+    ("leaf", "values", "felt", "reason"),
+    [
+        (Bumped("bumped"), {}, replace(HERE, bumper=LEFT), "bumper left"),
+        (Bumped("bumped"), {"side": "left"}, replace(HERE, bumper=LEFT), "bumper left"),
+        (Cliff("cliff"), {}, replace(HERE, cliff=Sides(centre=True, right=True)), "cliff centre and right"),
+        (Cliff("cliff"), {"side": "right"}, replace(HERE, cliff=Sides(right=True)), "cliff right"),
+        (BatteryBelow("battery_below"), {"percent": 0.5}, HERE, "the battery holds 40 %"),
+        (Docked("docked"), {}, replace(HERE, docked=True), ""),
+        (ButtonPressed("button_pressed"), {"number": 1}, replace(HERE, buttons=frozenset({0, 1})), ""),
+    ],
+)
+def test_what_is_felt_succeeds(leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str) -> None:
+    bench = Bench()
+    bench.put(leaf, **values)
+    bench.base.reading = good(felt)
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.reason == reason
+
+
+@pytest.mark.parametrize(
+    ("leaf", "values", "felt", "reason"),
+    [
+        (Bumped("bumped"), {}, HERE, "no bumper"),
+        (Bumped("bumped"), {"side": "right"}, replace(HERE, bumper=LEFT), "bumper left"),
+        (Bumped("bumped"), {}, replace(HERE, cliff=LEFT), "no bumper"),
+        (Cliff("cliff"), {}, replace(HERE, bumper=LEFT), "no cliff"),
+        (BatteryBelow("battery_below"), {"percent": 0.4}, HERE, "the battery holds 40 %"),
+        (Docked("docked"), {}, replace(HERE, charging=True), "not on the dock"),
+        (
+            ButtonPressed("button_pressed"),
+            {"number": 2},
+            replace(HERE, buttons=frozenset({0})),
+            "button 2 is not pressed",
+        ),
+    ],
+)
+def test_what_is_not_felt_fails_with_what_is(
+    leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str
+) -> None:
+    bench = Bench()
+    bench.put(leaf, **values)
+    bench.base.reading = good(felt)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == reason
+
+
+def conditions(bench: Bench) -> list[Leaf]:
+    return [
+        bench.put(Bumped("bumped")),
+        bench.put(Cliff("cliff")),
+        bench.put(BatteryBelow("battery_below"), percent=1.0),
+        bench.put(Docked("docked")),
+        bench.put(ButtonPressed("button_pressed"), number=0),
+    ]
+
+
+def test_a_base_that_does_not_report_feels_nothing() -> None:
+    bench = Bench()
+    everything = replace(HERE, bumper=LEFT, cliff=LEFT, docked=True, buttons=frozenset({0}))
+    for reading in (stale(everything), none()):
+        bench.base.reading = reading
+        for leaf in conditions(bench):
+            assert bench.tick(leaf) is FAILURE
+            assert leaf.reason == "the base does not report"
+
+
+# --- the range finder ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("angle", "distance", "sector", "status", "reason"),
+    [
+        (0, 0.5, 60, SUCCESS, "0.50 m away"),
+        (29, 0.5, 60, SUCCESS, "0.50 m away"),
+        (-29, 0.5, 60, SUCCESS, "0.50 m away"),
+        (31, 0.5, 60, FAILURE, "nothing in sight"),
+        (180, 0.5, 360, SUCCESS, "0.50 m away"),
+        (0, 0.7, 60, FAILURE, "0.70 m away"),
+    ],
+)
+def test_an_obstacle_counts_within_its_distance_and_sector(
+    angle: int, distance: float, sector: float, status: object, reason: str
+) -> None:
+    bench = Bench()
+    leaf = bench.put(ObstacleWithin("obstacle_within"), distance=0.6, sector=math.radians(sector))
+    bench.ranger.show({angle: distance})
+    assert bench.tick(leaf) is status
+    assert leaf.reason == reason
+
+
+def test_a_range_finder_that_does_not_report_sees_nothing() -> None:
+    bench = Bench()
+    leaf = bench.put(ObstacleWithin("obstacle_within"), distance=1.0)
+    bench.ranger.show({0: 0.5})
+    seen = bench.ranger.reading.value
+    assert seen is not None
+    for reading in (stale(seen), none()):
+        bench.ranger.reading = reading
+        assert bench.tick(leaf) is FAILURE
+        assert leaf.reason == "the range finder does not report"
+
+
+# --- what it shows and sounds ----------------------------------------------------------------------------------------
+
+
+def test_a_tune_and_a_tone_are_played_once() -> None:
+    bench = Bench()
+    assert bench.tick(bench.put(Sound("sound"), tune="recharge")) is SUCCESS
+    assert bench.tick(bench.put(Sound("sound"), tone=440.0, duration=0.2)) is SUCCESS
+    assert bench.base.commands == [Tune.RECHARGE, (440.0, 0.2)]
+
+
+@pytest.mark.parametrize("values", [{}, {"tune": "on", "tone": 440.0}])
+def test_a_sound_is_one_of_the_two(values: dict[str, object]) -> None:
+    bench = Bench()
+    leaf = bench.put(Sound("sound"), **values)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "needs either a tune or a tone"
+    assert bench.base.commands == []
+
+
+def test_a_light_is_switched() -> None:
+    bench = Bench()
+    assert bench.tick(bench.put(Led("led"), colour="red")) is SUCCESS
+    assert bench.tick(bench.put(Led("led"), colour="off", number=2)) is SUCCESS
+    assert bench.base.commands == [(1, Lamp.RED), (2, Lamp.OFF)]
+
+
+def test_signals_wait_for_a_base_that_is_away_and_fail_by_what_it_cannot_do() -> None:
+    bench = Bench()
+    for leaf in (bench.put(Sound("sound"), tune="on"), bench.put(Led("led"), colour="red")):
+        bench.base.trouble = GONE
+        assert bench.tick(leaf) is RUNNING
+        bench.base.trouble = BadRequest("base: no light 1")
+        assert bench.tick(leaf) is FAILURE
+        assert leaf.reason == "base: no light 1"

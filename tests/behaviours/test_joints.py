@@ -1,0 +1,184 @@
+"""Single joints: they go where they are told, and are stiff or limp as told; what cannot be is said at once."""
+
+import math
+
+import pytest
+
+from behaviours.joints import CONFIRMED, RESENT, MoveJoints, Torque
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from drivers.errors import DeviceFault
+from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
+from tests.behaviours.servo_arm import SHORT, TICK, moves, play, tick, with_servos
+
+
+def moving(bench: Bench, to: dict[str, float], **arguments: object) -> MoveJoints:
+    return bench.put(MoveJoints("move_joints"), to=to, **arguments)
+
+
+# --- to angles -------------------------------------------------------------------------------------------------------
+
+
+def test_joints_go_to_their_angles_and_the_time_is_kept() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"shoulder": 1.0, "elbow": 1.5})
+    took = play(bench, leaf)
+    assert leaf.status is SUCCESS
+    assert leaf.result == pytest.approx(took - TICK)
+    assert took == pytest.approx((1.0 - SHORT) / servos.limits["shoulder"].speed, abs=2 * TICK)
+    assert all(move == {"shoulder": 1.0, "elbow": 1.5} for move in moves(servos))
+    assert servos.commands == moves(servos)
+
+
+def test_they_go_as_fast_as_they_are_told_to() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"elbow": 1.0}, speed=0.5)
+    assert play(bench, leaf) == pytest.approx(2.0, abs=0.2)
+    assert set(servos.speeds[0].values()) == {0.5}
+
+
+def test_where_they_are_already_it_succeeds_at_once() -> None:
+    bench = Bench()
+    assert bench.tick(moving(bench, {"elbow": 0.02})) is SUCCESS
+
+
+def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves() -> None:
+    bench = Bench()
+    leaf = moving(bench, {"elbow": -0.5, "hand": 1.0, "shoulder": 0.0}, speed=2.5)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == (
+        "elbow at -28.6 deg is outside its limits (0 deg to 126.1 deg); the arm has no joint 'hand'; "
+        "shoulder at 143.2 deg/s is faster than it goes (114.6 deg/s)"
+    )
+    assert bench.arm.commands == []
+
+
+def test_a_joint_that_does_not_arrive_is_told_with_how_far_it_is_off_and_is_held() -> None:
+    bench, servos = with_servos()
+    servos.stuck = {"elbow"}
+    leaf = moving(bench, {"elbow": math.radians(30), "shoulder": 0.5}, patience=1.0)
+    took = play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert leaf.reason == "elbow stopped 30 deg short of 30 deg"
+    assert took == pytest.approx(1.0 + 0.25, abs=0.3)
+    assert servos.commands[-1] == (HOLD, "elbow", "shoulder")
+
+
+def test_joints_that_do_not_report_are_waited_for() -> None:
+    bench = Bench()
+    bench.arm.readings["elbow"] = none()
+    leaf = moving(bench, {"elbow": 1.0})
+    assert bench.tick(leaf, after=60.0) is RUNNING
+    assert leaf.reason == "waiting for elbow to report"
+    assert bench.halt(leaf)
+    assert bench.arm.commands == []
+
+
+def test_a_joint_that_falls_silent_has_not_arrived() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"elbow": 1.0}, patience=0.5)
+    tick(bench, leaf, 0.1)
+    servos.silent = {"elbow"}
+    assert tick(bench, leaf, 3.0) is FAILURE
+    assert leaf.reason == "elbow does not report"
+
+
+def test_a_lost_arm_is_waited_for_and_told_again_where_to_go() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"elbow": 1.0}, patience=0.5)
+    tick(bench, leaf, 0.1)
+    servos.trouble = GONE
+    assert tick(bench, leaf, 10.0) is RUNNING
+    assert leaf.reason == "waiting: the cable is out"
+    servos.hold()  # as a driver does that finds its joints again
+    servos.trouble = None
+    play(bench, leaf)
+    assert leaf.status is SUCCESS
+
+
+def test_a_halt_holds_only_the_joints_that_it_moves() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"elbow": 1.0})
+    tick(bench, leaf, 0.1)
+    assert bench.halt(leaf)
+    assert servos.commands[-1] == (HOLD, "elbow")
+
+
+def test_a_device_fault_fails_it_and_the_joints_are_held() -> None:
+    bench, servos = with_servos()
+    leaf = moving(bench, {"elbow": 1.0})
+    tick(bench, leaf, 0.1)
+    servos.trouble = DeviceFault("arm: elbow overload")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "arm: elbow overload"
+    assert servos.commands[-1] == (HOLD, "elbow")
+
+
+def test_it_can_be_done_again() -> None:
+    bench, _ = with_servos()
+    leaf = moving(bench, {"elbow": 1.0})
+    first = play(bench, leaf)
+    back = moving(bench, {"elbow": 0.0})
+    assert play(bench, back) == pytest.approx(first, abs=2 * TICK)
+    assert play(bench, leaf) == pytest.approx(first, abs=2 * TICK)
+
+
+# --- stiff and limp --------------------------------------------------------------------------------------------------
+
+
+def test_torque_off_makes_the_named_joints_limp() -> None:
+    bench, servos = with_servos(upper=("shoulder",))
+    assert play(bench, bench.put(Torque("torque"), stiff=False, joints=("upper",))) <= 2 * TICK
+    assert servos.commands == [(RELAX, "shoulder")]
+
+
+def test_torque_on_makes_all_of_them_stiff_where_they_stand() -> None:
+    bench, servos = with_servos()
+    servos.relax()
+    servos.turn_by_hand("elbow", 0.7)
+    leaf = bench.put(Torque("torque"), stiff=True)
+    play(bench, leaf)
+    assert leaf.status is SUCCESS
+    assert servos.commands[1:] == [(HOLD, "shoulder", "elbow")]
+    assert servos.states()["elbow"].value is not None
+
+
+def test_a_joint_that_does_not_become_stiff_is_told() -> None:
+    bench, servos = with_servos()
+    servos.relax()
+    servos.stuck = {"elbow"}
+    leaf = bench.put(Torque("torque"), stiff=True)
+    took = play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert leaf.reason == "elbow did not become stiff"
+    assert took == pytest.approx(CONFIRMED, abs=0.2)
+    told = [command for command in servos.commands[1:-1] if command == (HOLD, "shoulder", "elbow")]
+    assert len(told) == pytest.approx(CONFIRMED / RESENT, abs=1)
+
+
+def test_an_arm_that_is_gone_is_waited_for_as_long_as_it_takes() -> None:
+    bench, servos = with_servos()
+    leaf = bench.put(Torque("torque"), stiff=False)
+    servos.trouble = GONE
+    assert tick(bench, leaf, 30.0) is RUNNING
+    assert leaf.reason == "waiting: the cable is out"
+    assert servos.commands == []
+    servos.trouble = None
+    play(bench, leaf)
+    assert servos.commands == [(RELAX, "shoulder", "elbow")]
+
+
+def test_torque_that_is_halted_half_way_leaves_the_joints_stiff() -> None:
+    bench = Bench()
+    leaf = bench.put(Torque("torque"), stiff=False, joints=("elbow",))
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "waiting for elbow to be limp"
+    assert bench.halt(leaf)
+    assert bench.arm.commands == [(RELAX, "elbow"), (HOLD, "elbow")]
+
+
+def test_torque_of_a_joint_that_is_not_there_fails_and_nothing_is_told() -> None:
+    bench = Bench()
+    leaf = bench.put(Torque("torque"), stiff=False, joints=("elbo",))
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "the arm has no joint or group 'elbo' (did you mean 'elbow'?)"
+    assert bench.arm.commands == []

@@ -1,0 +1,161 @@
+"""Joints as ROS's dynamixel_controllers describes them: ten of them, mirrored ones, and everything that is none."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from config.arm import JointConfig, Ticks
+from config.faults import Fault, InvalidFileError, Source
+from config.robot import robot_of
+from config.ros_joints import RosJoints, load_ros_joints, ros_joints_of
+from config.writing import robot_text
+from drivers.dynamixel.models import MODELS
+
+TEN = Path(__file__).parent / "ten_joints.ros.yaml"
+
+PLAIN = "elbow_controller:\n  joint_name: elbow\n  motor: {id: 5, init: 512, min: 0, max: 1023}\n"
+
+
+def read(text: str, model: str = "AX-12A") -> RosJoints:
+    return ros_joints_of(Source("tilt.yaml", text), model=model)
+
+
+def joint_of(text: str, model: str = "AX-12A") -> JointConfig:
+    (joint,) = read(text, model).joints.values()
+    return joint
+
+
+def mistakes(text: str) -> list[Fault]:
+    with pytest.raises(InvalidFileError) as caught:
+        read(text)
+    return list(caught.value.faults)
+
+
+def test_ten_joints_come_by_their_names_and_ids() -> None:
+    found = load_ros_joints(TEN)
+    assert list(found.joints) == [
+        *("waist_turn", "waist_bend", "shoulder_pan", "shoulder_lift", "upper_roll"),
+        *("elbow", "forearm_roll", "wrist_bend", "wrist_roll", "gripper"),
+    ]
+    assert [joint.id for joint in found.joints.values()] == [*range(1, 11)]
+    assert {name for name, joint in found.joints.items() if joint.reverse} == {
+        "waist_bend",
+        "shoulder_lift",
+        "wrist_bend",
+    }
+
+
+def test_init_is_zero_and_min_and_max_are_the_limits() -> None:
+    joints = load_ros_joints(TEN).joints
+    tick = math.radians(300) / 1024
+    elbow = joints["elbow"]
+    assert (elbow.zero, elbow.lower, elbow.upper) == pytest.approx((-307 * tick, 0.0, 443 * tick))
+    bend = joints["waist_bend"]
+    assert (bend.zero, bend.lower, bend.upper) == pytest.approx((0.0, -204 * tick, 34 * tick))
+    assert bend.ticks == Ticks(512, 716, 478)
+
+
+def test_the_lower_of_speed_and_top_speed_is_the_limit() -> None:
+    joints = load_ros_joints(TEN).joints
+    assert (joints["waist_turn"].speed, joints["forearm_roll"].speed) == (1.0, 2.0)
+    assert joint_of(PLAIN).speed == 1.0
+    assert (joints["gripper"].torque, joints["waist_turn"].torque) == (0.6, 1.0)
+
+
+def test_what_has_no_place_in_a_robot_file_is_said() -> None:
+    (note,) = load_ros_joints(TEN).notes
+    assert note.message == "'joint_compliance_slope' is left out: the compliance of a servo stays as it is"
+    assert note.source.line(note.mark.line) == "    joint_compliance_slope: 64"
+
+
+@given(st.integers(0, 1023), st.integers(0, 1023), st.integers(0, 1023), st.floats(-1.0, 1.0))
+def test_a_goal_means_the_same_step_of_the_servo_as_in_ros(init: int, low: int, high: int, goal: float) -> None:
+    assume(low != high)
+    joint = joint_of(f"c:\n  joint_name: j\n  motor: {{id: 5, init: {init}, min: {low}, max: {high}}}\n")
+    raw = init + round((goal if low < high else -goal) / (math.radians(300) / 1024))
+    ours = MODELS["AX-12A"].ticks(joint.zero + (-goal if joint.reverse else goal))
+    assert ours == pytest.approx(min(max(raw, 0), 1023), abs=1)
+
+
+def test_the_published_example_goes_where_it_should() -> None:
+    assert MODELS["AX-12A"].ticks(1.0 + joint_of(PLAIN).zero) == 708
+    turned = joint_of(PLAIN.replace("min: 0, max: 1023", "min: 1023, max: 0"))
+    assert MODELS["AX-12A"].ticks(turned.zero - 1.0) == 316
+
+
+def test_the_steps_are_those_of_the_model_that_the_caller_knows() -> None:
+    joint = joint_of("c:\n  joint_name: j\n  motor: {id: 5, init: 2048, min: 1024, max: 3072}\n", "MX-28")
+    assert (joint.model, joint.zero, joint.lower, joint.upper) == ("MX-28", 0.0, -math.pi / 2, math.pi / 2)
+
+
+def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
+    found = read(PLAIN.replace("min: 0, max: 1023", "min: -20, max: 4095"))
+    assert found.joints["elbow"].ticks == Ticks(512, 0, 1023)
+    assert [(note.mark.line, note.mark.column, note.message) for note in found.notes] == [
+        (3, 34, "'min' is 0 and not -20: an AX-12A has 0..1023"),
+        (3, 44, "'max' is 1023 and not 4095: an AX-12A has 0..1023"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (
+            "two:\n  joint_name: a\n  motor_master: {id: 1, init: 5, min: 0, max: 9}\n  motor_slave: {id: 2}\n",
+            3,
+            "controller 'two': a joint of two servos (motor_master, motor_slave) cannot be had",
+        ),
+        (
+            "wheel:\n  controller: {type: JointTorqueController}\n  joint_name: a\n  motor: {id: 1}\n",
+            2,
+            "controller 'wheel': a 'JointTorqueController' turns a wheel, and takes no positions",
+        ),
+        (
+            "arm:\n  controller: {type: JointTrajectoryActionController}\n  joint_trajectory_action_node: {}\n",
+            2,
+            "controller 'arm': a 'JointTrajectoryActionController' leads other controllers, and is no joint",
+        ),
+        ("x:\n  controller: {type: Magic}\n", 2, "controller 'x': a 'Magic' is unknown"),
+        (f"{PLAIN}  joint_sped: 2\n", 4, "controller 'elbow_controller' has no key 'joint_sped'"),
+        (PLAIN.replace("id: 5", "id: 5, ids: 6"), 3, "'motor' has no key 'ids'"),
+        (PLAIN.replace("init: 512, ", ""), 3, "'motor' needs 'init'"),
+        (PLAIN.replace("init: 512", "init: 2048"), 3, "'init' must be at most 1023"),
+        (PLAIN.replace("1023", "0"), 3, "'min' and 'max' are both 0: the joint could not move"),
+        (PLAIN.replace("id: 5", "id: 300"), 3, "'id' must be at most 253"),
+        (f"{PLAIN}  joint_speed: 0\n", 4, "'joint_speed' must be at least 0.02"),
+        (f"{PLAIN}  joint_torque_limit: 1.5\n", 4, "'joint_torque_limit' must be at most 1.0"),
+        ("x:\n  joint_name: a\n", 2, "controller 'x' needs 'motor'"),
+        ("namespace: arm\n", 1, "controller 'namespace' must be a mapping of keys to values, such as 'name: value'"),
+        ("{}\n", 1, "there is no controller of a joint in it"),
+        (PLAIN + PLAIN.replace("_controller", ""), 5, "joint 'elbow' belongs to controller 'elbow_controller' already"),
+        (
+            PLAIN + PLAIN.replace("elbow", "wrist"),
+            6,
+            "servo 5 belongs to controller 'elbow_controller' already",
+        ),
+    ],
+)
+def test_a_mistake_is_said_in_words_at_its_line(text: str, line: int, message: str) -> None:
+    assert (line, message) in [(fault.mark.line, fault.message) for fault in mistakes(text)]
+
+
+def test_all_mistakes_of_all_controllers_come_at_once() -> None:
+    faults = mistakes("a:\n  joint_name: a\n  motor: {id: 1}\nb:\n  motor: {id: 2, init: 5, min: 0, max: 9}\n")
+    assert [fault.message for fault in faults] == [
+        "'motor' needs 'init'",
+        "'motor' needs 'min'",
+        "'motor' needs 'max'",
+        "controller 'b' needs 'joint_name'",
+    ]
+
+
+def test_the_joints_become_a_robot_file_that_says_the_same() -> None:
+    joints = load_ros_joints(TEN).joints
+    text = robot_text("ten", joints, port="/dev/u2d2")
+    arm = robot_of(Source("ten.yaml", text)).arm
+    assert arm is not None
+    assert arm.joints == joints
+    assert "    waist_bend: {id: 2, model: AX-12A, ticks: {init: 512, min: 716, max: 478}, speed: 0.8 rad/s" in text

@@ -1,0 +1,98 @@
+"""Files that MissionTree writes itself: what is written is read again as it was meant."""
+
+from math import isclose
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.arm import JointConfig
+from config.faults import InvalidFileError, Source
+from config.gesture import GestureConfig, gesture_of, load_gesture
+from config.robot import robot_of
+from config.writing import gesture_text, robot_text, write_new
+
+NOD = GestureConfig("nod", "Nod: once.", ((0.0, {"neck": 0.0}), (0.5, {"neck": 0.5, "waist": -0.25})), "cubic")
+
+NAMES = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "Zs"]), min_size=1).filter(
+    lambda name: name.strip() == name != "at"
+)
+MOVES = st.builds(
+    lambda name, summary, steps, cubic: GestureConfig(
+        name,
+        summary,
+        tuple((sum(step for step, _ in steps[: place + 1]), angles) for place, (_, angles) in enumerate(steps)),
+        "cubic" if cubic else "minimum_jerk",
+    ),
+    NAMES,
+    NAMES,
+    st.lists(st.tuples(st.floats(0.001, 10), st.dictionaries(NAMES, st.floats(-7, 7))), min_size=1, max_size=5),
+    st.booleans(),
+)
+
+
+def whole(gesture: GestureConfig) -> list[tuple[float, dict[str, float]]]:
+    """Every joint at every keyframe: one that is not named stays where it was."""
+    found: list[tuple[float, dict[str, float]]] = []
+    for time, angles in gesture.keyframes:
+        found.append((time, (found[-1][1] if found else {}) | dict(angles)))
+    return found
+
+
+def test_a_gesture_is_written_as_one_would_write_it() -> None:
+    assert gesture_text(NOD) == (
+        'gesture: nod\nsummary: "Nod: once."\ninterpolation: cubic\nkeyframes:\n'
+        "  - {at: 0 s, neck: 0 rad}\n"
+        "  - {at: 0.5 s, neck: 0.5 rad, waist: -0.25 rad}\n"
+    )
+
+
+def test_a_joint_that_stood_still_is_not_written_again() -> None:
+    frames = ((0.5, {"neck": 0.5, "waist": 0.1}), (1.0, {"neck": 0.5, "waist": 0.2}), (1.5, {"neck": 0.5}))
+    text = gesture_text(GestureConfig("nod", "", frames))
+    assert text.splitlines()[-2:] == ["  - {at: 1 s, waist: 0.2 rad}", "  - {at: 1.5 s}"]
+
+
+@given(MOVES)
+def test_what_is_written_is_read_again(gesture: GestureConfig) -> None:
+    again = gesture_of(Source("x.yaml", gesture_text(gesture)))
+    assert (again.name, again.interpolation) == (gesture.name, gesture.interpolation)
+    for (time, angles), (was, meant) in zip(whole(again), whole(gesture), strict=True):
+        assert isclose(time, was, abs_tol=6e-5)
+        assert angles == pytest.approx(meant, abs=6e-7)
+
+
+@pytest.mark.parametrize(
+    "frames",
+    [
+        (),
+        ((1.0, {"neck": 0.0}), (1.00001, {"neck": 0.1})),
+        ((1.0, {"neck": float("nan")}),),
+        tuple((0.1 * (place + 1), {"neck": 0.1 * place, "waist": 0.1 * place}) for place in range(12_000)),
+    ],
+)
+def test_what_would_be_no_gesture_file_is_not_written(frames: tuple[tuple[float, dict[str, float]], ...]) -> None:
+    with pytest.raises(InvalidFileError):
+        gesture_text(GestureConfig("nod", "", frames))
+
+
+def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "nod.yaml"
+    write_new(file, gesture_text(NOD))
+    assert load_gesture(file) == NOD
+    with pytest.raises(FileExistsError, match=r"nod\.yaml is there already, and is not written over"):
+        write_new(file, "nothing")
+    assert load_gesture(file) == NOD
+
+
+def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
+    joint = JointConfig(3, "MX-28", 0.5, True, -1.0, 1.5, 2.0, 0.8)
+    arm = robot_of(Source("r.yaml", robot_text("on", {"left elbow": joint}, port="/dev/x y", baud=57_600))).arm
+    assert arm is not None
+    assert (arm.joints, arm.port, arm.baud) == ({"left elbow": joint}, "/dev/x y", 57_600)
+
+
+def test_joints_that_no_robot_can_have_are_not_written() -> None:
+    with pytest.raises(InvalidFileError, match="reaches from"):
+        robot_text("r", {"elbow": JointConfig(3, "AX-12A", 0.0, False, -3.0, 3.0, 2.0, 0.8)}, port="x")

@@ -1,0 +1,109 @@
+"""A range finder in a room, whatever it is made of: the RPLIDAR's driver over its wire, and its twin."""
+
+from math import pi, radians
+
+from drivers.api import Pose2D, Ranger, RangeScan
+from drivers.link import Link
+from drivers.rplidar.driver import GATHER, RPLidar
+from drivers.rplidar.wire import BAUD
+from drivers.sim.room import Room
+from drivers.sim.scanner import looking
+from drivers.sim.things import Box
+from drivers.sim.twins.ranger import RangerTwin
+from drivers.sim.world import World
+from drivers.virtual.rplidar import VirtualLidar
+from drivers.virtual.terminal import Terminal
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig
+
+WORLD = World(
+    room=Room(8.0, 30.0, 2.6, (1.0, 0.0), fixtures=()),
+    furniture=(Box("pillar", 0.0, 1.3, (0.6, 0.6, 2.0), (90, 90, 90)),),
+)
+"""A hall: walls 5 m ahead of (0, 0) and 3 m behind it, none in reach to the right, and a pillar on the left."""
+
+START = Pose2D(0.0, 0.0, 0.0)
+PLACE = (0.1, 0.0, pi)
+BLIND = ((radians(100), radians(120)),)
+
+
+class RangeRig(Rig):
+    device: Ranger
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.base = START
+        self.look = looking(WORLD, PLACE, lambda _: self.base)
+
+    def start(self) -> None:
+        self.device.open()
+        self.until(lambda: self.device.scan().good)
+
+    def scan(self) -> RangeScan:
+        value = self.device.scan().value
+        assert value is not None
+        return value
+
+    def next_scan(self, count: int = 1) -> RangeScan:
+        """The scan that comes ``count`` turns later."""
+        enough = self.scan().number + count
+        self.until(lambda: self.scan().number >= enough)
+        return self.scan()
+
+
+class WireRange(InRealTime, RangeRig):
+    model = "a1"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lidar = VirtualLidar(self.look, model=self.model, yaw=PLACE[2], seed=4)
+        self.terminal = Terminal("rplidar", self.lidar, self.clock)
+        self.terminal.open()
+        link = Link("range", self.terminal.path, BAUD, retry=0.05, gather=GATHER, report=self.notices.append)
+        self.device = RPLidar(
+            link,
+            self.clock,
+            model=self.model,
+            place=PLACE,
+            blind=BLIND,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.replug()
+
+    def close(self) -> None:
+        self.device.close()
+        self.terminal.close()
+
+
+class WireRangeA2(WireRange):
+    model = "a2"
+
+
+class TwinRange(InSimulatedTime, RangeRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.twin = RangerTwin(
+            self.look,
+            self.clock,
+            place=PLACE,
+            blind=BLIND,
+            report=self.notices.append,
+            changed=self.changed,
+            seed=4,
+        )
+        self.device = self.twin
+        self.timeline.every(self.twin.period, self.twin.step)
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.twin.close()

@@ -1,0 +1,67 @@
+"""A line without a port: virtual servos and the bus in one thread, on a clock that stands still but for their waiting.
+
+The bytes are those of the real bus and the real chain; only the time is not. What needs minutes on a wire runs in
+seconds, and always in the same way.
+"""
+
+from drivers.clock import Clock, ManualClock
+from drivers.dynamixel.bus import Bus
+from drivers.errors import NotConnected
+from drivers.virtual.dynamixel import VirtualServoBus
+
+
+class DirectLine:
+    """A ``drivers.dynamixel.adapter.Line`` with a virtual chain at its end. ``sent`` keeps what was sent."""
+
+    def __init__(self, chain: VirtualServoBus, clock: ManualClock, *, latency: float = 0.0) -> None:
+        self.chain = chain
+        self.latency = latency
+        self.sent: list[bytes] = []
+        self.plugged = True
+        self._clock = clock
+        self._heard = b""
+
+    def dial(self, who: str, port: str, baud: int, clock: Clock) -> "DirectLine":
+        """Be the line that is opened."""
+        if not self.plugged:
+            raise NotConnected(f"{who}: {port}: no such device")
+        assert clock is self._clock
+        self.chain.tune(baud)
+        return self
+
+    def send(self, data: bytes) -> None:
+        self._require()
+        self.sent.append(data)
+        self._heard += self.chain.feed(data, self._clock.now())
+
+    def hear(self, until: float) -> bytes:
+        self._require()
+        self._heard += self.chain.poll(self._clock.now())
+        while not self._heard and self._clock.now() < until:
+            due = self.chain.next_at()
+            self._clock.reach(until if due is None else min(due, until))
+            self._heard += self.chain.poll(self._clock.now())
+        heard, self._heard = self._heard, b""
+        return heard
+
+    def tune(self, baud: int) -> None:
+        self._require()
+        self.chain.tune(baud)
+
+    def close(self) -> None:
+        self._heard = b""
+
+    def _require(self) -> None:
+        if not self.plugged:
+            raise NotConnected("the line: unplugged")
+
+
+def direct_bus(
+    chain: VirtualServoBus, *, baud: int = 1_000_000, patience: float = 0.004, latency: float = 0.0
+) -> tuple[Bus, DirectLine, ManualClock]:
+    """Return a bus that is open on ``chain``, its line, and their clock."""
+    clock = ManualClock()
+    line = DirectLine(chain, clock, latency=latency)
+    bus = Bus("/dev/servos", clock, baud=baud, name="arm", patience=patience, dial=line.dial)
+    bus.open()
+    return bus, line, clock

@@ -1,0 +1,80 @@
+"""What is left in the battery of a simulated base, the voltage under load, and what its motors draw."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.kobuki.senses import FULL_VOLTAGE, battery_percent
+from drivers.sim.battery import CAPACITY, CHARGING, RESISTANCE, Battery
+from drivers.sim.load import OVERLOAD, current
+
+
+def test_by_itself_it_keeps_what_it_has() -> None:
+    battery = Battery(42.0)
+    for second in range(1000):
+        battery.advance(float(second), 5.0, docked=False)
+    assert (battery.percent, battery.told, battery.charging) == (42.0, 42.0, False)
+    assert battery_percent(battery.voltage) == pytest.approx(42.0)
+
+
+def test_it_empties_by_what_is_drawn_as_many_times_as_fast_as_it_is_told() -> None:
+    real, fast = Battery(drain=1.0), Battery(drain=10.0)
+    for battery in (real, fast):
+        battery.advance(0.0, 1.0, docked=False)
+        battery.advance(CAPACITY / 20, 1.0, docked=False)
+    assert (real.percent, fast.percent) == pytest.approx((95.0, 50.0))
+
+
+@given(st.lists(st.floats(0.0, 1000.0), min_size=1, max_size=20), st.floats(0.0, 100.0), st.booleans())
+def test_however_often_one_looks_it_holds_the_same_and_never_less_than_nothing_or_more_than_all(
+    pauses: list[float], percent: float, docked: bool
+) -> None:
+    often, once = Battery(percent, drain=3.0), Battery(percent, drain=3.0)
+    now = 0.0
+    for battery in (often, once):
+        battery.advance(now, 2.0, docked=docked)
+    for pause in pauses:
+        now += pause
+        often.advance(now, 2.0, docked=docked)
+        assert 0.0 <= often.percent <= 100.0
+    once.advance(now, 2.0, docked=docked)
+    assert often.percent == pytest.approx(once.percent, abs=1e-6)
+
+
+def test_under_load_its_voltage_drops_and_so_does_the_percent_that_is_told_but_not_what_is_left() -> None:
+    battery = Battery(50.0, drain=1.0, resistance=RESISTANCE)
+    battery.advance(0.0, 0.0, docked=False)
+    rested, told = battery.voltage, battery.told
+    battery.advance(0.0, 4.0, docked=False)
+    assert battery.voltage == pytest.approx(rested - 4.0 * RESISTANCE)
+    assert battery.told == pytest.approx(battery_percent(battery.voltage))
+    assert battery.told < told - 10.0
+    assert battery.percent == 50.0
+
+
+def test_at_the_dock_it_fills_as_the_vendor_promises_until_it_is_full() -> None:
+    battery = Battery(0.0, resistance=RESISTANCE)
+    battery.advance(0.0, 2.0, docked=True)
+    assert battery.charging
+    assert battery.voltage > Battery(0.0).voltage
+    battery.advance(1.5 * 3600, 2.0, docked=True)
+    assert battery.percent == pytest.approx(100.0, abs=3.0)
+    battery.advance(CAPACITY / CHARGING + 3600, 2.0, docked=True)
+    battery.advance(CAPACITY / CHARGING + 3601, 2.0, docked=True)
+    assert (battery.percent, battery.charging) == (100.0, False)
+    assert battery.voltage == pytest.approx(FULL_VOLTAGE)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"percent": 101.0}, {"percent": -1.0}, {"percent": float("nan")}, {"drain": -1.0}, {"resistance": -0.1}]
+)
+def test_a_battery_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        Battery(**wrong)
+
+
+def test_a_motor_draws_more_the_faster_it_turns_and_the_longer_in_vain() -> None:
+    assert current(0.0) == current(0.0, 1.0) == 0.0
+    assert current(0.1) < current(0.5) < 1.0
+    assert current(-0.5) == current(0.5)
+    assert current(0.3, 0.02) < OVERLOAD <= current(0.3, 0.2) == current(0.3, 9.0)

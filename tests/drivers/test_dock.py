@@ -1,0 +1,157 @@
+"""The dock of a base: what is heard of it from where, when its contacts meet, and that its beams lead home."""
+
+from math import cos, pi, radians, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import DockBeam, DockSignals, Pose2D, Sides
+from drivers.sim.battery import Battery
+from drivers.sim.body import RADIUS, Body
+from drivers.sim.dock import FAR, NEAR, NO_SIGNALS, REACH, SIZE, Dock
+from drivers.sim.things import Box
+from drivers.sim.wheels import Wheels
+from drivers.sim.world import World
+
+DOCK = Dock(-2.95, 0.5, 0.0)
+"""At the back wall of the usual room."""
+
+TOUCHING = SIZE[0] / 2 + RADIUS
+"""Metres from the middle of the dock to that of a base which just touches its front."""
+
+NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
+LEFT = DockBeam.NEAR_LEFT | DockBeam.FAR_LEFT
+RIGHT = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
+
+
+def before(dock: Dock, away: float, bearing: float = 0.0, turned: float = 0.0) -> Pose2D:
+    """A base that looks at the dock from ``away`` metres, ``bearing`` degrees left of where it faces."""
+    way = dock.heading + radians(bearing)
+    return Pose2D(dock.x + away * cos(way), dock.y + away * sin(way), way + pi + radians(turned))
+
+
+def heard(base: Pose2D, *, clear: bool = True) -> DockSignals:
+    return DOCK.signals(base, lambda *_: clear)
+
+
+@pytest.mark.parametrize(
+    ("bearing", "near", "far"),
+    [
+        (0, DockBeam.NEAR_CENTRE, DockBeam.FAR_CENTRE),
+        (8, DockBeam.NEAR_CENTRE | DockBeam.NEAR_LEFT, DockBeam.FAR_CENTRE | DockBeam.FAR_LEFT),
+        (30, DockBeam.NEAR_LEFT, DockBeam.FAR_LEFT),
+        (-8, DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT, DockBeam.FAR_CENTRE | DockBeam.FAR_RIGHT),
+        (-30, DockBeam.NEAR_RIGHT, DockBeam.FAR_RIGHT),
+        (60, DockBeam(0), DockBeam(0)),
+        (180, DockBeam(0), DockBeam(0)),
+    ],
+)
+def test_each_sector_has_its_beam_near_and_far(bearing: float, near: DockBeam, far: DockBeam) -> None:
+    assert heard(before(DOCK, NEAR - 0.01, bearing)) == DockSignals(centre=near)
+    assert heard(before(DOCK, NEAR + 0.01, bearing)) == DockSignals(centre=far)
+    assert heard(before(DOCK, FAR + 0.01, bearing)) == NO_SIGNALS
+
+
+@pytest.mark.parametrize(
+    ("turned", "receiver"), [(0, "centre"), (14, "centre"), (-14, "centre"), (-60, "left"), (60, "right")]
+)
+def test_the_receiver_that_looks_at_the_dock_hears_it(turned: float, receiver: str) -> None:
+    signals = heard(before(DOCK, 1.0, turned=turned))
+    assert signals == DockSignals(**{receiver: DockBeam.FAR_CENTRE})
+
+
+def test_with_its_back_to_the_dock_or_with_something_between_a_base_hears_nothing() -> None:
+    assert heard(before(DOCK, 1.0, turned=180)) == NO_SIGNALS
+    assert heard(before(DOCK, 1.0), clear=False) == NO_SIGNALS
+
+
+@given(st.floats(-3, 5), st.floats(-3, 3), st.floats(-10, 10), st.floats(-pi, pi))
+def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
+    x: float, y: float, heading: float, facing: float
+) -> None:
+    turned = Dock(DOCK.x, DOCK.y, facing)
+    dx, dy, c, s = x - DOCK.x, y - DOCK.y, cos(facing), sin(facing)
+    moved = Pose2D(DOCK.x + dx * c - dy * s, DOCK.y + dx * s + dy * c, heading + facing)
+    one, other = heard(Pose2D(x, y, heading)), turned.signals(moved, lambda *_: True)
+    nearby = {
+        heard(Pose2D(x + e, y + f, heading + g)) for e in (-1e-6, 1e-6) for f in (-1e-6, 1e-6) for g in (-1e-6, 1e-6)
+    }
+    assert one == other or other in nearby
+
+
+@pytest.mark.parametrize(
+    ("away", "bearing", "turned", "meets"),
+    [
+        (TOUCHING, 0, 0, True),
+        (TOUCHING + REACH - 0.001, 0, 0, True),
+        (TOUCHING + REACH + 0.001, 0, 0, False),
+        (TOUCHING, 9, 0, True),
+        (TOUCHING, 12, 0, False),
+        (TOUCHING, 0, 19, True),
+        (TOUCHING, 0, -21, False),
+        (TOUCHING, 180, 0, False),
+        (TOUCHING, 0, 180, False),
+    ],
+)
+def test_the_contacts_meet_only_straight_before_it(away: float, bearing: float, turned: float, meets: bool) -> None:
+    assert DOCK.contact(before(DOCK, away, bearing, turned), RADIUS) is meets
+
+
+def test_it_is_bumped_into_and_seen_over_and_a_range_finder_looks_over_it() -> None:
+    world = World(dock=DOCK)
+    assert world.touched(DOCK.x + TOUCHING - 0.001, DOCK.y, RADIUS, 0.0) == pytest.approx([pi])
+    assert world.distance(0.0, DOCK.y, pi, 0.0) == pytest.approx(3.0)
+    assert world.distance(0.0, DOCK.y, pi, 0.0, height=0.05) == pytest.approx(2.9)
+
+
+def test_what_stands_before_it_hides_it() -> None:
+    screen = Box("screen", -2.2, 0.5, (0.1, 1.0, 0.5), (1, 2, 3))
+    body = Body(wheels=Wheels(pose=before(DOCK, 1.5)), ground=World(dock=DOCK, furniture=(screen,)))
+    body.advance(0.0)
+    assert body.signals() == NO_SIGNALS
+    free = Body(wheels=Wheels(pose=before(DOCK, 1.5)), ground=World(dock=DOCK))
+    free.advance(0.0)
+    assert free.signals() == DockSignals(centre=DockBeam.FAR_CENTRE)
+
+
+def test_a_base_on_the_contacts_is_docked_until_it_leaves_or_is_lifted() -> None:
+    body = Body(wheels=Wheels(pose=before(DOCK, TOUCHING + 0.01)), ground=World(dock=DOCK), battery=Battery(50.0))
+    body.advance(0.0)
+    body.advance(1.0)
+    assert (body.docked, body.battery.charging, body.bumper) == (True, True, Sides())
+    assert body.battery.percent > 50.0
+    body.lifted = True
+    body.advance(2.0)
+    assert (body.docked, body.battery.charging) == (False, False)
+    body.lifted = False
+    body.command(-0.2, 0.0, 3.0)
+    body.advance(3.3)
+    assert not body.docked
+
+
+def home(body: Body, seconds: float) -> bool:
+    """Steer by the beams alone, as the vendor's program does: towards what the centre receiver hears; else turn."""
+    now = 0.0
+    body.advance(now)
+    turn = 0.5
+    while not body.docked and now < seconds:
+        centre = body.signals().centre
+        if not centre:
+            speed, aside = 0.0, turn
+        else:
+            speed = 0.05 if centre & NEAR_BEAMS else 0.1
+            aside = 0.3 * (bool(centre & LEFT) - bool(centre & RIGHT))
+            turn = -0.5 if aside > 0 else 0.5 if aside < 0 else turn
+        now += 0.02
+        body.command(speed, aside, now)
+    return body.docked
+
+
+@pytest.mark.parametrize("bearing", [-11, -3, 6])
+@pytest.mark.parametrize("dead_time", [0.0, 0.2])
+def test_who_hears_the_middle_beam_is_led_home_without_a_bump(bearing: float, dead_time: float) -> None:
+    wheels = Wheels(pose=before(DOCK, 1.2, bearing, turned=100), dead_time=dead_time)
+    body = Body(wheels=wheels, ground=World(dock=DOCK))
+    assert home(body, 120.0)
+    assert not body.bumper

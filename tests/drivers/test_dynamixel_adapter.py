@@ -1,0 +1,195 @@
+"""The bus over a real port, a pseudo-terminal: opened for one owner, unplugged, shared by threads."""
+
+import os
+import pty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+import serial
+
+from drivers.clock import SystemClock
+from drivers.dynamixel.adapter import open_line, quicken, timer_of
+from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.wire import status
+from drivers.errors import NoReply, NotConnected
+from drivers.virtual.terminal import Terminal
+from tests.drivers.chains import chain
+
+PATIENCE = 0.05  # a shared machine may be late by tens of milliseconds
+AX = MODELS["AX-12A"].table
+LED, SPEED, POSITION = AX["led"], AX["moving_speed"], AX["present_position"]
+
+
+class Bench:
+    """A chain of three on a terminal, and the bus that has it open."""
+
+    def __init__(self) -> None:
+        self.clock = SystemClock()
+        self.terminal = Terminal("servos", chain(3), self.clock)
+        self.terminal.open()
+        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=PATIENCE)
+        self.bus.open()
+
+    def close(self) -> None:
+        self.bus.close()
+        self.terminal.close()
+
+
+def until_lost(act: Callable[[], object]) -> NotConnected:
+    """Act until the pulled plug is felt: the terminal lets go of it when its own thread next looks."""
+    clock, pause = SystemClock(), Event()
+    end = clock.now() + 10
+    while clock.now() < end:
+        try:
+            act()
+        except NotConnected as error:
+            return error
+        except NoReply:
+            pass
+        pause.wait(0.01)
+    raise AssertionError("the bus never noticed")
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def bare() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal whose other end the test plays: its descriptor, and the name of the port."""
+    master, slave = pty.openpty()
+    yield master, os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_two_threads_on_one_bus_wait_for_each_other(bench: Bench) -> None:
+    failures: list[Exception] = []
+
+    def ask(servo: int) -> None:
+        try:
+            for value in range(100):
+                bench.bus.write(At(servo), SPEED, value)
+                assert bench.bus.read(At(servo), SPEED) == value
+        except Exception as error:  # handed to the test's own thread
+            failures.append(error)
+
+    threads = [Thread(target=ask, args=(servo,)) for servo in (1, 2, 3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert failures == []
+    assert sum(bench.bus.tally(servo).corrupt for servo in (1, 2, 3)) == 0
+
+
+def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench: Bench) -> None:
+    bench.terminal.unplug()
+    assert str(until_lost(lambda: bench.bus.read(At(1), LED))).startswith(f"arm: {bench.terminal.path}: ")
+    assert not bench.bus.is_open
+    with pytest.raises(NotConnected):
+        bench.bus.sync_write(1, LED, {1: 1})
+    with pytest.raises(NotConnected, match="no such device"):
+        bench.bus.open()
+    bench.terminal.replug()
+    bench.bus.open()
+    assert bench.bus.ping(At(1)) == 12
+
+
+def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
+    bench.terminal.unplug()
+    until_lost(lambda: bench.bus.sync_write(1, LED, {1: 1}))
+    assert not bench.bus.is_open
+
+
+def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> None:
+    bench.bus.baud = 57_600
+    with pytest.raises(NoReply):
+        bench.bus.read_block(At(1), 36, 2, tries=1)
+    assert bench.terminal.client_baud() == 57_600
+    bench.bus.baud = 1_000_000
+    assert bench.bus.ping(At(1)) == 12
+
+
+def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
+    second = Bus(bench.terminal.path, bench.clock, name="head")
+    with pytest.raises(NotConnected, match=r"head: .*: in use"):
+        second.open()
+    bench.bus.close()
+    second.open()
+    second.close()
+
+
+def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) -> None:
+    bus = Bus(str(tmp_path / "servos"), SystemClock(), name="arm")
+    with pytest.raises(NotConnected, match="not opened yet"):
+        bus.read(At(1), LED)
+    with pytest.raises(NotConnected, match="no such device"):
+        bus.open()
+    with pytest.raises(NotConnected, match="no such device"):
+        bus.require()
+    bus.close()
+    bus.close()
+    with pytest.raises(NotConnected, match="closed"):
+        bus.require()
+
+
+def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) -> None:
+    master, path = bare
+    bus = Bus(path, SystemClock(), patience=0.02)
+    bus.open()
+    ending = Event()
+    os.set_blocking(master, False)
+
+    def babble() -> None:
+        while not ending.is_set():
+            try:
+                os.write(master, status(7) * 20)
+            except BlockingIOError:
+                ending.wait(0.001)
+
+    babbler = Thread(target=babble)
+    babbler.start()
+    try:
+        with pytest.raises(NoReply):
+            bus.read(At(1), POSITION)
+    finally:
+        ending.set()
+        babbler.join(10)
+        bus.close()
+
+
+def test_a_line_that_takes_no_more_bytes_is_gone(bare: tuple[int, str]) -> None:
+    _, path = bare  # nobody reads at the other end
+    line = open_line("arm", path, 1_000_000, SystemClock())
+    try:
+        with pytest.raises(NotConnected, match="takes no more bytes"):
+            line.send(bytes(1_000_000))
+    finally:
+        line.close()
+        line.close()
+
+
+def test_a_rate_that_the_port_cannot_take_is_told(bare: tuple[int, str]) -> None:
+    _, path = bare
+    bus = Bus(path, SystemClock(), name="arm")
+    bus.open()
+    with pytest.raises(NotConnected, match=f"arm: {path}"):
+        bus.baud = -1
+    assert not bus.is_open
+
+
+def test_an_adapter_that_holds_bytes_back_is_noticed(bare: tuple[int, str], tmp_path: Path) -> None:
+    _, path = bare
+    with serial.Serial(path, 1_000_000) as line:
+        assert quicken(line, adapters=tmp_path) == 0
+        timer = timer_of(path, adapters=tmp_path)
+        timer.parent.mkdir()
+        timer.write_text("16\n")
+        assert quicken(line, adapters=tmp_path) == 0.016

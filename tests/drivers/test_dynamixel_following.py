@@ -1,0 +1,144 @@
+"""Where followers belong, what couplings cannot be, and the goals that are clamped: all of it without any bus."""
+
+from math import inf, nan, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Coupling, Notice
+from drivers.dynamixel.clamping import EPISODE, Clamping
+from drivers.dynamixel.following import Following
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.pace import WINDOW, Pace
+from drivers.dynamixel.refusals import check_couplings
+from drivers.errors import BadRequest
+
+JOINTS = {"left": 1, "right": 2, "third": 3}
+ANGLES = st.floats(-3.0, 3.0)
+
+
+@given(ANGLES, st.floats(-2.0, 2.0), ANGLES)
+def test_a_follower_belongs_at_scale_times_leader_plus_offset(position: float, scale: float, offset: float) -> None:
+    following = Following([Coupling("left", "right", scale=scale, offset=offset)])
+    assert following.goals({"left": position, "third": 9.0}) == {"right": scale * position + offset}
+
+
+def test_a_leader_of_which_nothing_is_heard_leaves_its_follower_alone() -> None:
+    following = Following([Coupling("left", "right"), Coupling("third", "fourth", scale=-1.0)])
+    assert following.goals({"third": 0.5}) == {"fourth": -0.5}
+    assert following.goals({}) == {}
+
+
+def test_with_a_threshold_it_begins_when_its_leader_has_moved_that_far_and_then_goes_on() -> None:
+    following = Following([Coupling("left", "right", threshold=0.4)])
+    for position in (1.0, 1.39, 0.61):
+        assert following.goals({"left": position}) == {}
+    assert following.goals({"left": 0.6}) == {"right": 0.6}
+    assert following.goals({"left": 1.0}) == {"right": 1.0}
+
+
+@given(st.lists(ANGLES, min_size=1), st.floats(0.01, 3.0))
+def test_a_threshold_holds_either_way_from_where_the_leader_was_first_seen(
+    positions: list[float], threshold: float
+) -> None:
+    following = Following([Coupling("left", "right", threshold=threshold)])
+    begun = False
+    for position in positions:
+        begun = begun or abs(position - positions[0]) >= threshold
+        assert bool(following.goals({"left": position})) == begun
+
+
+def test_followers_can_be_let_go_one_by_one() -> None:
+    following = Following([Coupling("left", "right"), Coupling("left", "third")])
+    following.end(["right", "left", "nobody"])
+    assert following.couplings == (Coupling("left", "third"),)
+    assert following.goals({"left": 0.3}) == {"third": 0.3}
+    assert following.freed_by([Coupling("right", "third")]) == []
+    assert following.freed_by([Coupling("left", "right")]) == ["third"]
+    following.end({"third"})
+    assert not following
+
+
+def test_everything_wrong_with_couplings_is_told_at_once() -> None:
+    wrong = [
+        Coupling("left", "right", scale=nan),
+        Coupling("right", "third", offset=inf),
+        Coupling("left", "third", threshold=-0.1),
+        Coupling("left", "left"),
+        Coupling("nose", "toe", threshold=inf),
+    ]
+    with pytest.raises(BadRequest) as caught:
+        check_couplings("arm", wrong, JOINTS)
+    for words in (
+        "no joint 'nose' (there are left, right, third)",
+        "no joint 'toe'",
+        "scale nan",
+        "offset inf",
+        "right after left: right leads, and cannot follow as well",
+        "third after left: third follows another joint already",
+        "left after left: left leads",
+        "a threshold of -0.1 rad",
+        "a threshold of inf rad",
+    ):
+        assert words in str(caught.value)
+    assert caught.value.hint
+    check_couplings("arm", [Coupling("left", "right"), Coupling("left", "third", scale=-1.0)], JOINTS)
+
+
+class Limited:
+    """One joint of +-1 rad, and what is told of its goals."""
+
+    def __init__(self) -> None:
+        self.notices: list[Notice] = []
+        self.joint = Joint("elbow", JointSpec(2, lower=-1.0, upper=1.0), MODELS["AX-12A"])
+        self.clamping = Clamping("arm", {"elbow": self.joint}, self.notices.append)
+
+    def ask(self, goal: float, now: float = 0.0) -> float:
+        return self.clamping.accept({"elbow": goal}, now)["elbow"]
+
+
+@given(st.floats(-10, 10))
+def test_goals_are_the_nearest_within_the_limits(goal: float) -> None:
+    limited = Limited()
+    assert limited.ask(goal) == min(max(goal, -1.0), 1.0)
+    assert bool(limited.notices) == (abs(goal) > 1.0 + limited.joint.model.tick / 2)
+
+
+def test_a_clamped_goal_is_told_once_an_episode_with_the_angles_as_people_write_them() -> None:
+    limited = Limited()
+    for step in range(100):
+        limited.ask(radians(90), now=step * 0.05)
+    (notice,) = limited.notices
+    assert (notice.device, notice.kind) == ("arm", "fault")
+    assert notice.what == "the goal of elbow was clamped to 57.3 deg: 90.0 deg is beyond its limits"
+    assert "-57.3..57.3 deg" in notice.hint
+    limited.ask(-2.0, now=5.0 + EPISODE)
+    assert "clamped to -57.3 deg" in limited.notices[1].what
+
+
+def test_rounds_keep_their_rate_on_the_average_and_catch_up_with_no_burst() -> None:
+    pace, now = Pace(100.0), 5.0
+    pace.begin(now, 2.0)
+    for n in range(300):
+        now += 0.012 if n % 3 else 0.002  # the average of a round is 8.7 ms
+        now += pace.rest(now, 2.0 + n * 0.004)
+    assert pace.rounds == 300
+    assert now - 5.0 == pytest.approx(3.0, abs=0.02)
+    assert pace.achieved == pytest.approx(100.0, rel=0.03)
+    assert pace.share == pytest.approx(0.4, rel=0.03)
+    now += 10 * WINDOW  # the machine slept
+    assert 0 < pace.rest(now, 4.0) < 0.01
+    assert pace.rest(now + 0.001, 4.0) == pytest.approx(0.01, abs=0.001)
+
+
+def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_moment() -> None:
+    pace = Pace(100.0)
+    pace.begin(0.0, 0.0)
+    now = 0.0
+    for _ in range(5):
+        now += 0.017
+        rest = pace.rest(now, now)
+        assert rest >= 0.001 - 1e-9
+        now += rest

@@ -1,0 +1,244 @@
+"""The models: their numbers, what their steps are worth, and the codes of their baud rates."""
+
+from math import degrees, isclose, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel.models import MODELS, Model, model_named, model_of
+from drivers.dynamixel.units import RPM, Protocol, baud_code, baud_of
+from drivers.errors import BadRequest
+
+EVERY = [pytest.param(model, id=model.name) for model in MODELS.values()]
+ANY = st.sampled_from(list(MODELS.values()))
+
+NUMBERS = (
+    {"AX-12A": 12, "AX-12W": 300, "AX-18A": 18, "RX-24F": 24, "RX-28": 28, "RX-64": 64, "EX-106+": 107}
+    | {"MX-28": 29, "MX-64": 310, "MX-106": 320, "MX-28(2.0)": 30, "MX-64(2.0)": 311, "MX-106(2.0)": 321}
+    | {"XL430-W250": 1060, "XM430-W210": 1030, "XM430-W350": 1020}
+)
+
+
+def test_every_servo_that_the_project_drives_is_known_by_its_number() -> None:
+    assert {model.name: model.number for model in MODELS.values()} == NUMBERS
+    for name, number in NUMBERS.items():
+        assert model_of(number) is MODELS[name]
+        assert MODELS[name].default(MODELS[name].table["model_number"]) == number
+
+
+def test_a_number_that_no_servo_has_is_unknown() -> None:
+    assert model_of(0) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("XL430", ["XL430-W250"]),
+        ("XM430", ["XM430-W210", "XM430-W350"]),
+        ("ax-12", ["AX-12A", "AX-12W"]),
+        ("AX-12+", ["AX-12A"]),
+        ("MX28", ["MX-28"]),
+        ("RX-24", ["RX-24F"]),
+        ("EX106", ["EX-106+"]),
+    ],
+)
+def test_a_misspelt_model_says_what_may_be_meant(name: str, meant: list[str]) -> None:
+    with pytest.raises(BadRequest, match="no servo model") as caught:
+        model_named(name)
+    assert all(model in caught.value.hint for model in meant)
+
+
+@pytest.mark.parametrize("name", ["", "a lamp"])
+def test_a_model_that_resembles_none_lists_them_all(name: str) -> None:
+    with pytest.raises(BadRequest) as caught:
+        model_named(name)
+    assert all(model in caught.value.hint for model in MODELS)
+
+
+def test_a_model_is_found_by_its_name() -> None:
+    assert model_named("MX-28(2.0)").number == 30
+
+
+@pytest.mark.parametrize(
+    ("name", "tick", "reach", "speed_unit"),
+    [  # degrees, degrees, rad/s
+        ("AX-12A", 0.29297, 150, 0.0116239),
+        ("RX-64", 0.29297, 150, 0.0116239),
+        ("EX-106+", 0.061260, 125.46, 0.0116239),
+        ("MX-64", 0.087891, 180, 0.0119381),
+        ("MX-64(2.0)", 0.087891, 180, 0.0239808),
+        ("XL430-W250", 0.087891, 180, 0.0239808),
+    ],
+)
+def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: float, speed_unit: float) -> None:
+    model = MODELS[name]
+    assert isclose(degrees(model.tick), tick, rel_tol=1e-4)
+    assert isclose(degrees(model.angle(0)), -reach)
+    assert isclose(model.speed(1), speed_unit, rel_tol=1e-4)
+    assert model.speed(-10) == -model.speed(10)
+
+
+@pytest.mark.parametrize("model", EVERY)
+def test_the_middle_of_every_servo_is_its_zero(model: Model) -> None:
+    assert model.ticks(0.0) == model.centre
+    assert model.angle(model.centre) == 0.0
+    assert model.last == 2 * model.centre - 1
+    assert model.last == model.default(model.table[model.table.limits[1]])
+
+
+@given(ANY, st.data())
+def test_ticks_survive_the_way_through_radians(model: Model, data: st.DataObject) -> None:
+    ticks = data.draw(st.integers(0, model.last))
+    assert model.ticks(model.angle(ticks)) == ticks
+
+
+@given(ANY, st.floats(-100, 100))
+def test_no_angle_leads_out_of_the_servos_range(model: Model, angle: float) -> None:
+    ticks = model.ticks(angle)
+    assert 0 <= ticks <= model.last
+    if model.angle(0) <= angle <= model.angle(model.last):
+        assert abs(model.angle(ticks) - angle) <= model.tick / 2 + 1e-9
+
+
+@given(ANY, st.floats(0, 1000))
+def test_no_speed_becomes_the_zero_that_means_as_fast_as_it_can(model: Model, speed: float) -> None:
+    steps = model.speed_ticks(speed)
+    assert 1 <= steps <= model.fastest
+    if 1.5 * model.speed_unit < speed < model.top_speed:
+        assert abs(model.speed(steps) - speed) <= model.speed_unit / 2 + 1e-9
+
+
+@given(ANY, st.floats(0, 1))
+def test_no_torque_limit_looks_like_a_shutdown(model: Model, share: float) -> None:
+    limit = model.torque_ticks(share)
+    assert 1 <= limit <= model.full
+    assert abs(limit / model.full - share) <= 1 / model.full
+
+
+@pytest.mark.parametrize("model", EVERY)
+def test_all_of_its_torque_is_what_the_ceiling_allows(model: Model) -> None:
+    ceiling = model.table[model.table.torque_ceiling]
+    assert model.torque_ticks(1.0) == model.full == ceiling.upper
+    limit = model.table[model.table.torque_limit]
+    assert model.default(limit) == model.default(ceiling)  # a servo that was never touched has what its EEPROM allows
+
+
+@pytest.mark.parametrize(
+    ("name", "raw", "share"),
+    [
+        ("AX-12A", -1023, -1.0),
+        ("MX-106", 512, 0.5005),
+        ("XL430-W250", 250, 0.25),
+        ("MX-28(2.0)", -1000, -1.0),
+        ("XM430-W210", 427, 0.4994),  # 427 * 2.69 mA of 2.3 A
+        ("MX-106(2.0)", -774, -0.5001),  # 774 * 3.36 mA of 5.2 A
+    ],
+)
+def test_load_and_current_are_shares_of_the_stall_torque(name: str, raw: int, share: float) -> None:
+    assert isclose(MODELS[name].load(raw), share, rel_tol=1e-3)
+
+
+def test_one_write_of_protocol_1_holds_goal_and_speed() -> None:
+    assert MODELS["AX-12A"].order(512, 100) == (30, bytes.fromhex("00 02 64 00"))
+
+
+def test_one_write_of_protocol_2_holds_speed_and_goal() -> None:
+    assert MODELS["XM430-W350"].order(2048, 50) == (112, bytes.fromhex("32 00 00 00 00 08 00 00"))
+
+
+@pytest.mark.parametrize("model", EVERY)
+def test_the_free_speed_is_one_that_the_servo_can_be_told(model: Model) -> None:
+    assert 0 < model.free_speed < 1.2 * model.top_speed
+    assert model.stall_torque > 0
+
+
+def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
+    for model in MODELS.values():
+        if model.protocol == 2:
+            assert model.fastest == model.default(model.table["velocity_limit"])
+            assert model.reads == "sync"
+
+
+@pytest.mark.parametrize("model", EVERY)
+def test_an_ax_is_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
+    assert model.default_baud == (1_000_000 if model.name.startswith("AX") else 57_600)
+
+
+@pytest.mark.parametrize(
+    ("name", "register", "value"),
+    [  # what distinguishes one row from its neighbours
+        ("AX-12A", "temperature_limit", 70),
+        ("AX-12A", "cw_compliance_slope", 32),
+        ("AX-12W", "cw_compliance_slope", 64),
+        ("AX-12W", "ccw_compliance_margin", 4),
+        ("AX-18A", "temperature_limit", 75),
+        ("AX-18A", "max_torque", 983),
+        ("RX-28", "highest_voltage", 190),
+        ("RX-28", "temperature_limit", 80),
+        ("EX-106+", "highest_voltage", 240),
+        ("EX-106+", "punch", 0),
+        ("MX-28", "highest_voltage", 160),
+        ("MX-64", "highest_voltage", 240),
+        ("XL430-W250", "temperature_limit", 72),
+        ("XL430-W250", "lowest_voltage", 60),
+        ("XL430-W250", "position_d_gain", 4000),
+        ("XM430-W210", "current_limit", 1193),
+        ("XM430-W350", "position_p_gain", 800),
+        ("MX-64(2.0)", "current_limit", 1941),
+        ("MX-106(2.0)", "current_limit", 2047),
+        ("MX-106(2.0)", "position_p_gain", 850),
+    ],
+)
+def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value: int) -> None:
+    model = MODELS[name]
+    assert model.default(model.table[register]) == value
+
+
+@pytest.mark.parametrize(
+    ("code", "protocol", "baud"),
+    [
+        *[(1, 1, 1_000_000), (3, 1, 500_000), (4, 1, 400_000), (7, 1, 250_000), (9, 1, 200_000), (16, 1, 115_200)],
+        *[(34, 1, 57_600), (103, 1, 19_200), (207, 1, 9600), (0, 1, 2_000_000)],
+        *[(250, 1, 2_250_000), (251, 1, 2_500_000), (252, 1, 3_000_000)],
+        *[(0, 2, 9600), (1, 2, 57_600), (2, 2, 115_200), (3, 2, 1_000_000), (4, 2, 2_000_000)],
+        *[(5, 2, 3_000_000), (6, 2, 4_000_000), (7, 2, 4_500_000)],
+    ],
+)
+def test_codes_stand_for_rates_both_ways(code: int, protocol: Protocol, baud: int) -> None:
+    assert baud_of(code, protocol) == baud
+    assert baud_code(baud, protocol) == code
+
+
+def test_the_true_rate_of_a_usual_one_has_the_same_code() -> None:
+    assert baud_code(117_647, 1) == 16
+    assert baud_code(57_143, 1) == 34
+
+
+@pytest.mark.parametrize(
+    ("baud", "protocol"), [(1_500_000, 1), (4_500_000, 1), (1200, 1), (0, 1), (-9600, 2), (250_000, 2), (500_000, 2)]
+)
+def test_a_rate_that_no_servo_can_run_at_is_refused_with_those_that_exist(baud: int, protocol: Protocol) -> None:
+    with pytest.raises(BadRequest, match=str(baud)) as caught:
+        baud_code(baud, protocol)
+    assert "57600" in caught.value.hint
+    assert "1000000" in caught.value.hint
+
+
+def test_a_code_that_means_nothing_is_refused() -> None:
+    with pytest.raises(BadRequest, match="code 8"):
+        baud_of(8, 2)
+
+
+@given(st.integers(0, 254))
+def test_every_code_of_protocol_1_leads_back_to_a_rate_within_3_percent(code: int) -> None:
+    baud = baud_of(code, 1)
+    assert abs(baud_of(baud_code(baud, 1), 1) - baud) <= 0.03 * baud
+
+
+def test_an_ax_cannot_be_given_the_codes_that_only_an_mx_knows() -> None:
+    assert MODELS["AX-12A"].table["baud"].upper < 250 <= MODELS["MX-28"].table["baud"].upper
+
+
+def test_a_turn_a_minute_is_six_degrees_a_second() -> None:
+    assert isclose(RPM, radians(6))

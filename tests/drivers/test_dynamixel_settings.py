@@ -1,0 +1,204 @@
+"""Settings changed for good: compared, torque off, written, verified; and nothing written that need not be."""
+
+import pytest
+
+from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.settings import Change, apply, planned
+from drivers.dynamixel.wire import Instruction
+from drivers.errors import BadRequest, DeviceFault, NoReply, NotConnected
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from tests.drivers.wired import Wired
+
+NAMES = ["AX-12A", "EX-106+", "MX-64", "MX-28(2.0)", "XM430-W350"]
+
+
+class Bench:
+    """Servos of one model with the IDs 1 and 2, of which the first is worked on."""
+
+    def __init__(self, name: str = "AX-12A") -> None:
+        self.model = MODELS[name]
+        self.servo, self.other = (VirtualServo(number, model=name) for number in (1, 2))
+        self.chain = VirtualServoBus([self.servo, self.other])
+        self.wired = Wired(self.chain)
+        self.bus: Bus = self.wired.bus()
+        self.at = At(1, self.model.protocol)
+
+    def plan(self, **wanted: int) -> list[Change]:
+        return planned(self.bus, self.at, self.model.table, wanted)
+
+    def set(self, **wanted: int) -> bool:
+        return apply(self.bus, self.at, self.model.table, self.plan(**wanted))
+
+    @property
+    def writes(self) -> list[bytes]:
+        place = 4 if self.model.protocol == 1 else 7
+        return [packet for packet in self.wired.sent if packet[place] == Instruction.WRITE]
+
+
+def named(changes: list[Change]) -> list[tuple[str, int, int]]:
+    return [(change.register.name, change.before, change.after) for change in changes]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_a_plan_names_only_what_differs_and_writes_nothing(bench: Bench) -> None:
+    assert named(bench.plan(return_delay=0, temperature_limit=70, lowest_voltage=90)) == [
+        ("return_delay", 250, 0),
+        ("lowest_voltage", 60, 90),
+    ]
+    assert not bench.writes
+
+
+def test_a_servo_that_is_as_it_should_be_is_not_touched(bench: Bench) -> None:
+    bench.servo.set("torque_enable", 1)
+    assert bench.set(return_delay=250) is False
+    assert not bench.writes
+    assert bench.servo.get("torque_enable") == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_settings_are_written_to_a_servo_that_went_limp_first(name: str) -> None:
+    bench = Bench(name)
+    bench.servo.set("torque_enable", 1)
+    assert bench.set(return_delay=0, temperature_limit=65) is True
+    assert (bench.servo.get("return_delay"), bench.servo.get("temperature_limit")) == (0, 65)
+    assert bench.servo.get("torque_enable") == 0
+    assert len(bench.writes) == 3
+    assert bench.other.get("return_delay") == 250
+    assert not bench.plan(return_delay=0, temperature_limit=65)
+
+
+def test_a_limp_servo_is_not_told_to_go_limp(bench: Bench) -> None:
+    assert bench.set(return_delay=0) is False
+    assert len(bench.writes) == 1
+
+
+def test_what_is_lost_with_the_power_is_written_without_going_limp(bench: Bench) -> None:
+    bench.servo.set("torque_enable", 1)
+    assert bench.set(led=1) is False
+    assert bench.servo.get("led") == bench.servo.get("torque_enable") == 1
+
+
+def test_values_with_a_sign_are_written_and_verified() -> None:
+    bench = Bench("XM430-W350")
+    bench.set(homing_offset=-1000)
+    assert bench.servo.get("homing_offset") == -1000
+
+
+def test_all_that_is_wrong_with_a_wish_is_said_at_once(bench: Bench) -> None:
+    with pytest.raises(BadRequest) as caught:
+        bench.plan(return_delay=255, model_number=3, temprature_limit=60, status_return_level=0)
+    message = str(caught.value)
+    assert message.startswith("arm: servo 1: ")
+    assert "return_delay takes 0..254, not 255" in message
+    assert "model_number cannot be written" in message
+    assert "'temprature_limit'" in message
+    assert "status_return_level must stay at 1 or above, not 0" in message
+    assert "temperature_limit" in caught.value.hint
+    assert not bench.wired.sent
+
+
+def test_a_servo_is_not_sent_where_its_table_would_not_fit() -> None:
+    with pytest.raises(BadRequest, match="protocol must stay at 2"):
+        Bench("XL430-W250").plan(protocol=1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_new_id_comes_last_and_is_verified_where_the_servo_answers_then(name: str) -> None:
+    bench = Bench(name)
+    assert [row[0] for row in named(bench.plan(id=7, return_delay=0))] == ["return_delay", "id"]
+    bench.set(id=7, return_delay=0)
+    assert (bench.servo.get("id"), bench.servo.get("return_delay")) == (7, 0)
+
+
+def test_an_id_that_is_taken_is_refused(bench: Bench) -> None:
+    with pytest.raises(BadRequest, match=r"servo 1 cannot become 2"):
+        bench.plan(id=2)
+    assert bench.servo.get("id") == 1
+
+
+def test_an_id_that_two_servos_share_already_is_taken() -> None:
+    ax, rx = VirtualServo(5, model="AX-12A"), VirtualServo(5, model="RX-64")
+    wired = Wired(VirtualServoBus([VirtualServo(1), ax, rx]))
+    with pytest.raises(BadRequest, match="cannot become 5"):
+        planned(wired.bus(), At(1), MODELS["AX-12A"].table, {"id": 5})
+
+
+def test_keeping_its_own_id_is_no_collision(bench: Bench) -> None:
+    assert not bench.plan(id=1)
+
+
+@pytest.mark.parametrize(("name", "code", "baud"), [("AX-12A", 3, 500_000), ("XM430-W350", 1, 57_600)])
+def test_a_new_rate_is_verified_at_that_rate_and_the_bus_keeps_its_own(name: str, code: int, baud: int) -> None:
+    bench = Bench(name)
+    assert [row[0] for row in named(bench.plan(baud=code, id=9, return_delay=0))] == ["return_delay", "id", "baud"]
+    bench.set(baud=code, id=9, return_delay=0)
+    assert (bench.servo.get("baud"), bench.servo.get("id")) == (code, 9)
+    assert bench.bus.baud == 1_000_000
+    assert baud in bench.wired.rates
+    assert bench.bus.ping(At(2, bench.model.protocol)) == bench.model.number
+    with pytest.raises(NoReply):
+        bench.bus.ping(At(9, bench.model.protocol))
+
+
+def test_a_rate_that_the_adapter_cannot_run_at_is_found_out_before_anything_is_written(bench: Bench) -> None:
+    bench.wired.beyond = {500_000}
+    changes = bench.plan(baud=3, return_delay=0)
+    with pytest.raises(NotConnected):
+        apply(bench.bus, bench.at, bench.model.table, changes)
+    assert not bench.writes
+    assert bench.bus.baud == 1_000_000
+
+
+def test_a_locked_servo_says_how_to_unlock_it(bench: Bench) -> None:
+    bench.servo.set("lock", 1)
+    with pytest.raises(BadRequest, match="locked") as caught:
+        bench.set(return_delay=0)
+    assert "off and on" in caught.value.hint
+    assert not bench.writes
+    bench.set(led=1)
+
+
+def test_a_servo_that_keeps_its_old_value_is_a_fault(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    changes = bench.plan(return_delay=0, temperature_limit=60)
+    monkeypatch.setattr(bench.bus, "write", lambda *_: None)
+    with pytest.raises(DeviceFault, match="servo 1: return_delay holds 250 after 0"):
+        apply(bench.bus, bench.at, bench.model.table, changes)
+
+
+def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.servo.set("torque_enable", 1)
+    changes = bench.plan(return_delay=0)
+    monkeypatch.setattr(bench.bus, "write", lambda *_: None)
+    with pytest.raises(DeviceFault, match="torque does not go off"):
+        apply(bench.bus, bench.at, bench.model.table, changes)
+    assert bench.servo.get("return_delay") == 250
+
+
+def test_writes_that_are_not_acknowledged_are_verified_all_the_same(bench: Bench) -> None:
+    bench.servo.set("status_return_level", 1)
+    bench.set(return_delay=0, temperature_limit=60)
+    assert (bench.servo.get("return_delay"), bench.servo.get("temperature_limit")) == (0, 60)
+
+
+def test_a_servo_that_is_gone_in_between_is_said_to_be(bench: Bench) -> None:
+    changes = bench.plan(return_delay=0)
+    bench.servo.present = False
+    with pytest.raises(NoReply, match="servo 1"):
+        apply(bench.bus, bench.at, bench.model.table, changes)
+
+
+def test_after_a_failure_the_plan_tells_what_is_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = {"return_delay": 0, "lowest_voltage": 90}
+    changes = bench.plan(**wanted)
+    write = bench.bus.write
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.bus, "write", lambda at, row, value: row.name == "return_delay" and write(at, row, value))
+        with pytest.raises(DeviceFault, match="lowest_voltage"):
+            apply(bench.bus, bench.at, bench.model.table, changes)
+    assert named(bench.plan(**wanted)) == [("lowest_voltage", 60, 90)]

@@ -1,0 +1,204 @@
+"""The control tables: what every table must fulfil, the facts of the manuals, and how values are coded."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import tables
+from drivers.dynamixel.models import MODELS, Model
+from drivers.dynamixel.register import Block, Coding, Register, Table
+from drivers.errors import BadRequest
+
+TABLES = {name: table for name, table in vars(tables).items() if isinstance(table, Table)}
+EVERY = [pytest.param(table, id=name) for name, table in TABLES.items()]
+WRITABLE = [
+    pytest.param(register, id=f"{name}-{register.name}")
+    for name, table in TABLES.items()
+    for register in table.registers.values()
+    if register.writable
+]
+
+
+def blocks(table: Table) -> list[Block]:
+    return [table.fast, *table.slow, table.setup]
+
+
+def within(register: Register, block: Block) -> bool:
+    return block.address <= register.address and register.end <= block.address + block.size
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_registers_ascend_and_do_not_overlap(table: Table) -> None:
+    rows = list(table.registers.values())
+    assert all(before.end <= after.address for before, after in pairwise(rows))
+    assert list(table.registers) == [register.name for register in rows]
+    assert table.size == rows[-1].end
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_settings_come_before_goals_and_readings(table: Table) -> None:
+    first = table["torque_enable"].address
+    assert [row.eeprom for row in table.registers.values()] == [row.address < first for row in table.registers.values()]
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_every_part_is_played_by_a_register_of_the_table(table: Table) -> None:
+    parts = (table.goal, table.speed, table.velocity, table.effort, table.torque_limit, table.torque_ceiling)
+    assert set(parts) | set(table.limits) <= set(table.registers)
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_each_round_reads_what_a_joint_must_know(table: Table) -> None:
+    wanted = [table["present_position"], table[table.velocity], table[table.effort], table["moving"]]
+    assert all(within(register, table.fast) for register in wanted)
+    rest = [table[name] for name in ("torque_enable", "present_voltage", "present_temperature")]
+    assert all(any(within(register, block) for block in (table.fast, *table.slow)) for register in rest)
+    joins = [table[name] for name in ("model_number", "firmware", "return_delay", *table.limits, table.torque_ceiling)]
+    assert all(within(register, table.setup) for register in joins)
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_no_block_cuts_a_register_in_two(table: Table) -> None:
+    for block in blocks(table):
+        ends = {block.address, block.address + block.size}
+        assert not any(row.address < end < row.end for row in table.registers.values() for end in ends)
+        assert block.address + block.size <= table.size
+
+
+@pytest.mark.parametrize("table", EVERY)
+def test_a_goal_and_its_speed_are_side_by_side(table: Table) -> None:
+    goal, speed = sorted((table[table.goal], table[table.speed]), key=lambda register: register.address)
+    assert goal.end == speed.address
+
+
+@pytest.mark.parametrize("register", WRITABLE)
+def test_the_default_and_both_bounds_fit_their_register(register: Register) -> None:
+    assert register.lower <= register.default <= register.upper
+    for value in (register.lower, register.default, register.upper):
+        data = register.encode(value)
+        assert len(data) == register.size
+        assert register.decode(data, register.address) == value
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+def test_what_a_model_differs_in_is_within_its_table(model: Model) -> None:
+    for name, value in model.defaults.items():
+        register = model.table[name]
+        assert not register.writable or register.lower <= value <= register.upper, name
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "address", "size"),
+    [
+        ("TABLE_AX", "goal_position", 30, 2),
+        ("TABLE_AX", "punch", 48, 2),
+        ("TABLE_EX", "drive_mode", 10, 1),
+        ("TABLE_EX", "present_current", 56, 2),
+        ("TABLE_MX", "multi_turn_offset", 20, 2),
+        ("TABLE_MX", "position_p_gain", 28, 1),
+        ("TABLE_MX", "realtime_tick", 50, 2),
+        ("TABLE_MX", "goal_acceleration", 73, 1),
+        ("TABLE_MX_CURRENT", "present_current", 68, 2),
+        ("TABLE_MX_CURRENT", "torque_mode", 70, 1),
+        ("TABLE_MX_CURRENT", "goal_torque", 71, 2),
+        ("TABLE_MX_PAIR", "drive_mode", 10, 1),
+        ("TABLE_X", "firmware", 6, 1),
+        ("TABLE_X", "homing_offset", 20, 4),
+        ("TABLE_X", "pwm_limit", 36, 2),
+        ("TABLE_X", "max_position", 48, 4),
+        ("TABLE_X", "hardware_error", 70, 1),
+        ("TABLE_X", "profile_velocity", 112, 4),
+        ("TABLE_X", "goal_position", 116, 4),
+        ("TABLE_X", "present_load", 126, 2),
+        ("TABLE_X", "present_position", 132, 4),
+        ("TABLE_X", "present_temperature", 146, 1),
+        ("TABLE_X_CURRENT", "current_limit", 38, 2),
+        ("TABLE_X_CURRENT", "goal_current", 102, 2),
+        ("TABLE_X_CURRENT", "present_current", 126, 2),
+        ("TABLE_MX2", "acceleration_limit", 40, 4),
+    ],
+)
+def test_registers_stand_where_the_manual_says(table: str, name: str, address: int, size: int) -> None:
+    register = TABLES[table][name]
+    assert (register.address, register.size) == (address, size)
+
+
+def test_a_table_leaves_out_what_its_servos_lack() -> None:
+    assert "cw_compliance_slope" not in tables.TABLE_MX
+    assert "ccw_compliance_slope" not in tables.TABLE_MX
+    assert "drive_mode" not in tables.TABLE_MX_CURRENT
+    assert "present_load" not in tables.TABLE_X_CURRENT
+    assert "current_limit" not in tables.TABLE_MX2
+    assert "acceleration_limit" not in tables.TABLE_X_CURRENT
+
+
+def test_an_ax_keeps_its_own_rows() -> None:
+    assert tables.TABLE_AX["goal_position"] is tables.GOAL_POSITION
+    assert tables.GOAL_POSITION.upper == 1023
+    assert tables.TABLE_EX["goal_position"].upper == tables.TABLE_EX["ccw_angle_limit"].default == 4095
+
+
+@given(st.integers(-1023, 1023))
+def test_a_sign_bit_is_bit_ten(value: int) -> None:
+    data = tables.PRESENT_SPEED.encode(value)
+    assert int.from_bytes(data, "little") == abs(value) + (1024 if value < 0 else 0)
+    assert tables.PRESENT_SPEED.decode(data, tables.PRESENT_SPEED.address) == value
+
+
+def test_the_clockwise_bit_alone_is_standstill() -> None:
+    assert tables.MOVING_SPEED.decode(b"\x00\x04", 32) == 0
+
+
+def test_more_than_ten_bits_are_not_cut_down_to_a_value_that_would_pass() -> None:
+    assert tables.MOVING_SPEED.decode(b"\x00\x08", 32) > tables.MOVING_SPEED.upper
+    assert tables.MOVING_SPEED.decode(b"\xff\xff", 32) < tables.MOVING_SPEED.lower
+
+
+@given(st.integers(-(2**31), 2**31 - 1))
+def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
+    register = tables.TABLE_X["present_position"]
+    assert register.coding is Coding.TWOS
+    assert register.encode(value) == value.to_bytes(4, "little", signed=True)
+    assert register.decode(bytes(10) + register.encode(value), register.address - 10) == value
+
+
+@pytest.mark.parametrize(
+    ("register", "value"),
+    [
+        (tables.GOAL_POSITION, -1),
+        (tables.GOAL_POSITION, 0x1_0000),
+        (tables.MOVING_SPEED, -1024),
+        (tables.TABLE_X["bus_watchdog"], 128),
+    ],
+)
+def test_a_value_that_does_not_fit_is_not_coded(register: Register, value: int) -> None:
+    with pytest.raises(OverflowError):
+        register.encode(value)
+
+
+def test_a_bus_watchdog_that_has_fired_reads_minus_one() -> None:
+    assert tables.TABLE_X["bus_watchdog"].decode(b"\xff", 98) == -1
+
+
+@pytest.mark.parametrize(
+    ("asked", "meant"),
+    [("Return Delay", "return_delay"), ("goal-position", "goal_position"), ("temprature_limit", "temperature_limit")],
+)
+def test_a_misspelt_register_says_what_may_be_meant(asked: str, meant: str) -> None:
+    with pytest.raises(BadRequest, match=asked) as caught:
+        tables.TABLE_AX.named(asked)
+    assert meant in caught.value.hint
+
+
+def test_a_register_that_resembles_none_lists_them_all() -> None:
+    with pytest.raises(BadRequest) as caught:
+        tables.TABLE_AX.named("zzz")
+    assert all(name in caught.value.hint for name in tables.TABLE_AX.registers)
+
+
+def test_a_register_is_found_by_its_name() -> None:
+    assert tables.TABLE_X.named("goal_pwm").address == 100
+    assert "goal_pwm" in tables.TABLE_X
+    assert "goal_pwm" not in tables.TABLE_AX

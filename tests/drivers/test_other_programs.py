@@ -1,0 +1,94 @@
+"""Programs that know nothing of ours scan, read and move the virtual servos, each in a process of its own."""
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+from math import degrees, radians
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.terminal import Terminal
+from tests.drivers.chains import chain, mixed_chain
+
+CLIENTS = Path(__file__).parent.parent / "other_programs"
+
+
+def needs(package: str) -> pytest.MarkDecorator:
+    return pytest.mark.skipif(find_spec(package) is None, reason=f"{package} is not installed: `make test` installs it")
+
+
+def told(client: str, bus: VirtualServoBus, *arguments: str) -> dict[str, Any]:
+    """Let ``client`` have its way with ``bus``; return what it saw."""
+    terminal = Terminal("servos", bus, SystemClock())
+    terminal.open()
+    try:
+        command = [sys.executable, str(CLIENTS / f"{client}.py"), *arguments, terminal.path]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
+    finally:
+        terminal.close()
+    assert done.returncode == 0, done.stderr
+    seen: dict[str, Any] = json.loads(done.stdout)
+    return seen
+
+
+@needs("pypot")
+def test_pypot_scans_reads_and_moves_and_a_goal_beyond_the_limits_is_clamped() -> None:
+    bus = mixed_chain("AX-12A", "MX-28", "RX-64")
+    bus.servo(3).temperature = 41.0
+    seen = told("pypot_client", bus)
+    assert seen["found"] == [1, 2, 3]
+    assert seen["models"] == ["AX-12", "MX-28", "RX-64"]
+    assert seen["volts"] == [12.0, 12.0, 12.0]
+    assert seen["degrees celsius"] == [35, 35, 41]
+    assert seen["limits"][1] == pytest.approx([-40, 40], abs=0.1)
+    assert seen["positions"] == pytest.approx([30, 40, -30], abs=0.4)
+    assert seen["goals"] == pytest.approx([30, 40, -30], abs=0.4)
+    assert seen["complaints of limits"] == 0  # nobody answers a sync write, and later replies tell lasting states alone
+    assert seen["stiff"] == [False, False, False]
+    assert [degrees(servo.angle) for servo in bus.servos] == pytest.approx([30, 40, -30], abs=0.4)
+
+
+@needs("pyax12")
+def test_pyax12_scans_reads_and_moves() -> None:
+    bus = chain(2)
+    bus.servo(1).voltage = 11.1
+    seen = told("pyax12_client", bus)
+    assert seen["found"] == [1, 2]
+    assert (seen["model"], seen["volts"], seen["degrees celsius"], seen["rate"]) == (12, 11.1, 35, 1_000_000)
+    assert seen["position"] == pytest.approx(45, abs=0.4)
+    assert seen["bytes"] == 50
+    assert bus.servo(2).angle == pytest.approx(radians(45), abs=0.01)  # it counts 300/1023 degrees a step
+
+
+def test_the_plain_sdk_does_all_that_it_can_with_protocol_1() -> None:
+    bus = mixed_chain("AX-12A", "MX-28", "MX-64")
+    seen = told("sdk_client", bus, "1")
+    assert seen["found"] == [1, 2, 3]
+    assert seen["models"] == [12, 29, 310]
+    assert seen["refused"] == [0, 8]
+    assert seen["positions"] == [600, 2500, 1500]
+    assert seen["bulk read"] == [2500, 1500]
+    assert seen["led"] == 1
+    assert seen["reset of the AX"] == [0, 64]
+    assert seen["at another rate"]
+
+
+def test_the_plain_sdk_does_all_that_it_can_with_protocol_2() -> None:
+    bus = chain(3, "XL430-W250")
+    bus.servo(3).overload()
+    seen = told("sdk_client", bus, "2")
+    assert seen["found"] == {"1": 1060, "2": 1060, "3": 1060}
+    assert seen["alert of 3"] == [32, 0, 128]
+    assert seen["silent while it starts"]
+    assert seen["error of 3 after a reboot"] == [0, 0, 0]
+    assert seen["sync read"] == seen["fast sync read"] == [2148, 1948, 2248]
+    assert seen["bulk read"] == seen["fast bulk read"] == [120, 35]
+    assert seen["bulk write"] == [1, 50]
+    assert seen["EEPROM under torque"] == [0, 7]
+    assert seen["beyond the limits"] == [0, 6]
+    assert seen["EEPROM without"] == [0, 0]

@@ -1,0 +1,50 @@
+"""A robot of three servos of both protocols, as virtual ones in this process, and the file that says so."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import radians
+from pathlib import Path
+
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+
+FILE = """\
+# Written by hand.
+robot: three
+arm:
+  driver: dynamixel
+  port: PORT
+  at_end: AT_END
+  joints:
+    waist: {id: 1, limits: [-90 deg, 90 deg], speed: 120 deg/s}  # turns the rest
+    elbow: {id: 2, zero: 10 deg, reverse: true, limits: [-60 deg, 60 deg], speed: 120 deg/s}
+    wrist: {id: 3, model: XL430-W250, ticks: {init: 2048, min: 1024, max: 3072}, speed: 120 deg/s}
+  groups:
+    ax: [waist, elbow]
+"""
+
+
+class Three:
+    """The robot: ``waist`` and ``elbow`` are AX-12A, ``wrist`` is an XL430."""
+
+    def __init__(self, path: Path, *, at_end: str = "relax") -> None:
+        self.waist = VirtualServo(1)
+        self.elbow = VirtualServo(2, angle=radians(10))
+        self.wrist = VirtualServo(3, model="XL430-W250")
+        self.bus = VirtualServoBus([self.waist, self.elbow, self.wrist], 1_000_000)
+        self.terminal = Terminal("servos", self.bus, SystemClock())
+        self.path = path
+        path.write_text(FILE.replace("PORT", self.terminal.path).replace("AT_END", at_end))
+
+
+@contextmanager
+def three(path: Path, *, at_end: str = "relax") -> Iterator[Three]:
+    """Write the robot file to ``path``, and run its servos meanwhile."""
+    robot = Three(path, at_end=at_end)
+    robot.terminal.open()
+    try:
+        yield robot
+    finally:
+        robot.terminal.close()

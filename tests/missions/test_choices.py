@@ -1,0 +1,55 @@
+"""Arguments that take one of some words: how a mistake is told, and what the schema and the catalogue say."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from behaviours.catalogue import LEAVES
+from config.faults import InvalidFileError
+from missions.catalogue import example, kind_of
+from missions.library import load_mission
+from missions.schema.values import written
+
+
+def mission(folder: Path, step: str) -> Path:
+    file = folder / "words.yaml"
+    file.write_text(f"mission: words\ntree:\n  {step}\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("step", "name", "word"),
+    [
+        ("bumped: left", "side", "left"),
+        ("cliff: {side: right}", "side", "right"),
+        ("sound: on", "tune", "on"),  # which is a word here, and no boolean
+        ("led: off", "colour", "off"),
+    ],
+)
+def test_one_of_the_words_is_taken_as_it_is_written(tmp_path: Path, step: str, name: str, word: str) -> None:
+    (value,) = (
+        value
+        for read in load_mission(str(mission(tmp_path, step))).tree.walk()
+        for argument, value in read.arguments.items()
+        if argument == name
+    )
+    assert value.constant == word
+
+
+@pytest.mark.parametrize("wrong", ["lefft", "true", "7"])
+def test_another_word_is_a_mistake_that_tells_which_there_are(tmp_path: Path, wrong: str) -> None:
+    with pytest.raises(InvalidFileError, match=f"needs one of any, left, centre, right, got '{wrong}'"):
+        load_mission(str(mission(tmp_path, f"bumped: {wrong}")))
+
+
+def test_the_schema_and_the_catalogue_know_the_words() -> None:
+    side, colour = LEAVES["bumped"].arguments["side"], LEAVES["led"].arguments["colour"]
+    assert kind_of(side) == "one of any, left, centre, right"
+    assert example(colour) == "off"
+    schema = written(side, {})
+    assert schema["type"] == "string"
+    assert re.search(schema["pattern"], "centre")
+    assert re.search(schema["pattern"], "${where}")
+    assert not re.search(schema["pattern"], "middle")
+    assert written(colour, {})["type"] == ["string", "boolean"]

@@ -1,0 +1,231 @@
+"""What the guard tells of the base, what expressions read of that, and when it ends a mission."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.driving.stop import Stop
+from behaviours.driving.straight import Drive
+from drivers.api import BaseState, Pose2D, Reflexes, Sides, Source, Steering, Velocity
+from missions.executive.battery import CONFIRM
+from missions.executive.events import Event, NodeChanged, ReflexFired, Stream, Ticked
+from missions.executive.executive import HALT_TIME, Executive
+from missions.executive.guard import CONTACTS, REFLEXES, Guard
+from missions.executive.state import state_of
+from missions.testing.recorders import STOP, Bench, good, none, stale
+
+REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0)
+STILL = Velocity(0.0, 0.0)
+LEFT, FRONT = Sides(left=True), Sides(left=True, centre=True)
+
+
+class Watched:
+    """A guard over a recorded base, and what it has told."""
+
+    def __init__(self, reflexes: Reflexes | None = None) -> None:
+        self.bench = Bench()
+        self.events: list[Event] = []
+        self.stream = Stream([self.events.append])
+        self.bench.base.reading = good(REST)
+        self.guard = Guard(self.bench.base, reflexes or Reflexes(), self.bench.run, self.stream)
+
+    def look(self, *, after: float = 0.05, **felt: Any) -> str:
+        """Let the base feel this, and look."""
+        self.bench.clock.advance(after)
+        if felt:
+            self.bench.base.reading = good(replace(REST, **felt))
+        return self.guard.look()
+
+    def told(self) -> list[tuple[str, str, bool]]:
+        """Return what was told since the last time."""
+        found = [(event.what, event.where, event.on) for event in self.events if isinstance(event, ReflexFired)]
+        self.events.clear()
+        return found
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+# What the guard tells
+
+
+@pytest.mark.parametrize("contact", CONTACTS)
+def test_a_contact_is_told_with_its_sides_as_they_change_and_when_it_is_gone(watched: Watched, contact: str) -> None:
+    for sides in (LEFT, LEFT, FRONT, Sides(), Sides()):
+        felt: dict[str, Any] = {contact: sides}
+        assert not watched.look(**felt)
+    assert watched.told() == [
+        (contact, "left", True),
+        (contact, "left and centre", True),
+        (contact, "left and centre", False),
+    ]
+
+
+def test_buttons_dock_and_charger_are_told(watched: Watched) -> None:
+    watched.look(buttons=frozenset({0, 2}))
+    watched.look(buttons=frozenset({2}), docked=True)
+    watched.look(docked=True, charging=True)
+    watched.look()
+    watched.look(charging=False)
+    assert watched.told() == [
+        ("button", "0", True),
+        ("button", "2", True),
+        ("button", "0", False),
+        ("docked", "", True),
+        ("button", "2", False),
+        ("charging", "", True),
+        ("docked", "", False),
+        ("charging", "", False),
+    ]
+
+
+def test_what_is_so_from_the_beginning_is_told_too(watched: Watched) -> None:
+    watched.bench.base.latched = "button 0 was pressed"
+    watched.look(docked=True)
+    assert watched.told() == [("latched", "button 0 was pressed", True), ("docked", "", True)]
+
+
+def test_a_stop_that_lasts_is_told_with_its_reason_and_when_it_ends_even_without_reports(watched: Watched) -> None:
+    watched.bench.base.reading = none()
+    watched.bench.base.latch("cliff left")
+    watched.look()
+    watched.look()
+    watched.bench.base.enable()
+    watched.look()
+    assert watched.told() == [("latched", "cliff left", True), ("latched", "cliff left", False)]
+
+
+def test_a_stale_report_changes_nothing(watched: Watched) -> None:
+    watched.look(bumper=LEFT)
+    watched.bench.base.reading = stale(REST)
+    watched.look()
+    watched.bench.base.reading = none()
+    watched.look()
+    assert watched.told() == [("bumper", "left", True)]
+
+
+def test_a_low_battery_is_told_and_a_critical_one_ends_the_mission(watched: Watched) -> None:
+    assert not watched.look(battery_percent=20.0)
+    assert not watched.look(after=CONFIRM)
+    assert watched.told() == [("battery_low", "20 %", True)]
+    assert not watched.look(battery_percent=9.0)
+    assert watched.look(after=CONFIRM) == "battery critical: 9 %"
+    assert watched.told() == [("battery_critical", "9 %", True)]
+    assert watched.look(battery_percent=8.0) == "battery critical: 8 %"
+    assert not watched.look(battery_percent=8.0, charging=True)
+    assert watched.told() == [
+        ("charging", "", True),
+        ("battery_low", "8 %", False),
+        ("battery_critical", "8 %", False),
+    ]
+
+
+def test_all_that_is_told_has_its_name() -> None:
+    assert set(REFLEXES) >= {*CONTACTS, "battery_low", "battery_critical"}
+    assert len(set(REFLEXES)) == len(REFLEXES)
+
+
+def test_expressions_read_what_the_guard_knows_of_the_battery(watched: Watched) -> None:
+    state = state_of(watched.bench.robot, watched.bench.clock, watched.guard)
+    watched.look(battery_percent=20.0)
+    watched.look(after=CONFIRM)
+    battery, unwatched = state["battery"], state_of(watched.bench.robot, watched.bench.clock)["battery"]
+    assert [getattr(battery, name) for name in ("low", "critical")] == [True, False]
+    assert [getattr(unwatched, name) for name in ("low", "critical")] == [None, None]
+    watched.bench.base.reading = stale(REST)
+    assert [getattr(battery, name) for name in ("low", "critical")] == [None, None]
+
+
+def test_expressions_read_who_drives_the_base_and_what_it_stands_on(watched: Watched) -> None:
+    base = state_of(watched.bench.robot, watched.bench.clock)["base"]
+
+    def read() -> list[object]:
+        return [getattr(base, name) for name in ("driver", "stopped", "docked", "button")]
+
+    assert read() == ["", False, False, None]
+    watched.bench.base.steers = Steering(Source.TELEOP, STILL, STILL)
+    watched.bench.base.latched = "button 0 was pressed"
+    watched.look(docked=True, buttons=frozenset({1, 2}))
+    assert read() == ["teleop", True, True, 1]
+
+
+# The end of a mission
+
+
+class Slow(Drive):
+    """A drive that takes some ticks to stop; for ever, where there are none."""
+
+    word = "slow_drive"
+    ticks = 3
+    halt_limit = 2 * HALT_TIME
+
+    def halting(self) -> bool:
+        self.ticks -= 1
+        return self.ticks != 0
+
+
+def executive(watched: Watched, leaf: Drive | Stop) -> Executive:
+    watched.bench.put(leaf, distance=5.0)
+    made = Executive(leaf, watched.bench.run, watched.stream, guard=watched.guard)
+    watched.bench.run.let_pass = lambda seconds: bool(watched.bench.clock.advance(seconds))
+    return made
+
+
+def critical(watched: Watched) -> None:
+    watched.look(battery_percent=9.0)
+    watched.look(after=CONFIRM)
+
+
+def test_a_critical_battery_halts_the_tree_and_is_the_reason_of_the_failure(watched: Watched) -> None:
+    run = executive(watched, Drive("drive"))
+    assert run.tick() is Status.RUNNING
+    critical(watched)
+    assert run.tick() is Status.FAILURE
+    assert watched.bench.base.commands[-1] == STOP
+    (last,) = [event for event in watched.events[-2:] if isinstance(event, NodeChanged)]
+    assert (last.status, last.reason) == ("failure", "battery critical: 9 %")
+    assert isinstance(watched.events[-1], Ticked)
+    result = run.loop()
+    assert (result.result, result.reason) == ("failure", "battery critical: 9 %")
+
+
+def test_a_tree_that_needs_time_to_halt_gets_it(watched: Watched) -> None:
+    run = executive(watched, Slow("slow"))
+    run.tick()
+    critical(watched)
+    assert [run.tick() for _ in range(3)] == [Status.RUNNING, Status.RUNNING, Status.FAILURE]
+
+
+def test_a_tree_that_never_halts_is_brought_to_rest(watched: Watched) -> None:
+    leaf = Slow("slow")
+    leaf.ticks = -1
+    run = executive(watched, leaf)
+    run.tick()
+    critical(watched)
+    result = run.loop()
+    assert (result.result, result.reason) == ("failure", "battery critical: 9 %")
+    assert watched.bench.settled == [frozenset({"base"})]
+    assert HALT_TIME <= result.seconds - 100.0 - CONFIRM <= HALT_TIME + 0.5
+
+
+def test_a_mission_ticked_by_hand_begins_anew_once_the_battery_is_good_again(watched: Watched) -> None:
+    run = executive(watched, Drive("drive"))
+    run.tick()
+    critical(watched)
+    assert [run.tick(), run.tick()] == [Status.FAILURE, Status.FAILURE]
+    watched.look(battery_percent=60.0)
+    assert run.tick() is Status.RUNNING
+    assert isinstance(watched.bench.base.commands[-1], Velocity)
+
+
+def test_a_signal_is_the_end_of_a_mission_that_is_being_ended(watched: Watched) -> None:
+    run = executive(watched, Slow("slow"))
+    run.tick()
+    critical(watched)
+    run.tick()
+    run.stop("SIGINT")
+    assert run.loop().result == "interrupted"

@@ -1,0 +1,81 @@
+"""What a leaf asks of an arm's joints, as it is told to whoever follows the mission."""
+
+from collections.abc import Iterator, Mapping
+
+import pytest
+
+from drivers.api import Coupling
+from drivers.dynamixel.joint import JointSpec
+from drivers.errors import BadRequest
+from drivers.sim.timeline import Timeline
+from drivers.sim.twins.joints import JointsTwin
+from missions.executive.commands import ToldJoints
+
+SPECS = {"elbow": JointSpec(1), "wrist": JointSpec(2, lower=-1.0, upper=1.0)}
+
+
+class Told:
+    """Joints whose commands are kept, and that somebody may forbid to move."""
+
+    def __init__(self) -> None:
+        self.timeline = Timeline()
+        self.twin = JointsTwin(SPECS, self.timeline.clock)
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+        self.commands: list[Mapping[str, object]] = []
+        self.permits = 0
+        self.twin.open()
+        self.joints = ToldJoints(self.twin, "wave", self._tell, self._permit)
+
+    def _tell(self, part: str, source: str, values: Mapping[str, object]) -> None:
+        assert (part, source) == ("arm", "wave")
+        self.commands.append(values)
+
+    def _permit(self) -> None:
+        self.permits += 1
+
+    def torque(self) -> list[bool]:
+        return [state.value.torque for state in self.joints.states().values() if state.value is not None]
+
+
+@pytest.fixture
+def told() -> Iterator[Told]:
+    told = Told()
+    yield told
+    told.twin.close()
+
+
+def test_hold_and_relax_tell_which_joints_they_are_for(told: Told) -> None:
+    told.joints.hold()
+    told.joints.relax(["wrist"])
+    told.joints.hold(["wrist"])
+    assert told.torque() == [True, True]
+    assert told.commands == [{"hold": True}, {"relax": ["wrist"]}, {"hold": ["wrist"]}]
+    assert told.permits == 0  # whatever happens, joints may be brought to rest
+    with pytest.raises(BadRequest, match="no joint 'knee'"):
+        told.joints.relax(["knee"])
+
+
+def test_following_is_told_with_who_leads_whom_and_needs_leave_to_begin_but_not_to_end(told: Told) -> None:
+    told.joints.follow([Coupling("elbow", "wrist", scale=-1.0)])
+    told.twin.turn_by_hand("elbow", 0.4)
+    told.timeline.run(1.0)
+    assert told.twin.true_angle("wrist", 1.0) == pytest.approx(-0.4, abs=0.01)
+    assert told.permits == 1
+    told.joints.follow(())
+    assert told.permits == 1
+    assert told.commands == [{"follow": {"wrist": "elbow"}}, {"follow": {}}]
+    with pytest.raises(BadRequest, match="no joint 'knee'"):
+        told.joints.follow([Coupling("elbow", "knee")])
+    assert len(told.commands) == 2
+
+
+def test_recovering_is_told_with_the_joints_that_took_it(told: Told) -> None:
+    told.twin.overload("wrist")
+    assert told.joints.recover() == ("wrist",)
+    assert told.commands == [{"recover": ["wrist"]}]
+    assert told.permits == 1
+
+
+def test_the_goals_told_are_those_accepted(told: Told) -> None:
+    assert told.joints.move({"wrist": 2.0}) == {"wrist": 1.0}
+    assert told.commands == [{"wrist": 1.0}]

@@ -1,0 +1,110 @@
+"""A range finder in the assembly: the real driver over a virtual device, in the same world as the base."""
+
+from math import cos, radians
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from behaviours.robot import Robot
+from config.library import find
+from config.robot import RobotConfig, load_robot
+from config.world import load_world
+from drivers.api import Angles, wrapped
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import BadRequest
+from drivers.sim.twins.ranger import RangerTwin
+from missions.assembly.simulation import WIRED, Simulation
+from missions.executive.events import Event, Logged
+from missions.executive.state import state_of
+from missions.runner import Order, Runner
+
+MISSION = """\
+mission: m
+tree:
+  sequence:
+    - wait: 8 s
+      until: range.ahead < 12
+    - log: "${range.ahead} ${range.nearest}"
+"""
+
+
+@pytest.fixture
+def turtlebot() -> RobotConfig:
+    return load_robot(find("robots", "turtlebot2"))
+
+
+def measured(folder: Path, *, simulate: Literal["wire", "fast"]) -> tuple[float, float]:
+    """Return what a mission reads of the range finder in a corridor: ahead, and all around."""
+    mission = folder / "m.yaml"
+    mission.write_text(MISSION, encoding="utf-8")
+    events: list[Event] = []
+    order = Order(str(mission), robot="turtlebot2", simulate=simulate, world="corridor", eyes="truth")
+    assert Runner(order, listeners=[events.append]).run().result == "success"
+    (line,) = [event.text for event in events if isinstance(event, Logged) and event.level == "info"]
+    ahead, nearest = map(float, line.split())
+    return ahead, nearest
+
+
+@pytest.mark.parametrize("simulate", ["wire", "fast"])
+def test_a_mission_reads_what_is_around_the_robot(tmp_path: Path, simulate: Literal["wire", "fast"]) -> None:
+    # The robot is in the middle of a corridor of 2 m, whose walls reach into what is ahead at 30 degrees.
+    ahead, nearest = measured(tmp_path, simulate=simulate)
+    assert nearest == pytest.approx(1.0, abs=0.1)
+    assert 1.3 <= ahead <= 1.0 / cos(radians(60)) + 0.1
+
+
+def test_a_range_finder_has_a_port_as_other_parts_on_a_wire_have(turtlebot: RobotConfig) -> None:
+    clock = SystemClock()
+    simulation = Simulation(
+        turtlebot, frozenset(WIRED) & turtlebot.parts, clock, world=load_world(find("worlds", "empty"))
+    )
+    assert set(simulation.ports) == {"base", "range"}
+    simulation.close()
+
+
+def looked(*things: tuple[float, float]) -> tuple[Any, ManualClock]:
+    """Return what expressions read of a range finder that sees things at these bearings (deg) and distances (m)."""
+
+    def look(found: Angles, time: float) -> Angles:
+        del time
+        far = np.full(len(found), np.inf)
+        for bearing, distance in things:
+            far[np.argmin(np.abs(wrapped(found - radians(bearing))))] = distance
+        return far
+
+    clock = ManualClock()
+    twin = RangerTwin(look, clock, noise=0.0)
+    twin.open()
+    for _ in range(2):
+        clock.advance(twin.period)
+        twin.step()
+    return state_of(Robot(ranger_part=twin), clock)["range"], clock
+
+
+def test_what_is_ahead_is_within_30_degrees_and_what_is_nearest_anywhere() -> None:
+    state, _ = looked((29, 1.5), (-20, 2.0), (40, 0.5), (180, 0.25))
+    assert (state.nearest, state.ahead) == (0.25, 1.5)
+
+
+def test_where_nothing_is_the_finder_sees_as_far_as_it_can() -> None:
+    state, _ = looked((90, 3.0))
+    assert (state.nearest, state.ahead) == (3.0, 12.0)
+
+
+def test_an_old_turn_is_not_trusted() -> None:
+    state, clock = looked((0, 1.0))
+    clock.advance(1.0)
+    assert (state.nearest, state.ahead) == (None, None)
+
+
+def test_without_a_range_finder_nothing_is_known_of_what_is_ahead() -> None:
+    state = state_of(Robot(), ManualClock())["range"]
+    assert [getattr(state, name) for name in ("nearest", "ahead")] == [None, None]
+
+
+def test_a_leaf_that_asks_for_a_range_finder_without_declaring_it_is_told_so() -> None:
+    with pytest.raises(BadRequest, match="this robot has no range") as caught:
+        Robot().ranger  # noqa: B018 - the asking is what is tested
+    assert "{'range'}" in caught.value.hint

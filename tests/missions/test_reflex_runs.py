@@ -1,0 +1,146 @@
+"""Whole runs in simulated time: what a base does by itself, what its battery ends, and what a range finder tells."""
+
+from collections.abc import Callable
+from functools import partial
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from drivers.api import Sides
+from drivers.sim.twins.base import BaseTwin
+from missions.cli.live import REFLEXES as SHOWN
+from missions.cli.live import Watcher
+from missions.executive.events import CommandSent, Event, Logged, ReflexFired
+from missions.executive.executive import Result
+from missions.executive.guard import REFLEXES
+from missions.runner import Order, Runner
+
+FAR = "drive: {distance: 3 m, speed: 0.2 m/s}"
+
+
+class Ran:
+    """One run of a tree on a TurtleBot in an empty room; ``events`` is what was told."""
+
+    def __init__(self, folder: Path, tree: str, hands: dict[float, Callable[[BaseTwin], None]] | None = None) -> None:
+        mission = folder / "m.yaml"
+        mission.write_text(f"mission: m\ntree: {{{tree}}}\n", encoding="utf-8")
+        self.events: list[Event] = []
+        order = Order(str(mission), robot="turtlebot2", simulate="fast", world="empty", eyes="truth")
+        runner = Runner(order, listeners=[self.events.append])
+        assert runner.twins is not None
+        base = runner.twins.base
+        assert base is not None
+        for time, hand in (hands or {}).items():
+            runner.twins.timeline.at(time, partial(hand, base))
+        self.result: Result = runner.run()
+        self.twins = runner.twins
+
+    def reflexes(self) -> list[tuple[str, str, bool]]:
+        return [(each.what, each.where, each.on) for each in self.events if isinstance(each, ReflexFired)]
+
+    def commands(self, source: str) -> list[CommandSent]:
+        return [each for each in self.events if isinstance(each, CommandSent) and each.source == source]
+
+
+def bump(base: BaseTwin) -> None:
+    base.press(Sides(left=True))
+
+
+def let_go(base: BaseTwin) -> None:
+    base.press()
+
+
+def drain(percent: float) -> Callable[[BaseTwin], None]:
+    return lambda base: base.drain(percent)
+
+
+def press(*numbers: int) -> Callable[[BaseTwin], None]:
+    return lambda base: base.press(buttons=frozenset(numbers))
+
+
+def test_a_critical_battery_ends_a_mission_with_the_base_at_rest(tmp_path: Path) -> None:
+    ran = Ran(tmp_path, FAR, {1.0: drain(9.0)})
+    assert (ran.result.result, ran.result.reason) == ("failure", "battery critical: 9 %")
+    assert 3.0 <= ran.result.seconds <= 3.2
+    assert ran.reflexes() == [("battery_low", "9 %", True), ("battery_critical", "9 %", True)]
+    twins = ran.twins
+    twins.timeline.run(twins.timeline.clock.now() + 1.0)
+    before = twins.pose()
+    twins.timeline.run(twins.timeline.clock.now() + 0.1)
+    assert twins.pose() == before
+
+
+def test_a_dip_of_the_battery_ends_nothing(tmp_path: Path) -> None:
+    ran = Ran(tmp_path, "drive: 40 cm", {1.0: drain(9.0), 2.5: drain(60.0)})
+    assert ran.result.result == "success"
+    assert ran.reflexes() == []
+
+
+def test_a_low_battery_is_for_the_mission_to_see(tmp_path: Path) -> None:
+    tree = f"race: [{{{FAR}}}, {{wait: 1 min, until: battery.low}}]"
+    ran = Ran(tmp_path, tree, {1.0: drain(20.0)})
+    assert ran.result.result == "success"
+    assert ran.result.seconds == pytest.approx(3.1, abs=0.15)
+    assert ran.reflexes() == [("battery_low", "20 %", True)]
+
+
+def test_a_bump_in_the_middle_of_a_mission_shows_safety_as_the_source_of_commands(tmp_path: Path) -> None:
+    ran = Ran(tmp_path, f"selector: [{{{FAR}}}, {{wait: 3 s}}]", {1.0: bump, 1.3: let_go})
+    begun, ended = ran.commands("safety")
+    assert 1.0 <= begun.t <= 1.1
+    assert begun.values == {"linear": -0.1, "angular": -0.4, "because": "backing off: bumper left"}
+    assert ended.values == {"linear": 0.0, "angular": 0.0}
+    assert ran.reflexes() == [("bumper", "left", True), ("bumper", "left", False)]
+
+
+def test_a_bump_fails_the_behaviour_that_drives(tmp_path: Path) -> None:
+    ran = Ran(tmp_path, FAR, {1.0: bump})
+    assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
+
+
+def test_a_button_stops_the_base_until_another_enables_it(tmp_path: Path) -> None:
+    tree = f"selector: [{{{FAR}}}, {{sequence: [{{wait: 1 min, until: not base.stopped}}, {{drive: 20 cm}}]}}]"
+    ran = Ran(tmp_path, tree, {1.0: press(0), 1.2: press(), 3.0: press(2), 3.2: press()})
+    assert ran.result.result == "success"
+    reason = "button 0 was pressed"
+    assert ran.reflexes() == [
+        ("latched", reason, True),
+        ("button", "0", True),
+        ("button", "0", False),
+        ("latched", reason, False),
+        ("button", "2", True),
+        ("button", "2", False),
+    ]
+    (stopped,) = ran.commands("safety")
+    assert stopped.values["because"] == reason
+    assert ran.result.seconds > 4.0
+
+
+def test_a_range_finder_is_read_by_expressions(tmp_path: Path) -> None:
+    read = "{log: '${range.ahead} ${range.nearest} ${base.driver}'}"
+    tree = f"sequence: [{{wait: 1 s}}, {read}, {{wait: 10 s, until: range.ahead < 1.0}}]"
+    ran = Ran(tmp_path, f"race: [{{{FAR}}}, {{{tree}}}]")
+    (line,) = [each.text for each in ran.events if isinstance(each, Logged) and each.level == "info"]
+    ahead, nearest, driver = line.split()
+    assert driver == "mission"
+    assert 0.2 < float(nearest) <= float(ahead) < 12.0
+    assert ran.twins.range is not None
+
+
+def test_a_mission_that_asks_for_no_range_finder_starts_without_it(tmp_path: Path) -> None:
+    assert Ran(tmp_path, "drive: 10 cm").twins.range is None
+
+
+def test_a_person_sees_what_stops_the_base_and_that_its_battery_is_low() -> None:
+    out = StringIO()
+    show = Watcher(out)
+    show(ReflexFired(1.0, 20, "latched", "button 0 was pressed", on=True))
+    show(ReflexFired(2.0, 40, "latched", "button 0 was pressed", on=False))
+    show(ReflexFired(3.0, 60, "charging", "", on=True))
+    show(ReflexFired(4.0, 80, "battery_low", "20 %", on=True))
+    assert [line.strip() for line in out.getvalue().splitlines()] == [
+        "1.0 s  ! base: stopped until it is enabled: button 0 was pressed",
+        "4.0 s  ! base: its battery is low: 20 %",
+    ]
+    assert SHOWN.keys() < set(REFLEXES)

@@ -1,0 +1,137 @@
+"""``mission simulate`` takes what a person does to the devices: by a line of words each, from a pipe or a terminal."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from config.library import find
+from config.robot import load_robot
+from drivers.clock import SystemClock
+from missions.assembly.simulation import Simulation
+from missions.cli.hands import HELP, Hands
+from missions.cli.simulate import Lines
+
+ROBOT = load_robot(find("robots", "turtlebot2_arm"))
+
+
+@pytest.fixture
+def simulation() -> Iterator[Simulation]:
+    found = Simulation(ROBOT, frozenset({"arm", "head"}), SystemClock())
+    found.open()
+    yield found
+    found.close()
+
+
+def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simulation) -> None:
+    hands, servos = Hands(simulation, ROBOT), simulation.servos
+    assert servos is not None
+    assert hands.do("turn elbow 30 deg") == "turn elbow 30 deg"
+    elbow = servos.servo(6)
+    assert elbow.angle == pytest.approx(radians(30))
+    elbow.set("torque_enable", 1)
+    with pytest.raises(ValueError, match=r"elbow \(servo 6\) is stiff"):
+        hands.do("turn elbow 0 deg")
+
+
+def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) -> None:
+    hands, servos = Hands(simulation, ROBOT), simulation.servos
+    assert servos is not None
+    for line in ("heat gripper 70 degC", "burden gripper 40 %", "remove elbow", "brown_out waist_turn 500 ms"):
+        hands.do(line)
+    assert (servos.servo(10).temperature, servos.servo(10).burden, servos.servo(6).present) == (70.0, 0.4, False)
+    assert not servos.servo(1).awake
+    servos.servo(10).set("led", 1)
+    hands.do("power gripper")
+    hands.do("insert elbow")
+    assert (servos.servo(10).get("led"), servos.servo(6).present) == (0, True)
+
+
+def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simulation) -> None:
+    servos = simulation.servos
+    assert servos is not None
+    elbow = servos.servo(6)
+    hands = Hands(simulation, ROBOT)
+    elbow.set("id", 77)
+    hands.do("turn elbow 10 deg")
+    assert elbow.angle == pytest.approx(radians(10))
+
+
+def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
+    hands = Hands(simulation, ROBOT)
+    hands.do("unplug arm")
+    assert [Path(port).exists() for port in simulation.ports.values()] == [True, False]
+    hands.do("unplug")
+    assert not any(Path(port).exists() for port in simulation.ports.values())
+    hands.do("plug")
+    assert all(Path(port).exists() for port in simulation.ports.values())
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("trun elbow 30 deg", "did you mean 'turn'"),
+        ("turn elbwo 30 deg", "did you mean 'elbow'"),
+        ("turn elbow 30", "has no unit"),
+        ("turn", "no joint ''"),
+        ("overload elbow now", "nothing else"),
+        ("unplug leg", "no part 'leg'"),
+    ],
+)
+def test_words_that_make_no_sense_are_answered_in_words(simulation: Simulation, line: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words.replace("'", ".")):
+        Hands(simulation, ROBOT).do(line)
+
+
+def test_help_names_every_command(simulation: Simulation) -> None:
+    assert all(word in Hands(simulation, ROBOT).do("help") for word in HELP)
+
+
+def test_lines_come_whole_however_they_are_cut_and_end_with_their_pipe() -> None:
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as cat:
+        assert cat.stdin is not None
+        assert cat.stdout is not None
+        lines = Lines(cat.stdout.fileno())
+        found: list[str] = []
+        for piece in (b"turn el", b"bow 3 deg\nunplug\nhe", b"lp\n"):
+            cat.stdin.write(piece)
+            cat.stdin.flush()
+            found += lines.wait(5.0)
+        cat.stdin.close()
+        cat.wait()
+        while len(found) < 3:
+            found += lines.wait(5.0)
+    assert found == ["turn elbow 3 deg", "unplug", "help"]
+    assert list(lines.wait(0.0)) == []
+
+
+def test_the_command_answers_each_line_and_goes_on_without_its_stdin(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "missions", "simulate", "--robot", "turtlebot2_arm", "--paced"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    )
+    try:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        port = Path(json.loads(process.stdout.readline())["ports"]["arm"])
+        process.stdin.write("unplug arm\njump\n")
+        process.stdin.close()
+        assert json.loads(process.stdout.readline()) == {"done": "unplug arm"}
+        assert not port.exists()
+        assert "unknown command 'jump'" in json.loads(process.stdout.readline())["error"]
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()

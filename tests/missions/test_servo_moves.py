@@ -1,0 +1,197 @@
+"""``mission servo record`` and ``play``: what a hand has shown, the arm does again, and how well is told."""
+
+import csv
+import io
+import signal
+from collections.abc import Callable, Iterator
+from math import degrees, radians
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from config.gesture import load_gesture
+from drivers.ports import open_port
+from tests.missions.command import Outcome, Process, command, wait_until
+from tests.missions.servo_bench import Three, three
+from tests.waiting import wait_until as wait_for
+
+Mission = Callable[[str], Outcome]
+
+NOD = """\
+gesture: nod
+summary: Nod with the elbow.
+keyframes:
+  - {at: 0.3 s, elbow: 5 deg}
+  - {at: 0.8 s, elbow: 25 deg, waist: 10 deg}
+  - {at: 1.3 s, elbow: 0 deg}
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fonts() -> None:
+    """Have Matplotlib open its fonts before the tests: it keeps their files open."""
+    FigureCanvasAgg(figure := Figure())
+    figure.text(0.1, 0.1, "plain")
+    figure.savefig(io.BytesIO())
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("missions.assembly.assemble.PATIENCE", 0.1)  # driver and servos share one interpreter here
+    (tmp_path / "nod.yaml").write_text(NOD)
+    with three(Path("three.yaml")) as found:
+        yield found
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
+    """The command, in one line of words."""
+    return lambda line: command(capsys, *line.split())
+
+
+# Play
+
+
+def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, mission: Mission) -> None:
+    outcome = mission("servo play nod.yaml --robot three.yaml --csv nod.csv --plot nod.svg")
+    assert outcome.code == 0, outcome.err + outcome.out
+    table = [line.split() for line in outcome.out.splitlines()]
+    assert ["joint", "rms", "deg", "worst", "deg", "at", "s", "readings"] in table
+    assert {row[0] for row in table if row and row[0] in ("elbow", "waist", "wrist")} == {"elbow", "waist"}
+    with Path("nod.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["joint"] == "elbow"]
+    assert len(rows) > 5
+    assert max(float(row["position"]) for row in rows) == pytest.approx(radians(25), abs=radians(4))
+    assert Path("nod.svg").read_text().count("<svg") == 1
+    assert robot.elbow.angle == pytest.approx(radians(10), abs=radians(4))  # 0 deg of the joint
+    wait_until(lambda: robot.elbow.limp)  # at_end: relax
+
+
+def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, mission: Mission) -> None:
+    robot.path.write_text(robot.path.read_text().replace(robot.terminal.path, "/dev/nothing_here"))
+    outcome = mission("servo play nod.yaml --robot three.yaml --dry-run --speed 0.5 --plot nod.png")
+    assert outcome.code == 0, outcome.err
+    assert outcome.out.splitlines() == [
+        "nod: 3 keyframes in 2.0 s; before that to its first pose, at 50 deg/s at most",
+        "   s  elbow  waist",
+        "0.00    5.0   10.0",
+        "1.00   25.0   10.0",
+        "2.00    0.0   10.0",
+    ]
+    assert Path("nod.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> None:
+    rows = "".join(f"{index / 25:.2f},{0.2 * min(index, 50 - index) / 25:.4f}\n" for index in range(51))
+    Path("sheet.csv").write_text("time,waist\n" + rows)
+    outcome = mission("servo play sheet.csv --robot three.yaml --speed 2")
+    assert outcome.code == 0, outcome.err + outcome.out
+    assert abs(degrees(robot.waist.angle)) < 4
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("far.yaml --dry-run", "far.yaml:4:24:"),
+        ("nod.yaml --dry-run --plot nod.gif", "a picture ends in .png or .svg"),
+        ("nod.yaml --dry-run --csv nod.csv", "--dry-run measures nothing"),
+        ("nod.yaml --plot there/nod.png", "there: no such folder"),
+        ("nodd", "unknown move 'nodd'"),
+    ],
+)
+@pytest.mark.usefixtures("robot")
+def test_what_cannot_be_played_is_said_before_anything_moves(line: str, words: str, mission: Mission) -> None:
+    Path("far.yaml").write_text(NOD.replace("5 deg", "95 deg", 1))
+    outcome = mission(f"servo play {line} --robot three.yaml")
+    assert (outcome.code, words in outcome.err) == (2, True), outcome.err
+
+
+def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot: Three, mission: Mission) -> None:
+    Path("up.yaml").write_text(NOD.replace("elbow: 0 deg", "elbow: 20 deg"))
+    robot.elbow.burden = 2.0
+    outcome = mission("servo play up.yaml --robot three.yaml")
+    assert outcome.code == 1
+    assert "elbow did not arrive" in outcome.out
+    (row,) = [line.split() for line in outcome.out.splitlines() if line.startswith("elbow ")]
+    assert float(row[2]) == pytest.approx(25.0, abs=2.0)  # the worst
+
+
+@pytest.mark.parametrize(
+    "words", ["play nod.yaml --speed 0.1", "record shown --seconds 60", "move elbow 50 deg --speed 5deg/s"]
+)
+def test_ctrl_c_leaves_the_arm_at_rest_and_the_port_free(robot: Three, words: str) -> None:
+    robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
+    limp = words.startswith("record")
+    robot.elbow.set("torque_enable", limp)
+    process = Process("servo", *words.split(), "--robot", "three.yaml", folder=Path.cwd())
+    wait_for(lambda: robot.elbow.limp == limp)
+    assert process.end(signal.SIGINT) == 130
+    errors = "".join(process.errors + process.lines)  # a busy machine may miss replies: then that is told
+    assert [number for number in (1, 2, 3) if robot.bus.servo(number).limp and f"(servo {number})" not in errors] == []
+    open_port("test", robot.terminal.path, 1_000_000).close()
+
+
+# Record
+
+
+def moving(robot: Three) -> Thread:
+    """Turn the elbow by hand, to and fro once it is limp, as evenly as a hand does."""
+
+    def turn() -> None:
+        wait_for(lambda: robot.elbow.limp)
+        for step in [*range(41), *range(40, -1, -1)]:
+            robot.elbow.turn_by_hand(radians(10 - step))
+            seen = robot.elbow.shaft.stamp
+            wait_for(lambda: robot.elbow.shaft.stamp > seen + 0.015)  # noqa: B023 - it waits in the same turn
+
+    thread = Thread(target=turn)
+    thread.start()
+    return thread
+
+
+def test_what_a_hand_shows_is_written_and_can_be_played(robot: Three, mission: Mission) -> None:
+    robot.elbow.set("torque_enable", 1)
+    hand = moving(robot)
+    outcome = mission("servo record lift --robot three.yaml --joint elbow --seconds 4")
+    hand.join()
+    assert outcome.code == 0, outcome.err
+    gesture = load_gesture(Path("lift.yaml"))
+    assert (gesture.name, gesture.interpolation) == ("lift", "cubic")
+    assert gesture.joints == {"elbow"}
+    highest = max(positions.get("elbow", 0.0) for _, positions in gesture.keyframes)
+    assert degrees(highest) == pytest.approx(40.0, abs=1.0)
+    assert mission("servo play lift --robot three.yaml --dry-run").code == 0
+    again = mission("servo record lift --robot three.yaml --seconds 1")
+    assert (again.code, "--force writes over it" in again.err) == (2, True)
+
+
+@pytest.mark.usefixtures("robot")
+def test_a_recording_takes_no_name_that_ships(mission: Mission) -> None:
+    outcome = mission("servo record hello --robot three.yaml --seconds 1")
+    assert (outcome.code, "choose another name" in outcome.err) == (2, True)
+
+
+def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) -> None:
+    outcome = mission("servo record still --robot three.yaml --seconds 0.5")
+    assert outcome.code == 3
+    assert "nothing moved while it was recorded" in outcome.err
+    assert not Path("still.yaml").exists()
+    assert all(each.limp for each in robot.bus.servos)
+
+
+def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(robot: Three, mission: Mission) -> None:
+    def pull() -> None:
+        wait_for(lambda: robot.elbow.shaft.stamp > 1.0)
+        robot.terminal.unplug()
+
+    hand = Thread(target=pull)
+    hand.start()
+    outcome = mission("servo record lost --robot three.yaml --seconds 30")
+    hand.join()
+    assert outcome.code == 3
+    assert "no reading for" in outcome.err
+    assert not Path("lost.yaml").exists()

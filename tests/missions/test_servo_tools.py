@@ -1,0 +1,288 @@
+"""``mission servo`` as its users meet it: scan, info, set and the rest, on virtual servos of both protocols."""
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from math import degrees, radians
+from pathlib import Path
+
+import pytest
+
+from drivers.dynamixel.units import baud_code
+from drivers.ports import open_port
+from tests.missions.command import Outcome, Process, command, wait_until
+from tests.missions.servo_bench import Three, three
+
+Servo = Callable[..., Outcome]
+
+IDS = ("--ids", "1-4")
+"""Where the scans of these tests look: every ID that is not there costs its time-out."""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
+    monkeypatch.chdir(tmp_path)
+    # Driver and servos share one interpreter here: a reply takes longer than on a wire.
+    for module in ("missions.cli.servo.bench", "missions.assembly.assemble"):
+        monkeypatch.setattr(f"{module}.PATIENCE", 0.1)
+    with three(Path("three.yaml")) as found:
+        yield found
+
+
+@pytest.fixture
+def servo(robot: Three, capsys: pytest.CaptureFixture[str]) -> Servo:
+    """``mission servo COMMAND --robot three.yaml ...``."""
+
+    def run(subcommand: str, *arguments: str) -> Outcome:
+        return command(capsys, "servo", subcommand, "--robot", str(robot.path), *arguments)
+
+    return run
+
+
+# Looking
+
+
+def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(servo: Servo, robot: Three) -> None:
+    robot.elbow.temperature, robot.wrist.voltage = 52.0, 11.1
+    outcome = servo("scan", *IDS, "--baud", "1000000")
+    assert outcome.code == 0, outcome.err
+    rows = [line.split() for line in outcome.out.splitlines()]
+    assert rows[0] == ["id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors"]
+    assert rows[1] == ["1", "1.0", "1000000", "AX-12A", "24", "+0.0", "deg", "12.0", "35", "waist", "none"]
+    assert rows[2][5:9] == ["+10.0", "deg", "12.0", "52"]
+    assert rows[3][:5] == ["3", "2.0", "1000000", "XL430-W250", "45"]
+    assert rows[3][7] == "11.1"
+
+
+def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo, robot: Three) -> None:
+    robot.waist.present = False
+    robot.elbow.set("baud", baud_code(57_600, 1))
+    text = robot.path.read_text().replace("XL430-W250", "XM430-W350")
+    robot.path.write_text(text)
+    outcome = servo("scan", *IDS)
+    assert outcome.code == 1
+    assert "waist (servo 1) does not answer" in outcome.err
+    assert "elbow (servo 2) is at 57600 baud, the robot file says 1000000" in outcome.err
+    assert "mission servo set-baud 2 1000000 --baud 57600" in outcome.err
+    assert "wrist (servo 3) is not what it should be: XL430-W250, the robot file says XM430-W350" in outcome.err
+    assert "write model: XL430-W250" in outcome.err
+
+
+def test_where_nothing_answers_the_causes_are_named(servo: Servo, robot: Three) -> None:
+    for each in robot.bus.servos:
+        each.present = False
+    outcome = servo("scan", *IDS, "--baud", "57600")
+    assert outcome.code == 1
+    assert f"no servo answers on {robot.terminal.path} at 57600 baud" in outcome.err
+    for cause in ("power", "cable", "adapter", "--all-bauds", "one ID", "another device"):
+        assert cause in outcome.err
+
+
+def test_a_port_alone_can_be_scanned_without_any_file(robot: Three, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("--port", robot.terminal.path, "--baud", "1000000", "--protocol", "2", *IDS, "--json")
+    outcome = command(capsys, "servo", "scan", *arguments)
+    (found,) = [json.loads(line) for line in outcome.out.splitlines()]
+    assert (outcome.code, found["id"], found["model"], found["errors"]) == (0, 3, "XL430-W250", [])
+
+
+def test_info_explains_the_registers_of_either_protocol(servo: Servo, robot: Three) -> None:
+    robot.elbow.set("return_delay", 0)
+    lines = {line.split()[1]: line for line in servo("info", "elbow").out.splitlines() if line[:8].strip().isdigit()}
+    assert lines["baud"].split()[2:5] == ["1", "1000000", "baud"]
+    assert lines["return_delay"].split() == ["5", "return_delay", "0", "0", "µs", "250", "EEPROM"]
+    assert "+10.0 deg" in lines["present_position"]
+    assert lines["present_voltage"].split()[2:5] == ["120", "12", "V"]
+    registers = json.loads(servo("info", "3", "--json").out)["registers"]
+    assert (registers["operating_mode"], registers["present_position"]) == (3, 2048)
+
+
+def test_the_monitor_shows_joints_in_their_own_angles_and_changes_nothing(servo: Servo, robot: Three) -> None:
+    robot.waist.set("torque_enable", 1)
+    robot.elbow.turn_by_hand(radians(10) - radians(30))
+    before = [bytes(each.table) for each in robot.bus.servos]
+    outcome = servo("monitor", "--once", "--json")
+    joints = json.loads(outcome.out)["joints"]
+    assert outcome.code == 0
+    assert degrees(joints["elbow"]["position"]) == pytest.approx(30.0, abs=0.3)
+    assert [joints[name]["torque"] for name in ("waist", "elbow", "wrist")] == [True, False, False]
+    for each, was in zip(robot.bus.servos, before, strict=True):
+        for name, register in each.model.table.registers.items():
+            assert not register.writable or register.decode(was) == each.get(name), name
+
+
+def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, robot: Three) -> None:
+    robot.elbow.present = False
+    robot.waist.set("torque_enable", 1)
+    robot.waist.overload()
+    outcome = servo("monitor", "--once")
+    rows = {line.split()[0]: line for line in outcome.out.splitlines()}
+    assert outcome.code == 1
+    assert rows["elbow"].endswith("no reply")
+    assert rows["waist"].endswith("overload, has shut down")
+
+
+def test_ctrl_c_ends_the_live_monitor_and_frees_the_port(robot: Three) -> None:
+    process = Process("servo", "monitor", "--robot", "three.yaml", "--json", "--rate", "20", folder=Path.cwd())
+    process.wait_for_line(lambda line: '"wrist"' in line)
+    assert process.end(signal.SIGINT) == 130
+    open_port("test", robot.terminal.path, 1_000_000).close()
+
+
+# Changing
+
+
+def test_a_register_is_set_by_name_and_verified(servo: Servo, robot: Three) -> None:
+    outcome = servo("set", "elbow", "return_delay", "0", "--yes")
+    assert outcome.code == 0, outcome.err
+    assert robot.elbow.get("return_delay") == 0
+    assert outcome.out == "servo 2 (AX-12A): return_delay: 250 -> 0 (0 µs), EEPROM\nservo 2: written and verified\n"
+    assert "is so already" in servo("set", "elbow", "return_delay", "0").out
+
+
+def test_the_eeprom_is_not_written_without_a_yes(servo: Servo, robot: Three) -> None:
+    outcome = servo("set", "all", "return_delay", "0")
+    assert (outcome.code, robot.elbow.get("return_delay")) == (2, 250)
+    assert "add --yes" in outcome.err
+    assert servo("set", "all", "return_delay", "0", "--yes").code == 0
+    assert [each.get("return_delay") for each in robot.bus.servos] == [0, 0, 0]
+
+
+def test_ram_is_written_without_a_question_and_below_zero_too(servo: Servo, robot: Three) -> None:
+    assert servo("set", "3", "goal_velocity", "-7").code == 0
+    assert robot.wrist.get("goal_velocity") == -7
+
+
+def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(servo: Servo, robot: Three) -> None:
+    robot.wrist.set("torque_enable", 1)
+    outcome = servo("set", "wrist", "temperature_limit", "70", "--yes")
+    assert "servo 3 was stiff, and is limp now" in outcome.err
+    assert (robot.wrist.get("temperature_limit"), robot.wrist.limp) == (70, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("elbow", "retrun_delay", "0"), 3, "did you mean return_delay"),
+        (("elbow", "return_delay", "999"), 3, "0..254"),
+        (("elbow", "present_voltage", "100"), 3, "present_voltage"),
+        (("9", "led", "1"), 3, "servo 9 does not answer"),
+        (("elbwo", "led", "1"), 2, "did you mean 'elbow'?"),
+    ],
+)
+def test_what_cannot_be_set_is_said_with_what_may_be_meant(
+    servo: Servo, arguments: tuple[str, ...], code: int, words: str
+) -> None:
+    outcome = servo("set", *arguments, "--yes")
+    assert outcome.code == code
+    assert words in outcome.err
+
+
+def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three) -> None:
+    outcome = servo("set-id", "2", "1", "--yes")
+    assert (outcome.code, robot.elbow.get("id")) == (3, 2)
+    assert "there is a servo with that ID already" in outcome.err
+    assert servo("set-id", "2", "7", "--yes").code == 0
+    assert robot.elbow.get("id") == 7
+
+
+def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three) -> None:
+    outcome = servo("set-baud", "all", "57600", "--yes")
+    assert outcome.code == 0, outcome.err
+    assert "the robot file must say baud: 57600" in outcome.err
+    assert servo("monitor", "--once").code == 1
+    assert servo("monitor", "--once", "--baud", "57600").code == 0
+    assert robot.wrist.get("baud") == baud_code(57_600, 2)
+
+
+# Moving
+
+
+def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: Servo, robot: Three) -> None:
+    robot.elbow.turn_by_hand(radians(30))
+    assert servo("torque", "on", "ax").code == 0
+    assert [each.limp for each in robot.bus.servos] == [False, False, True]
+    assert robot.elbow.angle == pytest.approx(radians(30), abs=0.01)
+    assert servo("set", "ax", "led", "1").code == 0
+    assert [each.get("led") for each in robot.bus.servos] == [1, 1, 0]
+    outcome = servo("torque", "off")
+    assert outcome.out.splitlines() == [f"{name} is limp" for name in ("waist (servo 1)", "elbow (servo 2)",
+                                                                       "wrist (servo 3)")]  # fmt: skip
+    assert all(each.limp for each in robot.bus.servos)
+
+
+def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Three) -> None:
+    robot.elbow.present = False
+    outcome = servo("torque", "off")
+    assert outcome.code == 1
+    assert "elbow (servo 2): " in outcome.err
+    assert "wrist (servo 3) is limp" in outcome.out
+
+
+def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo, robot: Three) -> None:
+    outcome = servo("move", "elbow", "-30", "deg")
+    assert outcome.code == 0, outcome.err
+    assert outcome.out.startswith("elbow is at -")
+    assert robot.elbow.angle == pytest.approx(radians(10 + 30), abs=radians(2))
+    assert all(each.limp for each in robot.bus.servos)  # at_end: relax
+
+
+def test_a_move_beyond_the_limits_is_clamped_and_that_is_said(servo: Servo) -> None:
+    outcome = servo("move", "elbow", "100 deg")
+    assert (outcome.code, "its limit for +100.0 deg" in outcome.out) == (0, True)
+
+
+def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot: Three) -> None:
+    robot.elbow.burden = 2.0
+    outcome = servo("move", "elbow", "40 deg")
+    assert outcome.code == 1
+    assert "elbow stopped at" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("move", "elbow", "30"), 2, "has no unit"),
+        (("move", "elbwo", "30 deg"), 3, "did you mean 'elbow'?"),
+        (("move", "elbow", "30 deg", "--speed", "0 deg/s"), 2, "above 0"),
+        (("torque", "on", "elbwo"), 2, "did you mean 'elbow'?"),
+        (("move", "elbow", "30 deg", "--simulate", "--port", "/dev/u2d2"), 2, "--port names a real port"),
+        (("reboot", "elbow"), 3, "protocol 1.0 has no restart"),
+    ],
+)
+def test_what_makes_no_sense_is_said_in_words(servo: Servo, arguments: tuple[str, ...], code: int, words: str) -> None:
+    outcome = servo(*arguments)
+    assert (outcome.code, words in outcome.err) == (code, True), outcome.err
+
+
+def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: Three) -> None:
+    robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
+    assert servo("torque", "on").code == 0
+    robot.elbow.overload()
+    wait_until(lambda: robot.elbow.get("torque_limit") == 0)
+    robot.elbow.turn_by_hand(radians(25))
+    outcome = servo("recover")
+    assert (outcome.code, outcome.out) == (0, "stiff again: elbow\n"), outcome.err
+    assert not robot.elbow.limp
+    assert robot.elbow.angle == pytest.approx(radians(25), abs=0.01)
+    assert servo("recover").out == "no servo has shut down\n"
+
+
+def test_a_servo_of_protocol_2_restarts(servo: Servo, robot: Three) -> None:
+    robot.wrist.set("torque_enable", 1)
+    robot.wrist.overload()
+    wait_until(lambda: robot.wrist.get("hardware_error") != 0)
+    outcome = servo("reboot", "wrist")
+    assert outcome.code == 0, outcome.err
+    assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, True)
+
+
+def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "servo", "scan", "--port", "/dev/nothing_here")
+    assert outcome.code == 3
+    assert "/dev/nothing_here: no such device" in outcome.err
+    assert "try: ls -l /dev/serial/by-id" in outcome.err
+
+
+def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "servo", "monitor", "--once", "elbow", "gripper")
+    assert [line.split()[0] for line in outcome.out.splitlines()] == ["joint", "elbow", "gripper"]

@@ -1,0 +1,213 @@
+"""Driving at an edge, at walls, and off the floor, at full speed and from everywhere: no base falls or goes on pushing.
+
+The behaviour here looks at nothing: what keeps the base safe is below every behaviour.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from config.library import shipped
+from config.robot import load_robot
+from config.world import WorldConfig, load_world
+from drivers.api import Pose2D
+from drivers.sim.twins.base import BaseTwin
+from missions.language.plan import Plan
+from missions.runner import Order, Runner, load
+
+STARTS = 100
+LAGS = (0.0, 0.1, 0.2)
+"""Dead times of the motors in seconds; users of a Kobuki measured 0.2."""
+
+BLIND = '''
+from behaviours.leaf import RUNNING, Leaf, argument
+from drivers.api import Velocity
+
+
+class Blindly(Leaf):
+    """Drive on whatever happens, and turn at times."""
+
+    word = "blindly"
+    needs = drives = frozenset({"base"})
+    after: float = argument("duration", "when it begins to turn", principal=True)
+
+    def update(self):
+        turn = 0.0 if self.elapsed < self.after else 1.5
+        self.robot.base.drive(Velocity(0.0 if turn else 0.7, turn))
+        return RUNNING
+
+    def terminate(self, new_status):
+        self.robot.base.stop()
+'''
+
+STUBBORN = """
+mission: stubborn
+tree:
+  race:
+    - selector:
+        - velocity: {speed: 0.7 m/s}
+        - turn: 90 deg
+        - turn: -90 deg
+        - drive: 20 cm
+      retry: forever
+    - wait: 15 s
+"""
+
+
+@pytest.fixture(scope="module")
+def blindly(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("blind")
+    (folder / "blindly.py").write_text(BLIND)
+    mission = folder / "blind.yaml"
+    mission.write_text("mission: blind\ntree:\n  race:\n    - blindly: 13 s\n    - wait: 15 s\n")
+    return mission
+
+
+@cache
+def plan_of(mission: Path, robot: str) -> Plan:
+    return load(order(mission, robot, load_world(shipped("worlds")["empty"])), load_robot(shipped("robots")[robot]))
+
+
+def order(mission: Path, robot: str, world: WorldConfig) -> Order:
+    leaves = tuple(mission.parent.glob("*.py"))
+    return Order(str(mission), robot=robot, simulate="fast", world=world, eyes="truth", behaviours=leaves)
+
+
+def world_of(name: str, start: Pose2D, lag: float) -> WorldConfig:
+    world = load_world(shipped("worlds")[name])
+    place = replace(world.start, x=start.x, y=start.y, heading=start.heading)
+    return replace(world, start=place, physics=replace(world.physics, lag=lag), people=())
+
+
+def ride(mission: Path, robot: str, world: WorldConfig, look: Callable[[BaseTwin, float], None]) -> BaseTwin:
+    """Run a mission, and look at the base after each of its steps; return it."""
+    runner = Runner(order(mission, robot, world), plan=plan_of(mission, robot))
+    assert runner.twins is not None
+    assert runner.twins.base is not None
+    base, timeline = runner.twins.base, runner.twins.timeline
+    timeline.every(BaseTwin.PERIOD, lambda: look(base, timeline.clock.now()))
+    runner.run()
+    return base
+
+
+def at_the_edge(random: Random) -> Pose2D:
+    """Return a start from which the way leads to somewhere on the rim of the stairs, its corners among them."""
+    world = load_world(shipped("worlds")["stairs"])
+    (edge,) = world.edges
+    left, right, low, high = (
+        edge.x - edge.length / 2,
+        edge.x + edge.length / 2,
+        edge.y - edge.width / 2,
+        edge.y + edge.width / 2,
+    )
+    corner = random.random() < 0.25
+    while True:
+        x, y = random.uniform(left - 1.2, right + 1.2), random.uniform(low + 0.3, high + 1.2)
+        if not (left - 0.4 < x < right + 0.4 and low - 0.4 < y < high + 0.4):
+            break
+    aim = (random.choice((left, right)), high) if corner else (random.uniform(left, right), random.uniform(low, high))
+    return Pose2D(x, y, math.atan2(aim[1] - y, aim[0] - x))
+
+
+def falls(mission: Path, robot: str, lag: float, seeds: range) -> list[str]:
+    """Return the starts from which a base has fallen; all others have come to the edge and stand there."""
+    fallen = []
+    for seed in seeds:
+        start = at_the_edge(Random(seed))  # noqa: S311 - chance, not a secret
+        felt = {"cliff": False, "drop": False}
+
+        def look(base: BaseTwin, now: float, felt: dict[str, bool] = felt) -> None:
+            del now
+            felt["cliff"] |= bool(base.body.cliff)
+            felt["drop"] |= bool(base.body.wheel_drop)
+
+        ride(mission, robot, world_of("stairs", start, lag), look)
+        assert felt["cliff"], f"{seed}: {start} does not lead to the edge"
+        if felt["drop"]:
+            fallen.append(f"seed {seed}, lag {lag} s: {start}")
+    return fallen
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_no_start_at_full_speed_leads_down_the_stairs(blindly: Path, lag: float) -> None:
+    share = LAGS.index(lag)
+    assert falls(blindly, "turtlebot2", lag, range(share, STARTS, len(LAGS))) == []
+
+
+def test_nor_does_it_where_a_mission_tries_again_and_again(tmp_path: Path) -> None:
+    mission = tmp_path / "stubborn.yaml"
+    mission.write_text(STUBBORN)
+    assert falls(mission, "turtlebot2", 0.1, range(10)) == []
+
+
+def test_a_faster_robot_stops_too_whose_motors_obey_at_once_and_that_comes_straight(blindly: Path) -> None:
+    for seed in range(20):
+        random = Random(f"straight {seed}")  # noqa: S311 - chance, not a secret
+        start = Pose2D(random.uniform(0.0, 1.2), random.uniform(-1.2, 0.6), random.uniform(-0.6, 0.6))
+        drops: list[float] = []
+
+        def look(base: BaseTwin, now: float, drops: list[float] = drops) -> None:
+            if base.body.wheel_drop:
+                drops.append(now)
+
+        base = ride(blindly, "turtlebot2_arm", world_of("stairs", start, 0.0), look)
+        assert drops == [], f"{seed}: {start}"
+        assert math.hypot(base.body.pose.x - start.x, base.body.pose.y - start.y) > 0.2
+
+
+# --- walls, and hands that lift it -----------------------------------------------------------------------------------
+
+
+class Pushing:
+    """For how long at most a base that touches something has gone on turning its wheels against it."""
+
+    def __init__(self) -> None:
+        self.longest = 0.0
+        self.touches = 0
+        self._since: float | None = None
+
+    def look(self, base: BaseTwin, now: float) -> None:
+        pushes = bool(base.body.bumper) and base.body.wheels.velocity.linear > 0.0
+        if pushes and self._since is None:
+            self._since = now
+            self.touches += 1
+        elif not pushes:
+            self._since = None
+        if self._since is not None:
+            self.longest = max(self.longest, now - self._since)
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_what_it_bumps_into_is_not_pushed(blindly: Path, lag: float) -> None:
+    touches = 0
+    for seed in range(LAGS.index(lag), STARTS, len(LAGS)):
+        random = Random(f"wall {seed}")  # noqa: S311 - chance, not a secret
+        start = Pose2D(random.uniform(3.5, 4.5), random.uniform(-2.0, 2.0), random.uniform(-1.0, 1.0))
+        pushing = Pushing()
+        ride(blindly, "turtlebot2", world_of("empty", start, lag), pushing.look)
+        assert pushing.touches >= 1, f"{seed}: {start}"
+        # One report, the dead time, and the motors that brake at 2 m/s^2.
+        assert pushing.longest <= BaseTwin.PERIOD + lag + 0.25 / 2.0 + BaseTwin.PERIOD, f"{seed}: {start}"
+        touches += pushing.touches
+    assert touches > STARTS / len(LAGS)  # for it backs off, and this behaviour comes again
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_a_base_that_is_lifted_turns_no_wheel(blindly: Path, lag: float) -> None:
+    for seed in range(LAGS.index(lag), STARTS, len(LAGS)):
+        random = Random(f"lift {seed}")  # noqa: S311 - chance, not a secret
+        lifted_at, rolls = random.uniform(0.0, 9.0), {"moved": 0.0}
+
+        def look(base: BaseTwin, now: float, lifted_at: float = lifted_at, rolls: dict[str, float] = rolls) -> None:
+            base.lift(up=now >= lifted_at)
+            # The report, the dead time, and half a metre per second (in a turn) that brakes at 2 m/s^2.
+            if now >= lifted_at + 2 * BaseTwin.PERIOD + lag + 0.25:
+                rolls["moved"] = max(rolls["moved"], *map(abs, base.body.wheels.speeds))
+
+        ride(blindly, "turtlebot2", world_of("empty", Pose2D(0.0, 0.0, 0.0), lag), look)
+        assert rolls["moved"] == 0.0, f"{seed}: lifted at {lifted_at:.2f} s"

@@ -1,0 +1,61 @@
+"""What the stream hears of commands of the base that no behaviour gives."""
+
+import pytest
+
+from behaviours.run import Run
+from drivers.api import Source, Steering, Velocity
+from drivers.clock import ManualClock
+from missions.executive.events import CommandSent, Event, Stream
+from missions.executive.telling import Teller
+
+STILL = Velocity(0.0, 0.0)
+
+
+@pytest.fixture
+def events() -> list[Event]:
+    return []
+
+
+@pytest.fixture
+def teller(events: list[Event]) -> Teller:
+    return Teller(Run(ManualClock()), Stream([events.append]))
+
+
+def commands(events: list[Event]) -> list[tuple[str, object]]:
+    return [(event.source, event.values) for event in events if isinstance(event, CommandSent)]
+
+
+def test_what_a_mission_commands_is_not_told_twice(events: list[Event], teller: Teller) -> None:
+    ahead = Velocity(0.2, 0.0)
+    teller.steered(Steering(Source.MISSION, ahead, ahead))
+    teller.steered(Steering(Source.MISSION, ahead, STILL, "bumper centre"))
+    teller.steered(Steering(None, STILL, STILL))
+    assert commands(events) == []
+
+
+def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(events: list[Event], teller: Teller) -> None:
+    back = Velocity(-0.1, 0.4)
+    teller.steered(Steering(Source.SAFETY, back, back, "backing off: bumper right"))
+    teller.steered(Steering(None, STILL, STILL))
+    assert commands(events) == [
+        ("safety", {"linear": -0.1, "angular": 0.4, "because": "backing off: bumper right"}),
+        ("safety", {"linear": 0.0, "angular": 0.0}),
+    ]
+
+
+def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[Event], teller: Teller) -> None:
+    teller.steered(Steering(Source.TELEOP, Velocity(0.7, 0.0), Velocity(0.3, 0.0), "limited"))
+    assert commands(events) == [
+        (
+            "teleop",
+            {"linear": 0.3, "angular": 0.0, "wanted_linear": 0.7, "wanted_angular": 0.0, "because": "limited"},
+        )
+    ]
+
+
+def test_a_base_that_is_stopped_for_good_is_so_for_safety(events: list[Event], teller: Teller) -> None:
+    ahead = Velocity(0.2, 0.0)
+    teller.steered(Steering(Source.MISSION, ahead, ahead))
+    teller.steered(Steering(None, STILL, STILL, "button 0 was pressed"))
+    teller.steered(Steering(None, STILL, STILL))
+    assert commands(events) == [("safety", {"linear": 0.0, "angular": 0.0, "because": "button 0 was pressed"})]

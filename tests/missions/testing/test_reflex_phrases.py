@@ -1,0 +1,123 @@
+"""Test files speak of reflexes: what befalls a base and its range finder, what fires, and what is expected of that."""
+
+from pathlib import Path
+
+import pytest
+
+from config.faults import Fault, InvalidFileError, Mark, Source
+from config.marked import Scalar
+from missions.testing.mishaps import Mishap, read_mishap
+from missions.testing.moments import Moment, read_moment
+from missions.testing.phrases import Phrase
+from tests.missions.testing.playing import DRIVES, cases, played, seen
+
+
+def phrase(text: str) -> tuple[Phrase, list[Fault]]:
+    faults: list[Fault] = []
+    return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
+
+
+def known(name: str) -> str:
+    return "" if name in {"cliff", "drive"} else f"no '{name}'"
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [
+        ("base button 0 pressed at 2 s", Mishap("base", "button", "0", start=2.0)),
+        ("base button 2 pressed from 1 s to 2 s", Mishap("base", "button", "2", start=1.0, seconds=1.0)),
+        ("base docked from 3 s", Mishap("base", "docked", start=3.0)),
+        ("base battery at 8 % from 3 s", Mishap("base", "battery", amount=0.08, start=3.0)),
+        ("range unplugged at 3 s", Mishap("range", "unplugged", start=3.0)),
+        (
+            "range unplugged when bumper fires for 1 s",
+            Mishap("range", "unplugged", seconds=1.0, moment=Moment("bumper", "fires")),
+        ),
+    ],
+)
+def test_what_befalls_a_base_and_its_range_finder(text: str, read: Mishap) -> None:
+    words, faults = phrase(text)
+    assert read_mishap(words, known) == read
+    assert not faults
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "message", "suggestion"),
+    [
+        ("base button", 12, "the number of a button is missing here", "known are: 0, 1, 2"),
+        ("base button 3 pressed", 13, "the number of a button cannot be '3'", "known are: 0, 1, 2"),
+        ("base button 0 presed", 15, "what becomes of button 0 cannot be 'presed'", "did you mean 'pressed'?"),
+        ("range frozen", 7, "what happens to the range cannot be 'frozen'", "known are: unplugged"),
+        ("rang unplugged", 1, "what something happens to cannot be 'rang'", "did you mean 'range'?"),
+    ],
+)
+def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, message: str, suggestion: str) -> None:
+    words, faults = phrase(text)
+    read_mishap(words, known)
+    (fault,) = faults
+    assert (fault.mark.column, fault.message, fault.suggestion) == (column, message, suggestion)
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [
+        ("bumper fires", Moment("bumper", "fires")),
+        ("battery_low clears", Moment("battery_low", "clears")),
+        ("cliff fires", Moment("cliff", "fires")),
+        ("cliff fails", Moment("cliff", "fails")),  # the behaviour of that name
+        ("range disconnects", Moment("range", "disconnects")),
+    ],
+)
+def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, read: Moment) -> None:
+    words, faults = phrase(text)
+    assert read_moment(words, known) == read
+    words.end()
+    assert not faults
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "suggestion"),
+    [
+        ("bumper fire", "what 'bumper' does cannot be 'fire'", "did you mean 'fires'?"),
+        ("bumper starts", "what 'bumper' does cannot be 'starts'", "known are: clears, fires"),
+        ("drive fires", "what 'drive' does cannot be 'fires'", "did you mean 'fails'?"),
+        ("bumpr fires", "no 'bumpr'", ""),
+    ],
+)
+def test_a_mistake_with_a_moment_says_what_it_can_be(text: str, message: str, suggestion: str) -> None:
+    words, faults = phrase(text)
+    read_moment(words, known)
+    (fault,) = faults
+    assert (fault.message, fault.suggestion) == (message, suggestion)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "given: [base bumped left at 1 s], expect: {reflexes: bumper, order: [base moves, bumper fires, drive fails]}",
+        "given: [base bumped left at 1 s], expect: {reflexes: [bumper left]}",
+        "given: [base docked from 1 s to 2 s], expect: {result: success, order: [docked fires, docked clears]}",
+        "given: [base docked, base battery at 50 %], expect: {result: success, reflexes: [docked, charging]}",
+        "given: [base button 1 pressed at 1 s for 500 ms], expect: {order: [button fires, button clears]}",
+        "expect: {reflexes: []}",
+    ],
+)
+def test_reflexes_that_fired_are_expected(body: str, tmp_path: Path) -> None:
+    verdict = played(tmp_path, DRIVES, body)
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+
+
+def test_reflexes_that_did_not_fire_are_missed(tmp_path: Path) -> None:
+    bumped = "given: [base bumped left at 1 s]"
+    assert seen(played(tmp_path, DRIVES, f"{bumped}, expect: {{reflexes: bumper right}}")) == [
+        'the reflexes that fired were "bumper left"'
+    ]
+    assert seen(played(tmp_path, DRIVES, f"{bumped}, expect: {{reflexes: []}}")) == [
+        'these reflexes fired: "bumper left"'
+    ]
+    assert seen(played(tmp_path, DRIVES, "expect: {reflexes: cliff}")) == ["the reflexes that fired were nothing"]
+
+
+def test_a_reflex_that_there_is_not_is_a_mistake(tmp_path: Path) -> None:
+    with pytest.raises(InvalidFileError, match=r"(?s)'reflexes' cannot be 'bumped'.*did you mean 'bumper'\?"):
+        cases(tmp_path, DRIVES, "expect: {reflexes: bumped left}")
