@@ -173,7 +173,7 @@ def test_the_turtlebot_without_an_arm_ships() -> None:
     robot = load_robot(find("robots", "turtlebot2"))
     assert robot.parts == {"base", "range", "camera", "voice"}
     assert robot.base is not None
-    assert robot.base.max_speed == 0.25
+    assert robot.base.max_speed == 0.23
     assert robot.base.reflexes == ReflexConfig(stop_button=0, enable_button=2)
     assert robot.range is not None
     assert (robot.range.model, robot.range.port, robot.base.port) == ("a1", "/dev/rplidar", "/dev/kobuki")

@@ -96,22 +96,25 @@ def ride(mission: Path, robot: str, world: WorldConfig, look: Callable[[BaseTwin
 
 
 def at_the_edge(random: Random) -> Pose2D:
-    """Return a start from which the way leads to somewhere on the rim of the stairs, its corners among them."""
-    world = load_world(shipped("worlds")["stairs"])
-    (edge,) = world.edges
-    left, right, low, high = (
-        edge.x - edge.length / 2,
-        edge.x + edge.length / 2,
-        edge.y - edge.width / 2,
-        edge.y + edge.width / 2,
-    )
-    corner = random.random() < 0.25
-    while True:
-        x, y = random.uniform(left - 1.2, right + 1.2), random.uniform(low + 0.3, high + 1.2)
-        if not (left - 0.4 < x < right + 0.4 and low - 0.4 < y < high + 0.4):
-            break
-    aim = (random.choice((left, right)), high) if corner else (random.uniform(left, right), random.uniform(low, high))
-    return Pose2D(x, y, math.atan2(aim[1] - y, aim[0] - x))
+    """Return a start from which the way leads to the stairs: every other time to a corner, with any part of the base.
+
+    A corner gives the least way from a floor sensor to a wheel.
+    """
+    (edge,) = load_world(shipped("worlds")["stairs"]).edges
+    left, right = edge.x - edge.length / 2, edge.x + edge.length / 2
+    low, high = edge.y - edge.width / 2, edge.y + edge.width / 2
+    if random.random() < 0.5:
+        side = random.choice((1.0, -1.0))
+        heading = math.radians(-90.0 + side * (45.0 + random.uniform(-25.0, 25.0)))
+        x, y = left if side > 0 else right, high
+        away, beside = random.uniform(0.7, 1.2), random.uniform(-0.13, 0.13)
+    else:
+        heading = math.radians(random.choice((0.0, -90.0)) + random.uniform(-35.0, 35.0))
+        on_top = heading < math.radians(-45.0)
+        x, y = (random.uniform(left, right), high) if on_top else (left, random.uniform(low + 0.3, high))
+        away, beside = random.uniform(0.5, 1.5), 0.0
+    c, s = math.cos(heading), math.sin(heading)
+    return Pose2D(x - away * c - beside * s, y - away * s + beside * c, heading)
 
 
 def falls(mission: Path, robot: str, lag: float, seeds: range) -> list[str]:
