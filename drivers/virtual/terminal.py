@@ -78,10 +78,13 @@ class Terminal:
 
     ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
     ``distort`` may be set at any time: it sees all bytes that the device sends, and returns what arrives instead
-    (nothing for silence, flipped bits for noise).
+    (nothing for silence, flipped bits for noise). For ``awake`` seconds after bytes have passed it watches the line
+    without sleeping, at the price of a processor: a wire that is to keep its times has nobody to wake up.
     """
 
-    def __init__(self, name: str, device: WireDevice, clock: Clock, *, period: float = 0.005) -> None:
+    def __init__(
+        self, name: str, device: WireDevice, clock: Clock, *, period: float = 0.005, awake: float = 0.0
+    ) -> None:
         self.name = name
         self.device = device
         self.distort: Callable[[bytes], bytes] = bytes
@@ -89,6 +92,8 @@ class Terminal:
         self._tunable = device if isinstance(device, Tunable) else None
         self._clock = clock
         self._period = period
+        self._awake = awake
+        self._awake_until = 0.0
         self._folder = Path(tempfile.gettempdir()) / f"missiontree-{secrets.token_hex(8)}"
         self.path = str(self._folder / name)
         self._forget: weakref.finalize[[Path], Terminal] | None = None  # removes the folder, at exit if nobody did
@@ -159,7 +164,7 @@ class Terminal:
             rest = self._period if due is None else min(self._period, due - self._clock.now())
             if master < 0:
                 self._ending.wait(self._period)
-            else:
+            elif self._clock.now() >= self._awake_until:
                 with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
                     select.select([master], [], [], max(0.0, rest - SPIN))
                 self._spin(due)
@@ -180,6 +185,8 @@ class Terminal:
                 data = os.read(self._master, 4096)
         heard = data if self._understood() else b""
         answer = (self.device.feed(heard, now) if heard else b"") + self.device.poll(now)
+        if self._awake and (data or answer):
+            self._awake_until = now + self._awake
         if answer and self._master >= 0 and self._understood():
             with contextlib.suppress(OSError):  # nobody reads: the buffer is full, and the bytes are lost as on a wire
                 os.write(self._master, self.distort(answer))

@@ -34,6 +34,8 @@ FASTEST = 1000.0
 """A rate beyond what the wire can carry: the loop goes round as fast as it can."""
 PATIENCE = 0.1
 """Seconds for which a reply is waited for where only the median counts: a shared machine may stop for a while."""
+AWAKE = 0.003
+"""Seconds for which the chain does not sleep after a byte: a wire needs no time to wake up, and a process does."""
 WATCHED = 2.0
 """Seconds for which the driver is watched in one run."""
 
@@ -126,7 +128,7 @@ def run_chain(servos: int) -> None:
     bus = VirtualServoBus(members, BAUD, paced=True)
     for servo in members:
         servo.set("return_delay", 0)
-    terminal = Terminal("servos", bus, SystemClock())
+    terminal = Terminal("servos", bus, SystemClock(), awake=AWAKE)
     terminal.open()
     try:
         print(terminal.path, flush=True)

@@ -81,6 +81,25 @@ def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
     assert sorted(echo.late)[10] < 0.1  # a tenth of the period, however busy the machine is
 
 
+def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_be_unplugged() -> None:
+    clock = SystemClock()
+    terminal = Terminal("awake", Echo(clock, 0.001), clock, awake=0.05)
+    terminal.open()
+    try:
+        with serial.Serial(terminal.path, 9600, timeout=2.0) as port:
+            for data in (b"one", b"two", b"three"):
+                port.write(data)
+                assert port.read(len(data)) == data
+                Event().wait(0.03 * len(data) - 0.06)
+        terminal.unplug()
+        terminal.replug()
+        with serial.Serial(terminal.path, 9600, timeout=2.0) as port:
+            port.write(b"again")
+            assert port.read(5) == b"again"
+    finally:
+        terminal.close()
+
+
 def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.0)
