@@ -1,0 +1,51 @@
+"""Recorders: a robot's parts that keep what they were told, in order, and feel what the test says.
+
+``base.commands == [drive(0.2, 0.0), STOP]`` is strict: a command too many fails as one too few does. ``times`` says
+when each was given.
+"""
+
+from missions.testing.recorders.base import RecordedBase, RecordedRanger, drive
+from missions.testing.recorders.bench import Bench
+from missions.testing.recorders.joints import RecordedHead, RecordedJoints
+from missions.testing.recorders.recorder import (
+    CANCEL,
+    ENABLE,
+    GONE,
+    HOLD,
+    LATCH,
+    RECOVER,
+    RELAX,
+    REST,
+    STOP,
+    Recorder,
+    good,
+    none,
+    stale,
+)
+from missions.testing.recorders.senses import RecordedSight, RecordedVoice, RecordedWords, face
+
+__all__ = [
+    "CANCEL",
+    "ENABLE",
+    "GONE",
+    "HOLD",
+    "LATCH",
+    "RECOVER",
+    "RELAX",
+    "REST",
+    "STOP",
+    "Bench",
+    "RecordedBase",
+    "RecordedHead",
+    "RecordedJoints",
+    "RecordedRanger",
+    "RecordedSight",
+    "RecordedVoice",
+    "RecordedWords",
+    "Recorder",
+    "drive",
+    "face",
+    "good",
+    "none",
+    "stale",
+]

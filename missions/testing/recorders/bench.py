@@ -1,0 +1,66 @@
+"""A run over a robot of recorders."""
+
+from typing import TypeVar
+
+from py_trees.common import Status
+
+from behaviours.leaf import Leaf
+from behaviours.node import Node
+from behaviours.robot import Robot
+from behaviours.run import NodeByNode, Run
+from drivers.clock import ManualClock
+from missions.testing.recorders.base import RecordedBase, RecordedRanger
+from missions.testing.recorders.joints import RecordedHead, RecordedJoints
+from missions.testing.recorders.senses import RecordedSight, RecordedVoice
+
+L = TypeVar("L", bound=Leaf)
+
+
+class Bench:
+    """A run over a robot of recorders: ``settled`` keeps what had to be stopped for a leaf, ``news`` what changed.
+
+    That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it.
+    """
+
+    def __init__(self, clock: ManualClock | None = None) -> None:
+        self.clock = ManualClock(100.0) if clock is None else clock
+        self.run = Run(self.clock)
+        self.base = RecordedBase(self.clock)
+        self.ranger = RecordedRanger(self.clock)
+        self.head = RecordedHead(self.clock)
+        self.arm = RecordedJoints(self.clock)
+        self.voice = RecordedVoice(self.clock)
+        self.sight = RecordedSight()
+        self.sight.searched = self.clock.now()
+        self.robot = Robot(
+            base_part=self.base,
+            ranger_part=self.ranger,
+            head_part=self.head,
+            arm_part=self.arm,
+            voice_part=self.voice,
+            sight_part=self.sight,
+        )
+        self.settled: list[frozenset[str]] = []
+        self.run.settle = self.settled.append
+        self.news: list[tuple[str, Status]] = []
+        self.run.observer = NodeByNode(lambda node: self.news.append((node.name, node.status)))
+
+    def put(self, leaf: L, **arguments: object) -> L:
+        """Give ``leaf`` the run, the robot and its arguments, as a mission would."""
+        leaf.run, leaf.robot, leaf.kind = self.run, self.robot, leaf.word or leaf.name
+        leaf.scope = self.run.variables
+        for name, value in arguments.items():
+            setattr(leaf, name, value)
+        return leaf
+
+    def tick(self, node: Node, *, after: float = 0.05) -> Status:
+        """Let ``after`` seconds pass, then tick once."""
+        self.clock.advance(after)
+        self.run.tick += 1
+        return node.advance()
+
+    def halt(self, node: Node, *, after: float = 0.05) -> bool:
+        """Let ``after`` seconds pass, then ask it to halt, as a tick does."""
+        self.clock.advance(after)
+        self.run.tick += 1
+        return node.halt()
