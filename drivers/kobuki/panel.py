@@ -3,10 +3,9 @@
 from threading import RLock
 
 from drivers.api import Lamp, Tune
-from drivers.errors import BadRequest
 from drivers.kobuki.commands import GetGains, Output, SetGains, SetOutputs, SoundSequence
-from drivers.kobuki.outputs import LIGHTS, Outputs
-from drivers.kobuki.requests import TUNES, tone
+from drivers.kobuki.outputs import Outputs
+from drivers.kobuki.requests import TUNES, check_light, tone
 from drivers.kobuki.wire import encode
 from drivers.link import Link
 
@@ -31,8 +30,7 @@ class Panel:
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        if number not in LIGHTS:
-            raise BadRequest(f"{self._name}: no light {number}", hint="it has lights 1 and 2")
+        check_light(self._name, number)
         with self._lock:
             self._outputs.light(number, colour)
             self._link.write(encode(SetOutputs(self._outputs.word)))

@@ -8,6 +8,7 @@ from drivers.api import Source, Tune, Velocity
 from drivers.errors import BadRequest, DeviceFault
 from drivers.kobuki import commands
 from drivers.kobuki.commands import Sound
+from drivers.kobuki.outputs import LIGHTS
 
 TUNES: Mapping[Tune, commands.Tune] = MappingProxyType({tune: commands.Tune[tune.name] for tune in Tune})
 """The tunes by what they are called, as the base numbers them."""
@@ -31,6 +32,12 @@ def require(who: str, latched: str) -> None:
     """Raise DeviceFault while a base is latched, for the reason given."""
     if latched:
         raise DeviceFault(f"{who}: stopped: {latched}", hint="remove the cause, then enable the base")
+
+
+def check_light(who: str, number: int) -> None:
+    """Raise BadRequest for a light that there is not."""
+    if number not in LIGHTS:
+        raise BadRequest(f"{who}: no light {number}", hint=f"it has lights {' and '.join(map(str, LIGHTS))}")
 
 
 def tone(who: str, frequency: float, seconds: float) -> Sound:

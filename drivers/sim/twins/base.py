@@ -8,7 +8,6 @@ from drivers.api import (
     BaseLimits,
     BaseState,
     Health,
-    Lamp,
     Notice,
     Pose2D,
     Quality,
@@ -19,14 +18,13 @@ from drivers.api import (
     Source,
     Steered,
     Steering,
-    Tune,
     Velocity,
     unheard,
     unreported,
     unsteered,
 )
 from drivers.clock import Clock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.history import History
 from drivers.kobuki.commands import BaseControl
@@ -35,18 +33,18 @@ from drivers.kobuki.feedback import Core, Inertia
 from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.outputs import LIGHTS
-from drivers.kobuki.requests import check, require, tone
+from drivers.kobuki.requests import check, require
 from drivers.kobuki.senses import compare
 from drivers.sim.body import NOTHING, Body, either
 from drivers.sim.dock import NO_SIGNALS
+from drivers.sim.twins.panel import PanelTwin
 from drivers.sim.twins.plug import Plug
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[int], bool]
 """Bumper, cliff, wheel drop, buttons, and whether it stands on the contacts of its dock."""
 
 
-class BaseTwin:
+class BaseTwin(PanelTwin):
     """A ``drivers.api.Base`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
@@ -78,9 +76,8 @@ class BaseTwin:
     ) -> None:
         if not (0 <= dropouts <= 1 and 0 <= gyro_noise < inf):
             raise ValueError(f"{name}: {dropouts=}, {gyro_noise=}: out of range")
-        self.name = name
+        super().__init__(name, Plug(name, report, back=self._connected))
         self.body = body or Body()
-        self.plug = Plug(name, report, back=self._connected)
         self._clock = clock
         self._report = guarded(report)
         self._changed = guarded(changed)
@@ -89,9 +86,6 @@ class BaseTwin:
         self._limits = limits.told
         self._helm = Helm(limits, reflexes)
         self._told = self._helm.steering
-        self.played: list[Tune | tuple[float, float]] = []
-        """The tunes and tones (hertz, seconds) that it was asked for: nobody is there to hear them."""
-        self.lights: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
         self._odometry = Odometry()
         self._headings = History()
         self._random = Random(f"{seed} {name}")  # noqa: S311 - chance, not a secret
@@ -154,24 +148,6 @@ class BaseTwin:
     def steering(self) -> Steering:
         """Return who commands it, and what came of that."""
         return self._helm.steering
-
-    def play(self, tune: Tune) -> None:
-        """Note a tune in ``played``. Raises NotConnected."""
-        self.plug.require()
-        self.played.append(tune)
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Note a tone in ``played``. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
-        self.plug.require()
-        self.played.append((frequency, seconds))
-
-    def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        if number not in LIGHTS:
-            raise BadRequest(f"{self.name}: no light {number}", hint="it has lights 1 and 2")
-        self.plug.require()
-        self.lights[number] = colour
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it is older than the real driver's limit."""

@@ -1,0 +1,36 @@
+"""What the twin of a Kobuki has beside its wheels: tunes and lights, noted where nobody hears or sees them."""
+
+from drivers.api import Lamp, Tune
+from drivers.kobuki.outputs import LIGHTS
+from drivers.kobuki.requests import check_light, tone
+from drivers.sim.twins.plug import Plug
+
+
+class PanelTwin:
+    """Commands that do not move the base. For one thread.
+
+    ``played`` are the tunes and tones (hertz, seconds) that it was asked for, ``lights`` the colours of its lights.
+    """
+
+    def __init__(self, name: str, plug: Plug) -> None:
+        self.name = name
+        self.plug = plug
+        self.played: list[Tune | tuple[float, float]] = []
+        self.lights: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
+
+    def play(self, tune: Tune) -> None:
+        """Note a tune in ``played``. Raises NotConnected."""
+        self.plug.require()
+        self.played.append(tune)
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Note a tone in ``played``. Raises BadRequest, NotConnected."""
+        tone(self.name, frequency, seconds)
+        self.plug.require()
+        self.played.append((frequency, seconds))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        check_light(self.name, number)
+        self.plug.require()
+        self.lights[number] = colour
