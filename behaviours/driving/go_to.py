@@ -40,21 +40,22 @@ class GoTo(Spin):
     speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
     tolerance: float = argument("length", "how far beside the place is near enough", default=0.02, low=0.005)
     _there = False
+    _turns = True  # to the place, before it drives there
     _facing: float | None = None  # the heading to turn to, among those that are the same the nearest
     _side = 1.0  # to which it turns
     _tries = 0
 
     @property
     def way(self) -> Way:
-        return Way.ROUND if self._there else Way.AHEAD
+        return Way.ROUND if self._there or self._turns else Way.AHEAD
 
     def initialise(self) -> None:
         super().initialise()
-        self._there, self._facing, self._tries = False, None, 0
+        self._there, self._turns, self._facing, self._tries = False, True, None, 0
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)
-        self._there, self._facing, self._tries = False, None, 0
+        self._there, self._turns, self._facing, self._tries = False, True, None, 0
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start
@@ -66,7 +67,8 @@ class GoTo(Spin):
         aside = math.remainder(math.atan2(dy, dx) - pose.heading, math.tau)
         near, doing = away <= self.tolerance, f"{away:.2f} m to go"
         turn = max(-TURN_SPEED, min(TURN_SPEED, EAGERNESS * aside))
-        if not near and not self._stopping and abs(aside) > ASIDE:
+        self._turns = not near and not self._stopping and abs(aside) > ASIDE
+        if self._turns:
             return self.steer(Velocity(0.0, turn), doing)
         speed = self.approach(away * math.cos(aside), braking=self.braking, crawl=CRAWL)
         if speed > 0.0:

@@ -116,7 +116,7 @@ class BaseState:
 
 
 class Base(Device, Protocol):
-    """A base that drives on two wheels. Who may tell it how, and what it does by itself: see ``drivers.steering``."""
+    """A base on two wheels. Who may tell it how to move, and what it does by itself: see ``drivers.api.steering``."""
 
     @property
     def limits(self) -> BaseLimits:

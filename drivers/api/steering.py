@@ -50,7 +50,7 @@ def unsteered(steering: Steering) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Reflexes:
-    """What a base does by itself, whoever commands; a reflex can be made harder, but never be switched off.
+    """What a base does by itself, whoever commands. What it touches always stops it; the rest can be chosen.
 
     ``stop`` forbids what would make it worse for as long as it is felt; ``latch`` stands still until somebody enables
     the base again; ``back_off`` drives ``back_off_way`` metres back at ``back_off_speed`` (m/s). Beyond a cliff the

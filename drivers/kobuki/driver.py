@@ -231,6 +231,9 @@ class KobukiBase(Panel):
         if states:
             self._latest = Reading(states[-1], now - FRAME_TIME, Quality.GOOD)
             self._headings.add(self._latest.stamp, [states[-1].pose.heading])
+            with self._lock:
+                for state in states:  # a read may bring several, and a contact may last for one
+                    self._helm.feel(state, now)
             self._heard_at = now  # last: who sees it online also sees its state
             self._renew(now)
             self._tell(before, states)

@@ -26,6 +26,7 @@ class Helm:
         self._arbiter = Arbiter()
         self._arc = ReflexArc(self._reflexes)
         self._going, self._going_at = STILL, -inf
+        self._safety: tuple[Velocity, str] | None = None  # what a reflex does now, and why
         self._buttons: frozenset[int] = frozenset()
         self.steering = Steering(None, STILL, STILL)
         self.latched = ""
@@ -54,6 +55,7 @@ class Helm:
         if source is not None and self.steering.source not in (source, None):
             return False
         self._arc.calm()
+        self._safety = None
         self._going = STILL
         self.steering = Steering(None, STILL, STILL)
         return True
@@ -68,30 +70,32 @@ class Helm:
         self.halt()
         self.latched = ""
 
+    def feel(self, felt: BaseState, now: float) -> None:
+        """Take in a state that the base has reported: every one, in their order, for a contact may last for one."""
+        self._press(felt.buttons)
+        self._safety = self._arc.feel(felt, self._going, now)
+        if self._arc.latching:
+            self.latch(self._arc.latching)
+
     def velocity(self, now: float, felt: BaseState | None) -> Velocity:
-        """Return what to send at time ``now``; ``felt`` is the base's state, None when it is not known.
+        """Return what to send at time ``now``; ``felt`` is the newest state, None when it is not known.
 
         A command on its way is approached by the ramp. One that has expired or is not permitted ends at once.
         """
-        safety = None
-        if felt is not None:
-            self._press(felt.buttons)
-            safety = self._arc.feel(felt, self._going, now)
-            if self._arc.latching:
-                self.latch(self._arc.latching)
         source, wanted = self._arbiter.decide(now)
-        if safety is not None:
+        because = ""
+        if self._safety is not None:
             if self.steering.source is not Source.SAFETY:
                 self._going = STILL
-            source, (wanted, because) = Source.SAFETY, safety
-            given = self._arc.permit(wanted, felt)[0]
+            source, (wanted, because) = Source.SAFETY, self._safety
+        if wanted is None or self.latched:
+            source, wanted = (None, STILL) if self.latched else (source, STILL)
+            given, because = STILL, self.latched
+            self._going = STILL
         else:
             limited = self._limits.clamp(wanted)
-            given, because = self._arc.permit(limited, felt)
-            because = because or ("" if limited == wanted else ONLY_LIMITED)
-        if self.latched or source is None:
-            source, given, because = None, STILL, self.latched
-            self._going = STILL
+            given, forbidden = self._arc.permit(limited, felt)
+            because = because or forbidden or ("" if limited == wanted else ONLY_LIMITED)
         step = min(now - self._going_at, LONGEST_STEP)
         ramped = self._limits.approach(self._going, given, step)
         # Once more, for the ramp may still be on its way down from what was permitted a moment ago.

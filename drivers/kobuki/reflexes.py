@@ -7,8 +7,11 @@ from typing import Literal
 from drivers.api import BaseState, Pose2D, Reflexes, Sides, Velocity
 from drivers.kobuki.arbiter import STILL
 
-BACK_OFF_TIME = 1.5
-"""Seconds after which it gives up backing off: something holds it."""
+BACK_OFF_TIME = 1.0
+"""Seconds that backing off may take beyond what its way needs: then something holds it."""
+
+CARRIED = 0.5
+"""Seconds for which both wheels must have hung to count as carried elsewhere: a switch may flicker at an edge."""
 
 BACK_OFF_TURN = 0.4
 """rad/s that it turns away from the side that was hit; the figure of the vendor's safety controller."""
@@ -19,10 +22,10 @@ GENTLE = 0.06
 
 @dataclass(frozen=True, slots=True)
 class _BackingOff:
-    """A back-off on its way: from where, since when, with what command."""
+    """A back-off on its way: from where, until when at most, with what command."""
 
     origin: Pose2D
-    began: float
+    until: float
     command: Velocity
     because: str
 
@@ -37,6 +40,7 @@ class ReflexArc:
         self._reflexes = reflexes
         self._before: BaseState | None = None
         self._edge: Pose2D | None = None  # where a cliff was felt last, until it is left behind
+        self._lifted_at: float | None = None  # since when both wheels hang, or have hung
         self._backing: _BackingOff | None = None
         self.latching = ""
 
@@ -47,11 +51,12 @@ class ReflexArc:
 
     def feel(self, felt: BaseState, going: Velocity, now: float) -> tuple[Velocity, str] | None:
         """Take in a state, while it was ``going`` so; return what to do about it, and why, or None for nothing."""
+        self.latching = ""
         if felt is self._before and not self.alert:
             return None
         before, self._before = self._before or BaseState(felt.pose, felt.velocity), felt
         self.latching = self._latch(before, felt)
-        self._remember_edge(before, felt)
+        self._remember_edge(felt, now)
         hard = going.linear > GENTLE and not felt.docked
         if hard and _risen(before.bumper, felt.bumper) and self._reflexes.bumper == "back_off":
             self._backing = self._begin(felt, now)
@@ -59,7 +64,7 @@ class ReflexArc:
         if backing is None:
             return None
         gone = _away(felt.pose, backing.origin) >= self._reflexes.back_off_way and not felt.bumper
-        if gone or felt.cliff or felt.wheel_drop or now - backing.began > BACK_OFF_TIME:
+        if gone or felt.cliff or felt.wheel_drop or now > backing.until:
             self._backing = None
             return None
         return backing.command, backing.because
@@ -97,20 +102,25 @@ class ReflexArc:
                 return f"{name} {now}"
         return ""
 
-    def _remember_edge(self, before: BaseState, felt: BaseState) -> None:
+    def _remember_edge(self, felt: BaseState, now: float) -> None:
+        if felt.wheel_drop.left and felt.wheel_drop.right and self._lifted_at is None:
+            self._lifted_at = now
         if felt.cliff:
             self._edge = felt.pose
-        elif self._edge is not None:
-            carried = bool(before.wheel_drop) and not felt.wheel_drop  # and put down elsewhere
+        elif self._edge is not None and not felt.wheel_drop:
+            carried = self._lifted_at is not None and now - self._lifted_at >= CARRIED
             if carried or _away(felt.pose, self._edge) >= self._reflexes.back_off_way:
                 self._edge = None
+        if not felt.wheel_drop:
+            self._lifted_at = None
 
     def _begin(self, felt: BaseState, now: float) -> _BackingOff:
         """Back off, and away from the side that was hit."""
         left, right = felt.bumper.left, felt.bumper.right
         turn = 0.0 if left == right or felt.bumper.centre else -BACK_OFF_TURN if left else BACK_OFF_TURN
         command = Velocity(-self._reflexes.back_off_speed, turn)
-        return _BackingOff(felt.pose, now, command, f"backing off: bumper {felt.bumper}")
+        until = now + self._reflexes.back_off_way / self._reflexes.back_off_speed + BACK_OFF_TIME
+        return _BackingOff(felt.pose, until, command, f"backing off: bumper {felt.bumper}")
 
 
 def _risen(before: Sides, after: Sides) -> bool:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from behaviours.robot import Robot
 from behaviours.run import log
-from drivers.api import Device
+from drivers.api import Device, Source
 from missions.assembly.simulation import Simulation
 
 
@@ -65,7 +66,8 @@ class Assembled:
         """
         robot = self.robot
         stills: dict[str, Callable[[], None] | None] = {
-            "base": None if robot.base_part is None else robot.base_part.stop,
+            # Others may steer the base besides, and what they do is not a mission's to end.
+            "base": None if robot.base_part is None else partial(robot.base_part.stop, source=Source.MISSION),
             "head": None if robot.head_part is None else robot.head_part.stop,
             "arm": None if robot.arm_part is None else robot.arm_part.hold,
             "voice": None if robot.voice_part is None else robot.voice_part.rest,

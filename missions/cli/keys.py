@@ -53,9 +53,10 @@ class Keys:
             return _NAMED.get(key, key)
         if self._byte() not in ("[", "O"):
             return "escape"
-        # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter.
-        last = self._byte()
-        while last.isdigit() or last == ";":
+        # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter. A line that
+        # stops in the middle must not hold up whoever waits for keys.
+        last = "0"
+        while (last.isdigit() or last == ";") and self._waiting(ESCAPE_TIME):
             last = self._byte()
         return _ARROWS.get(last, "other")
 
@@ -71,7 +72,10 @@ class Keys:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let SIGTERM and a hang-up raise KeyboardInterrupt, as Ctrl-C does, so that whatever is open is closed."""
+    """Let SIGTERM and a hang-up raise KeyboardInterrupt, as Ctrl-C does, so that whatever is open is closed.
+
+    The first one does, and those after it nothing: kernel and shell may both send one, and closing is not to be cut.
+    """
     before = {number: signal.signal(number, _interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
@@ -82,4 +86,6 @@ def interruptible() -> Iterator[None]:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     del number, frame
+    for each in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)
     raise KeyboardInterrupt

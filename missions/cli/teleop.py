@@ -110,7 +110,7 @@ def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Ba
     ears = Ears(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
     robot = assemble(config, frozenset({"base", "head"}), clock, wishes, ears)
     base = robot.robot.base
-    with closing(robot):
+    try:
         robot.open()
         begun = clock.now()
         while not (health := base.health()).online:
@@ -118,6 +118,9 @@ def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Ba
                 raise NotConnected(health.detail, hint=health.hint)
             _pause(0.02)
         yield base, robot.robot.head_part
+    finally:
+        for problem in robot.close():
+            click.echo(problem, err=True)
 
 
 def _pause(seconds: float) -> str:

@@ -27,6 +27,7 @@ from drivers.api import (
     Velocity,
     Voice,
 )
+from drivers.errors import BadRequest
 
 Tell = Callable[[str, str, Mapping[str, object]], None]
 """Told of a command: to which part, from which source, with which values."""
@@ -102,7 +103,9 @@ class ToldBase(_Told[Base]):
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """See drivers.api.Base. Where not all of it is in force, what was wanted is told too."""
         self._permit()
-        given = self._device.drive(velocity, source=source)
+        if source is not Source.MISSION:
+            raise BadRequest(f"base: a mission's behaviour cannot drive as '{source}'", hint="leave the source out")
+        given = self._device.drive(velocity)
         told: dict[str, object] = {"linear": round(given.linear, 4), "angular": round(given.angular, 4)}
         if given != velocity:
             told |= {"wanted_linear": round(velocity.linear, 4), "wanted_angular": round(velocity.angular, 4)}
@@ -145,8 +148,9 @@ class ToldBase(_Told[Base]):
 
     def stop(self, *, source: Source | None = None) -> None:
         """See drivers.api.Base; a leaf that stops the base does not stop it for others."""
+        del source
         self._told(linear=0.0, angular=0.0)
-        self._device.stop(source=source or Source.MISSION)
+        self._device.stop(source=Source.MISSION)
 
     def state(self) -> Reading[BaseState]:
         """See drivers.api.Base."""

@@ -111,6 +111,9 @@ class Executive:
                 self._woken.clear()
                 due = self.run.now()
                 self.run.beat()
+                self._look()
+                if self._alarm:
+                    self._paused = False  # the next tick ends the mission
                 continue
             held = False
             self._woken.clear()
@@ -141,12 +144,15 @@ class Executive:
     def tick(self, *, late: float | None = None) -> Status:
         """Tick the tree once and return its status."""
         self.run.tick += 1
-        if self._guard is not None:
-            self._alarm = self._alarm or self._guard.look()
+        self._look()
         status = self._give_up() if self._alarm else self.root.advance()
         self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
         self.run.beat()
         return status
+
+    def _look(self) -> None:
+        if self._guard is not None:
+            self._alarm = self._alarm or self._guard.look()
 
     def _give_up(self) -> Status:
         """Halt the tree because of the alarm, in as many ticks as it needs within HALT_TIME; then it has failed."""

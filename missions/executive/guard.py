@@ -66,7 +66,7 @@ class Guard:
         battery.update(percent, self._run.now(), charging=state.charging)
         after = battery.low, battery.critical
         if after != before:
-            for what, was, now in zip(REFLEXES[-2:], before, after, strict=True):
+            for what, was, now in zip(("battery_low", "battery_critical"), before, after, strict=True):
                 if now != was:
                     self._tell(what, f"{percent:.0f} %", on=now)
         return f"battery critical: {percent:.0f} %" if battery.critical else ""

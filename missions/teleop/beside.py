@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from threading import Event, Thread
 
+from behaviours.run import log
 from drivers.api import Base, Health, Notice, Report, unreported
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -58,10 +59,17 @@ class Beside:
             try:
                 self._serve()
             except NotConnected as error:
-                if self._health.online:
-                    self._report(Notice(self.name, "offline", str(error), error.hint))
-                self._health = Health(False, str(error), error.hint)
-                self._ending.wait(RETRY)
+                self._lost(str(error), error.hint)
+            except Exception as error:  # whatever it is, the pad must not seem to be there
+                log.exception("the pad cannot be read")
+                self._lost(f"pad: {type(error).__name__}: {error}", "")
+
+    def _lost(self, why: str, hint: str) -> None:
+        """Say once that the pad is not there, and wait a while."""
+        if self._health.online:
+            self._report(Notice(self.name, "offline", why, hint))
+        self._health = Health(False, why, hint)
+        self._ending.wait(RETRY)
 
     def _serve(self) -> None:
         """Pass on what the pad says until it has gone, or all ends."""

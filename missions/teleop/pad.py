@@ -107,7 +107,8 @@ class Pad:
         """Note an event; return the key that it stands for, empty for none."""
         match event.kind, event.code, event.value:
             case events.SYN, events.SYN_DROPPED, _:
-                self._held = False  # nobody knows whether it is held
+                self._held = False  # nobody knows whether it is held, nor where the stick is
+                self._values.clear()
             case events.KEY, events.SHOULDER_LEFT, value:
                 self._held = value > 0
             case events.KEY, code, 1:

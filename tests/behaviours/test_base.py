@@ -326,6 +326,8 @@ class LaggingBase(RecordedBase):
             self.reading = Reading(self.reading.value, self.reading.stamp, Quality.STALE)
         else:
             self._measure(now)
+        if self.reading.value is not None:
+            self._helm.feel(self.reading.value, now)
         wanted = self._helm.velocity(now, self.reading.value)
         self.wheels.command(wanted.linear, wanted.angular, now)
 

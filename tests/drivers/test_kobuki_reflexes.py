@@ -37,6 +37,7 @@ class Ride:
     def wait(self, seconds: float) -> Velocity:
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
+            self.helm.feel(self.felt, self.now)
             self.given = self.helm.velocity(self.now, self.felt)
             x = self.felt.pose.x + self.given.linear * PERIOD
             heading = self.felt.pose.heading + self.given.angular * PERIOD
@@ -49,17 +50,17 @@ class Ride:
 
 def test_the_more_important_source_has_the_wheels_until_it_has_been_silent_for_long_enough() -> None:
     arbiter = Arbiter()
-    assert arbiter.decide(0.0) == (None, STILL)
+    assert arbiter.decide(0.0) == (None, None)
     arbiter.ask(Source.MISSION, AHEAD, 0.0)
     assert arbiter.decide(0.1) == (Source.MISSION, AHEAD)
     arbiter.ask(Source.TELEOP, BACK, 0.1)
     arbiter.ask(Source.MISSION, AHEAD, 0.35)
     assert arbiter.decide(0.39) == (Source.TELEOP, BACK)
-    assert arbiter.decide(0.45) == (Source.TELEOP, STILL), "a command is good for 0.3 s, the wheels are kept for 1 s"
+    assert arbiter.decide(0.45) == (Source.TELEOP, None), "a command is good for 0.3 s, the wheels are kept for 1 s"
     arbiter.ask(Source.MISSION, AHEAD, 1.0)
-    assert arbiter.decide(1.09) == (Source.TELEOP, STILL)
+    assert arbiter.decide(1.09) == (Source.TELEOP, None)
     assert arbiter.decide(1.2) == (Source.MISSION, AHEAD)
-    assert arbiter.decide(1.4) == (None, STILL)
+    assert arbiter.decide(1.4) == (None, None)
 
 
 def test_what_a_source_forgets_is_no_longer_wanted_and_nothing_else() -> None:
@@ -69,14 +70,71 @@ def test_what_a_source_forgets_is_no_longer_wanted_and_nothing_else() -> None:
     arbiter.forget(Source.TELEOP)
     assert arbiter.decide(0.1) == (Source.MISSION, AHEAD)
     arbiter.forget()
-    assert arbiter.decide(0.1) == (None, STILL)
+    assert arbiter.decide(0.1) == (None, None)
 
 
-def test_a_command_that_nobody_renews_ends_at_once() -> None:
+@pytest.mark.parametrize("source", [Source.MISSION, Source.TELEOP])
+def test_a_command_that_nobody_renews_ends_at_once(source: Source) -> None:
     ride = Ride()
-    assert ride.drive(AHEAD, 2.0) == AHEAD
-    assert ride.wait(COMMAND_LIFE + PERIOD) == STILL
+    assert ride.drive(AHEAD, 2.0, source) == AHEAD
+    assert ride.wait(COMMAND_LIFE + 2 * PERIOD) == STILL
+    ride.wait(1.0)
     assert ride.helm.steering.source is None
+
+
+def test_backing_off_has_the_time_that_its_way_needs_and_keeps_to_the_limits() -> None:
+    ride = Ride(Reflexes(back_off_way=0.3, back_off_speed=0.1))
+    ride.drive(AHEAD, 2.0)
+    hit = ride.felt.pose.x
+    ride.feel(bumper=Sides(left=True))
+    ride.wait(0.1)
+    ride.feel(bumper=Sides())
+    ride.wait(5.0)
+    assert hit - 0.34 < ride.felt.pose.x < hit - 0.29
+    slow = Helm(Limits(0.1, 0.1, 0.5, 3.0), Reflexes(back_off_speed=0.3))
+    slow.steer(AHEAD, 0.0, FREE)
+    for step in range(1, 40):
+        slow.steer(AHEAD, step * PERIOD, FREE)
+        slow.feel(FREE if step < 20 else replace(FREE, bumper=Sides(left=True)), step * PERIOD)
+        given = slow.velocity(step * PERIOD, FREE)
+        assert abs(given.linear) <= 0.1 + 1e-9
+        assert abs(given.angular) <= 0.1 + 1e-9
+
+
+def test_a_contact_that_lasts_for_one_report_of_several_is_felt() -> None:
+    helm = Helm(LIMITS, Reflexes(bumper="latch", stop_button=0))
+    for contact in (replace(FREE, bumper=Sides(left=True)), replace(FREE, buttons=frozenset({0}))):
+        helm.enable()
+        for state in (FREE, contact, FREE):
+            helm.feel(state, 0.0)
+        assert helm.latched
+    helm.enable()
+    for state in (FREE, replace(FREE, cliff=Sides(left=True)), FREE):
+        helm.feel(state, 0.0)
+    assert helm.steer(Velocity(0.0, 1.0), 0.0, FREE) == STILL, "there was an edge"
+
+
+def test_a_wheel_that_hangs_for_a_moment_does_not_make_an_edge_go_away() -> None:
+    ride = Ride()
+    for contacts in (
+        {"cliff": Sides(right=True)},
+        {"wheel_drop": Sides(right=True)},
+        {"cliff": Sides(), "wheel_drop": Sides()},
+    ):
+        ride.feel(**contacts)
+        ride.wait(PERIOD)
+    assert ride.drive(Velocity(0.2, 1.0), 0.1) == STILL
+
+
+def test_enabled_it_does_not_latch_again_for_what_it_felt_before() -> None:
+    ride = Ride(Reflexes(bumper="latch"))
+    ride.drive(AHEAD, 1.0)
+    ride.felt = held = replace(ride.felt, bumper=Sides(centre=True))
+    ride.helm.feel(held, ride.now)
+    assert ride.helm.latched
+    ride.helm.enable()
+    ride.helm.feel(held, ride.now + PERIOD)
+    assert not ride.helm.latched
 
 
 def test_what_was_wanted_what_is_given_and_why_is_known() -> None:

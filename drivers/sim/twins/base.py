@@ -197,7 +197,10 @@ class BaseTwin(PanelTwin):
         elif not (self._silent or self._hears(now)):
             self._silent = True
             self._report(Notice(self.name, "offline", *self._silence()))
-        velocity = self._helm.velocity(now, self._feels(now))
+        felt = self._feels(now)
+        if felt is not None:
+            self._helm.feel(felt, now)
+        velocity = self._helm.velocity(now, felt)
         self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
         if self._helm.steering != self._told:
             self._told = self._helm.steering
