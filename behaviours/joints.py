@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from behaviours.joint_motion import LONGEST_STEP, off, positions
-from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.leaf import IDLE, SUCCESS, Leaf, argument
 from behaviours.reach import Reach, degrees
 
 CONFIRMED = 2.0
@@ -88,7 +88,8 @@ class MoveJoints(Leaf):
 class Torque(Leaf):
     """Make joints stiff where they stand (`torque: on`), or limp, to be moved by hand (`torque: off`).
 
-    Running until all report that they are, then succeeds. Fails when one does not. Halted before, they are held.
+    Running until all report that they are, then succeeds. Fails when one does not; the others stay as they were told.
+    Halted before, they are held.
     """
 
     word = "torque"
@@ -129,5 +130,6 @@ class Torque(Leaf):
         return self.wait(f"waiting for {', '.join(wrong)} to be {wanted}")
 
     def terminate(self, new_status: Status) -> None:
-        if new_status is not SUCCESS and self._names:
+        # Where one did not become limp, the others are not to fight the hands that are on them.
+        if self._names and (new_status is IDLE or (self.stiff and new_status is not SUCCESS)):
             self.robot.arm.hold(self._names)

@@ -3,11 +3,10 @@
 import math
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, RUN_IN, off, positions
+from behaviours.joint_motion import LONGEST_STEP, RUN_IN
 from behaviours.leaf import Leaf, argument
 from behaviours.reach import Reach, degrees
 from drivers.api import Coupling, JointLimits
@@ -22,7 +21,8 @@ NEAR = math.radians(5)
 class _Led(Leaf):
     """Makes leaders limp and lets followers follow them, until it is halted; then all are as stiff as they were.
 
-    Whatever comes between (a pause holds every joint, a lost bus forgets who follows whom), it begins anew.
+    Whatever comes between (a pause holds every joint), it begins anew; so it does after a lost bus, when the driver
+    itself has brought the followers over slowly and leads them again.
     """
 
     needs = frozenset({"arm"})
@@ -30,6 +30,7 @@ class _Led(Leaf):
     ends = frozenset({"failure"})
     _couplings: tuple[Coupling, ...] = ()
     _stiff: tuple[str, ...] = ()  # the leaders that were not limp before
+    _at: Mapping[str, float] = {}  # where the joints are, by the readings of this tick
     _following = False
     _seen_at: float | None = None
     _stiff_at = 0.0  # when all that is led was stiff
@@ -52,6 +53,7 @@ class _Led(Leaf):
         if silent := [joint for joint in joints if joint not in felt]:
             self._following = False
             return self.wait(f"waiting for {', '.join(silent)} to report")
+        self._at = {joint: state.position for joint, state in felt.items()}
         stiff = tuple(dict.fromkeys(each.leader for each in couplings if felt[each.leader].torque))
         if not self._couplings:
             self._couplings, self._stiff = couplings, stiff
@@ -139,12 +141,11 @@ class Mirror(_Led):
     def begin(self) -> bool:
         """Bring the followers slowly to where they belong, then let them follow."""
         arm = self.robot.arm
-        at = positions(arm)
         goals = {
-            each.follower: _within(each.scale * at[each.leader] + each.offset, arm.limits[each.follower])
+            each.follower: _within(each.scale * self._at[each.leader] + each.offset, arm.limits[each.follower])
             for each in self._couplings
         }
-        if off(arm, goals, NEAR):
+        if any(abs(self._at[joint] - goal) > NEAR for joint, goal in goals.items()):
             arm.move(goals, speeds={joint: min(RUN_IN, arm.limits[joint].speed) for joint in goals})
             return False
         return super().begin()
@@ -173,11 +174,12 @@ class FollowJoint(_Led):
     )
     offset: float = argument("angle", "what is added", default=0.0, low=-math.pi, high=math.pi)
     _origin: float | None = None  # where the leader was in the beginning
+    _turned = 0.0
     _passed = False
 
     def initialise(self) -> None:
         super().initialise()
-        self._origin, self._passed = None, False
+        self._origin, self._turned, self._passed = None, 0.0, False
 
     def misfits(self, reach: Reach) -> list[str]:
         alike = [f"'{self.leader}' cannot both lead and follow"] if self.leader == self.follower else []
@@ -185,13 +187,16 @@ class FollowJoint(_Led):
 
     def couplings(self, reach: Reach) -> tuple[Coupling, ...]:
         del reach
-        return (Coupling(self.leader, self.follower, self.scale, self.offset, self.past),)
+        return (Coupling(self.leader, self.follower, self.scale, self.offset),)
 
     def begin(self) -> bool:
-        """Let it follow; one that had begun before goes on at once."""
-        if self._passed:
-            self._couplings = tuple(replace(each, threshold=0.0) for each in self._couplings)
-        return super().begin()
+        """Let it follow once its leader was turned far enough; one that had begun before goes on at once."""
+        at = self._at[self.leader]
+        if self._origin is None:
+            self._origin = at
+        self._turned = abs(at - self._origin)
+        self._passed = self._passed or self._turned >= self.past
+        return self._passed and super().begin()
 
     @property
     def leading(self) -> bool:
@@ -199,14 +204,9 @@ class FollowJoint(_Led):
         return self._passed
 
     def state(self) -> str:
-        at = positions(self.robot.arm)[self.leader]
-        if self._origin is None:
-            self._origin = at
-        turned = abs(at - self._origin)
-        self._passed = self._passed or turned >= self.past
         if self._passed:
             return f"{self.follower} follows {self.leader}"
-        return f"{self.leader} is turned by {degrees(turned)}, waiting for {degrees(self.past)}"
+        return f"{self.leader} is turned by {degrees(self._turned)}, waiting for {degrees(self.past)}"
 
 
 def _within(goal: float, limits: JointLimits) -> float:

@@ -6,9 +6,9 @@ from typing import Protocol
 
 from py_trees.common import Status
 
-from behaviours.arm import Played
 from behaviours.joint_motion import RUN_IN
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
+from behaviours.played import Played
 from behaviours.playing import Playing
 from behaviours.reach import Reach
 from behaviours.tracking_error import Sample, Tracking

@@ -109,6 +109,9 @@ class _Reader:
         ticks = Ticks(init, self._end(motor, "min"), self._end(motor, "max"))
         if ticks.min == ticks.max and len(motor.faults) == mistakes:
             motor.fault(motor.node.mark, f"'min' and 'max' are both {ticks.min}: the joint could not move")
+        if not min(ticks.min, ticks.max) <= init <= max(ticks.min, ticks.max):
+            ends = f"'min' {ticks.min} and 'max' {ticks.max}"
+            self._note(motor, "init", f"'init' {init} lies outside {ends}: the joint cannot go to its 0")
         return ticks
 
     def _end(self, motor: Fields, key: str) -> int:

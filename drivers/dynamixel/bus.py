@@ -258,5 +258,5 @@ def _cure(faults: Fault) -> str:
     if faults & Fault.ACCESS:
         return "some registers are read-only, and settings (EEPROM) can be written with the torque off alone"
     if faults & (Fault.ANGLE_LIMIT | Fault.LIMIT):
-        return "compare it with the limits that are set in the servo: mission servo info ID"
+        return "compare it with the limits that are set in the servo: mission servo info ID --robot FILE"
     return ""

@@ -10,10 +10,11 @@ from drivers.dynamixel.adapter import Dial, Line, open_line
 from drivers.dynamixel.codec import CODECS, Codec, Reply
 from drivers.dynamixel.exchange import Exchange
 from drivers.dynamixel.overdue import Overdue, Wanted
+from drivers.dynamixel.units import RETURN_DELAY_STEP
 from drivers.dynamixel.wire import REFUSAL, Fault, Packet
 from drivers.errors import BadRequest, NotConnected
 
-RETURN_DELAY = 254 * 2e-6
+RETURN_DELAY = 254 * RETURN_DELAY_STEP
 """Seconds: the longest delay that a servo can be set to before it replies."""
 
 

@@ -7,6 +7,7 @@ others (``leading``); commands go out at once from the caller's thread. Nothing 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from math import inf
 from threading import Event, RLock, Thread
 from typing import Literal
 
@@ -79,7 +80,6 @@ class DynamixelJoints:
         self._pace = Pace(rate)
         self._ending = Event()
         self._thread: Thread | None = None
-        self._unrested = ""  # those that could not be brought to rest, as told last
         self._connections = 0
         self._fault = ""  # the newest of the driver's own that was reported
 
@@ -118,35 +118,33 @@ class DynamixelJoints:
         self._bus.close()
         self._watch.end()
         self._connections = 0
+        for joint in self._joints.values():
+            joint.touched = joint.unsettled = False  # from now on it is no concern of ours
 
     def rest(self) -> None:
         """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
-        if not self._connections:
-            return  # it was never there: nothing was moved
         why = ""
-        try:
-            failed = self._settle(self._joints, stiff=self._stiff_at_rest)
-        except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
-            failed, why = list(self._joints.values()), f" ({type(error).__name__}: {error})"
-        unrested = ", ".join(joint.title for joint in failed) + why
-        if failed and unrested != self._unrested:  # a run rests its robot, then closes it, which rests it once more
-            what = "held" if self._stiff_at_rest else "relaxed"
-            cure = "switch their power off by hand"
-            self._report(Notice(self._name, "fault", f"could not be {what}: {unrested}", cure))
-        self._unrested = unrested
+        with self._lock:
+            try:
+                failed = self._settle(self._joints, stiff=self._stiff_at_rest)
+            except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
+                failed = [joint for joint in self._joints.values() if joint.touched]
+                why = f" ({type(error).__name__}: {error})"
+            self._telling.unrested(failed, stiff=self._stiff_at_rest, why=why)
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
 
-        Safe from any state; does not raise when offline. Raises BadRequest for an unknown joint.
+        Safe from any state; does not raise when offline. Joints that do not confirm it are told, and told again by the
+        driver's thread. Raises BadRequest for an unknown joint.
         """
-        self._settle(self._joints if joints is None else joints, stiff=True)
+        self._command(self._joints if joints is None else joints, stiff=True)
 
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
-        self._settle(self._joints if joints is None else joints, stiff=False)
+        self._command(self._joints if joints is None else joints, stiff=False)
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
@@ -168,15 +166,17 @@ class DynamixelJoints:
     def follow(self, couplings: Sequence[Coupling]) -> None:
         """Let joints follow others in every round from now on, until told otherwise; () ends it.
 
-        Joints that follow no more stand where they are. When the bus comes back after it was gone, they go on to
-        follow. Raises BadRequest for couplings that cannot be, and NotConnected, but not in order to end them.
+        Joints that follow no more stand where they are. A follower that is far from where it is led is brought over
+        slowly before it goes as fast as it may. A lost bus ends nothing: when it is back, all stand where they are, and
+        the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
+        in order to end them.
         """
         check_couplings(self._name, couplings, self._joints)
         with self._lock:
             if couplings:
                 self._require()
             if freed := self._leading.begin(couplings):
-                self._settle(freed, stiff=True)
+                self._command(freed, stiff=True)
 
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
@@ -231,6 +231,13 @@ class DynamixelJoints:
         if not self._watch.connected:
             raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
 
+    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+        """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
+        with self._lock:
+            for joint in self._settle(names, stiff=stiff):
+                joint.checked = -inf
+            self._telling.unsettled()
+
     def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints whose servo did not confirm it."""
         check_names(self._name, set(names), self._joints)
@@ -260,6 +267,8 @@ class DynamixelJoints:
         if not self._watch.connected:
             self._watch.connect()
             self._connections += 1
+            with self._lock:
+                self._leading.pause()
             self._telling.slow(self._rate, self._bus.baud)
             self._pace.begin(self._clock.now(), self._bus.busy())
             return

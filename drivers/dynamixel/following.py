@@ -1,20 +1,36 @@
 """Joints that follow others: where the followers belong, given where the leaders are. Pure arithmetic."""
 
 from collections.abc import Collection, Mapping, Sequence
+from math import inf, radians
 
 from drivers.api import Coupling
+
+RUN_IN = radians(50)
+"""rad/s at most for a follower that is brought over to where it is led."""
+
+NEAR = radians(5)
+"""Within this angle of where it is led a follower has come over, and goes as fast as it may from then on."""
+
+PAUSE = 0.25
+"""Seconds without being led after which a follower is brought over anew: its leader may be anywhere by then.
+
+An arm that is read less often leads slowly all the time.
+"""
 
 
 class Following:
     """The couplings in force at present; none to begin with. For one thread at a time.
 
-    A coupling with a threshold begins once its leader is that far from where it was first seen, and then goes on.
+    A coupling with a threshold begins once its leader is that far from where it was first seen, and then goes on. A
+    follower is brought over slowly at first, and again after a pause, so that none leaps.
     """
 
     def __init__(self, couplings: Sequence[Coupling] = ()) -> None:
         self._couplings = {coupling.follower: coupling for coupling in couplings}
         self._origins: dict[str, float] = {}  # where the leader of a follower that still waits was first seen
         self._begun = {coupling.follower for coupling in couplings if not coupling.threshold}
+        self._led_at: dict[str, float] = {}
+        self._come: set[str] = set()  # those that were brought over
 
     def __bool__(self) -> bool:
         return bool(self._couplings)
@@ -46,6 +62,25 @@ class Following:
             if position is not None and self._has_begun(coupling, position):
                 found[follower] = coupling.scale * position + coupling.offset
         return found
+
+    def speeds(self, goals: Mapping[str, float], positions: Mapping[str, float], now: float) -> dict[str, float]:
+        """Return the speed (rad/s) of those followers that are brought over; the others go as fast as they may.
+
+        ``goals`` are where all are led at time ``now`` (rad, within their limits), ``positions`` where joints are, as
+        far as that is known just now.
+        """
+        for follower, goal in goals.items():
+            if now - self._led_at.get(follower, -inf) > PAUSE:
+                self._come.discard(follower)
+            if abs(positions.get(follower, inf) - goal) <= NEAR:
+                self._come.add(follower)
+            self._led_at[follower] = now
+        return {follower: RUN_IN for follower in goals if follower not in self._come}
+
+    def pause(self, followers: Collection[str] | None = None) -> None:
+        """Take note that ``followers`` (None: all) did not follow: they are brought over anew."""
+        for follower in self._couplings if followers is None else followers:
+            self._led_at.pop(follower, None)
 
     def _has_begun(self, coupling: Coupling, position: float) -> bool:
         follower = coupling.follower

@@ -5,22 +5,18 @@ from types import MappingProxyType
 
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.codec import CODECS
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import Reads
 from drivers.dynamixel.register import Block
+from drivers.dynamixel.units import RETURN_DELAY_STEP
 from drivers.errors import BadRequest, NoReply
 
 IN_VAIN = 1.0
 """Seconds of group reads that bring nothing from servos that do answer, after which none is tried any more."""
 
-RETURN_DELAY_STEP = 2e-6
-"""Seconds that one step of a servo's return delay is worth."""
-
 _ASKED = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
 """Bytes of a request that each servo adds to a round: its own packet, or its part in one for all."""
-
-_AROUND = MappingProxyType({1: 6, 2: 11})
-"""Bytes of a reply beside its data, by protocol."""
 
 
 class Gathering:
@@ -100,6 +96,6 @@ def duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
     size, delay = 0, 0
     for joint in joints:
         asked = _ASKED[joint.model.reads]
-        size += asked + _AROUND[joint.at.protocol] + joint.model.table.fast.size
+        size += asked + CODECS[joint.at.protocol].overhead + joint.model.table.fast.size
         delay += joint.value("return_delay")
     return size * 10 / baud, delay * RETURN_DELAY_STEP

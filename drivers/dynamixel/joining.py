@@ -56,6 +56,7 @@ def restore(bus: Bus, joint: Joint) -> None:
     BadRequest.
     """
     table = joint.model.table
+    joint.touched = True
     joint.goal = None
     joint.shut = joint.down
     joint.torque = bool(joint.value("torque_enable"))
@@ -63,13 +64,19 @@ def restore(bus: Bus, joint: Joint) -> None:
         bus.write(joint.at, table["torque_enable"], 0)
         joint.torque = False
     if joint.shut:
+        joint.unsettled = False
         return
+    if "torque_mode" in table and joint.value("torque_mode"):
+        if joint.torque:
+            stiffen(bus, joint)  # it has ignored its goal, which may lie anywhere
+        bus.write(joint.at, table["torque_mode"], 0)
     if "bus_watchdog" in table and joint.value("bus_watchdog"):
         bus.write(joint.at, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
     bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.at, table[table.speed], joint.speed_ticks(joint.limits.speed))
     if joint.wanted:
         stiffen(bus, joint)
+    joint.unsettled = False
 
 
 def read(bus: Bus, joint: Joint, block: Block, *, tries: int = TRIES) -> None:

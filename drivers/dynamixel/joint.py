@@ -68,7 +68,8 @@ class Joint:
 
     ``complaint`` says why the servo is not driven, and is empty when it is. ``wanted`` is the torque that was asked
     for: None as long as nobody did. ``shut`` is true after the servo has shut itself down. ``table`` is a copy of the
-    servo's control table, as far as it was read.
+    servo's control table, as far as it was read. ``touched`` is true once this driver may have given the servo torque:
+    then it has to be brought to rest. ``unsettled`` is true after it was held or relaxed without confirming it.
     """
 
     name: str
@@ -86,6 +87,9 @@ class Joint:
     wanted: bool | None = None
     shut: bool = False
     goal: float | None = None
+    speed: float = 0.0  # rad/s, told with the goal
+    touched: bool = False
+    unsettled: bool = False
     left_out: bool = False  # the last move of it went without it
     at: At = field(init=False)
     table: bytearray = field(init=False, repr=False)
@@ -150,6 +154,13 @@ class Joint:
         if self.at.protocol == 1:
             return self.value("torque_limit") == 0
         return bool(self.value("hardware_error") & self.value("shutdown")) and not self.value("torque_enable")
+
+    @property
+    def astray(self) -> bool:
+        """Whether a stiff servo had another goal than it was told when its slow registers were read last."""
+        if self.goal is None or self.shut or not self.torque:
+            return False
+        return self.value(self.model.table.goal) != self.ticks(self.goal)
 
     # --- angles, and what they are to the servo -----------------------------------------------------------------------
 

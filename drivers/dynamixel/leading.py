@@ -36,19 +36,25 @@ class Leading:
         """Let those of ``joints`` that follow do so no more."""
         self._following.end(joints)
 
+    def pause(self) -> None:
+        """Take note that none was led for a while: the followers are brought over slowly before they go on."""
+        self._following.pause()
+
     def lead(self, *, since: float, now: float) -> None:
         """Send every follower where it belongs whose leader was read ``since``. Raises NotConnected."""
         couplings = self._following.couplings
         if not couplings:
             return
         positions = {}
-        for leader in {coupling.leader for coupling in couplings}:
-            reading = self._joints[leader].reading
+        for name in {name for coupling in couplings for name in (coupling.leader, coupling.follower)}:
+            reading = self._joints[name].reading
             if reading.value is not None and reading.stamp >= since:
-                positions[leader] = reading.value.position
+                positions[name] = reading.value.position
         goals = self._clamping.accept(self._following.goals(positions), now)
         if goals:
-            go(self._bus, [self._joints[name] for name in goals], goals, {}, now)
+            followers = [self._joints[name] for name in goals]
+            go(self._bus, followers, goals, self._following.speeds(goals, positions, now), now)
+            self._following.pause([joint.name for joint in followers if joint.left_out])
         self._complain(couplings, now)
 
     def _complain(self, couplings: Sequence[Coupling], now: float) -> None:

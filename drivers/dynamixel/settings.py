@@ -38,17 +38,21 @@ class Change:
 def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[Change]:
     """Return what must be changed for the servo to hold ``wanted``, by names of registers; in the order of writing.
 
-    Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, or for an ID that another servo has;
-    NoReply, NotConnected.
+    Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, for a speed without a limit, or for
+    an ID that another servo has; NoReply, NotConnected.
     """
-    registers = _checked(f"{bus.name}: servo {at.id}", table, wanted)
+    who = f"{bus.name}: servo {at.id}"
+    registers = _checked(who, table, wanted)
+    if wanted.get(table.speed) == 0 and not _turns_a_wheel(bus, at, table):
+        hint = f"1 is the slowest, {table[table.speed].upper} the fastest"
+        raise BadRequest(f"{who}: {table.speed} 0 is no speed, but as fast as it can", hint=hint)
     held = [Change(register, bus.read(at, register), wanted[register.name]) for register in registers]
     changes = sorted((change for change in held if change.before != change.after), key=_turn)
     for change in changes:
         if change.register.name == "id" and _answers(bus, at._replace(id=change.after)):
             raise BadRequest(
                 f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
-                hint="mission servo scan  (lists the IDs that are taken)",
+                hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
             )
     return changes
 
@@ -99,9 +103,17 @@ def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register
             faults.append(f"{name} takes {register.lower}..{register.upper}, not {value}")
         elif value < least:
             faults.append(f"{name} must stay at {least} or above, not {value}: {why}")
+        elif name == "torque_enable" and value:
+            faults.append(f"{name} {value} could make it leap: a servo takes up its old goal at once")
+            hints.append("mission servo torque on --robot FILE  (makes joints stiff where they stand)")
     if faults:
         raise BadRequest(f"{who}: {'; '.join(faults)}", hint="; ".join(hints))
     return registers
+
+
+def _turns_a_wheel(bus: Bus, at: At, table: Table) -> bool:
+    """Whether the servo turns on and on, where speed 0 is to stand still: in protocol 1.0 both its limits are 0."""
+    return at.protocol == 1 and not any(bus.read(at, table[limit]) for limit in table.limits)
 
 
 def _answers(bus: Bus, at: At) -> bool:

@@ -216,7 +216,7 @@ TABLE_X = Table(
         _present("backup_ready", 147, 1),
     ),
     fast=Block(122, 14),
-    slow=(Block(64, 7), Block(98, 4), Block(144, 3)),
+    slow=(Block(64, 7), Block(98, 22), Block(144, 3)),
     setup=Block(0, 64),
     goal="goal_position",
     speed="profile_velocity",

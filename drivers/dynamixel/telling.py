@@ -1,6 +1,6 @@
 """What the driver of an arm tells of its servos: each thing once, with what may help."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from drivers.api import Notice, Report
 from drivers.dynamixel.gathering import duration
@@ -14,7 +14,7 @@ CURES = {
     Fault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
     Fault.SHOCK: "look at its cable and its supply",
 }
-REMEDY = "free the joint, then `mission servo recover`, or switch the arm's power off and on"
+REMEDY = "free the joint, then `mission servo recover --robot FILE`, or switch the arm's power off and on"
 
 
 class Telling:
@@ -26,6 +26,8 @@ class Telling:
         self._report = report
         self._online = False
         self._left_out: frozenset[str] = frozenset()
+        self._unsettled: frozenset[str] = frozenset()
+        self._unrested = ""
 
     def here(self, port: str) -> None:
         """Tell, if it is new, that servos answer on ``port``."""
@@ -43,6 +45,8 @@ class Telling:
     def end(self) -> None:
         """Forget that it was there, without a word."""
         self._online = False
+        self._unrested = ""
+        self._unsettled = frozenset()
 
     def differences(self, hint: str) -> None:
         """Tell in one notice of all servos that are missing or not what the robot file says."""
@@ -89,7 +93,11 @@ class Telling:
         wire, waiting = duration(joints, baud)
         if wire + waiting <= 1 / rate:
             return
-        cure = "`mission servo set all return_delay 0`" if waiting > wire / 4 else "raise the baud rate of the servos"
+        cure = (
+            "`mission servo set all return_delay 0 --robot FILE`"
+            if waiting > wire / 4
+            else "raise the baud rate of the servos"
+        )
         what = f"a round of {len(joints)} servos takes {(wire + waiting) * 1000:.0f} ms"
         detail = f"{waiting * 1000:.0f} ms of it return delay: {1 / (wire + waiting):.0f} Hz instead of {rate:g} Hz"
         self._tell("fault", f"{what}, {detail}", f"{cure}, or set a lower rate in the robot file")
@@ -103,5 +111,33 @@ class Telling:
             self._tell("fault", f"a move left {joint.title} out: it {why}")
         self._left_out = left_out
 
+    def unsettled(self) -> None:
+        """Tell of joints that have begun to leave it open whether they were held or relaxed."""
+        new = [joint for name, joint in self._joints.items() if joint.unsettled and name not in self._unsettled]
+        for stiff in (True, False):
+            if titles := ", ".join(joint.title for joint in new if bool(joint.wanted) is stiff):
+                hint = "they are told again as soon as they answer; if one moves on, switch its power off by hand"
+                self._tell("fault", f"could not be {_settled(stiff=stiff)}: {titles}", hint)
+        self._unsettled = self._unconfirmed()
+
+    def unrested(self, joints: Iterable[Joint], *, stiff: bool, why: str = "") -> None:
+        """Tell, if it is new, of joints that could not be brought to rest.
+
+        A run rests its robot, then closes it, which rests it once more.
+        """
+        titles = ", ".join(joint.title for joint in joints)
+        if titles and titles + why != self._unrested:
+            what = f"could not be {_settled(stiff=stiff)}: {titles}{why}"
+            self._tell("fault", what, "switch their power off by hand")
+        self._unrested = titles + why
+        self._unsettled = self._unconfirmed()
+
+    def _unconfirmed(self) -> frozenset[str]:
+        return frozenset(name for name, joint in self._joints.items() if joint.unsettled)
+
     def _tell(self, kind: str, what: str, hint: str = "") -> None:
         self._report(Notice(self._name, kind, what, hint))
+
+
+def _settled(*, stiff: bool) -> str:
+    return "held" if stiff else "relaxed"

@@ -43,20 +43,35 @@ def switch(bus: Bus, joints: Iterable[Joint], *, on: bool) -> None:
 
 def stiffen(bus: Bus, joint: Joint) -> None:
     """Make one joint stiff where it stands, every step acknowledged. Raises NoReply, NotConnected, BadRequest."""
-    table = joint.model.table
-    goal = joint.nearest(bus.read(joint.at, table["present_position"]))
+    _stiffen_at(bus, joint, joint.nearest(bus.read(joint.at, joint.model.table["present_position"])))
+
+
+def _stiffen_at(bus: Bus, joint: Joint, goal: int) -> None:
+    """Make one joint stiff at ``goal`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
     bus.write_block(joint.at, *joint.order(goal, joint.limits.speed))
-    bus.write(joint.at, table["torque_enable"], 1)
-    joint.goal, joint.torque = joint.angle(goal), True
+    bus.write(joint.at, joint.model.table["torque_enable"], 1)
+    joint.goal, joint.speed, joint.torque = joint.angle(goal), joint.limits.speed, True
+
+
+def stop_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
+    """Tell joints to go where they are by now, in one packet that none acknowledges; return these goals (ticks).
+
+    Raises NotConnected.
+    """
+    places = [(joint, joint.position_at(now)) for joint in joints]
+    goals = {joint: joint.nearest(joint.ticks(place)) for joint, place in places if place is not None}
+    send(bus, [(joint, joint.order(goal, joint.limits.speed)) for joint, goal in goals.items()])
+    return goals
 
 
 def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
-    """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected."""
-    places = [(joint, joint.position_at(now)) for joint in joints]
-    goals = [(joint, joint.nearest(joint.ticks(place))) for joint, place in places if place is not None]
-    send(bus, [(joint, joint.order(goal, joint.limits.speed)) for joint, goal in goals])
-    switch(bus, [joint for joint, _ in goals], on=True)
-    for joint, goal in goals:
+    """Make joints stiff where they are by now, in two packets that none acknowledges. Raises NotConnected.
+
+    For joints that are sent elsewhere in the next moment: should the first packet be lost, they go to an old goal.
+    """
+    goals = stop_together(bus, joints, now=now)
+    switch(bus, goals, on=True)
+    for joint, goal in goals.items():
         joint.goal, joint.torque = joint.angle(goal), True
 
 
@@ -69,9 +84,15 @@ def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Ma
     for joint in joints:
         joint.left_out = joint not in going
     for joint in going:
-        joint.goal, joint.wanted = goals[joint.name], True
-    orders = [(joint, speeds.get(joint.name, joint.limits.speed)) for joint in going]
-    send(bus, [(joint, joint.order(joint.ticks(goals[joint.name]), speed)) for joint, speed in orders])
+        joint.goal, joint.speed = goals[joint.name], speeds.get(joint.name, joint.limits.speed)
+        joint.wanted, joint.unsettled = True, False
+    send(bus, [(joint, joint.order(joint.ticks(goals[joint.name]), joint.speed)) for joint in going])
+
+
+def remind(bus: Bus, joint: Joint) -> None:
+    """Send a joint to its goal once more, which it did not hear. Raises NoReply, NotConnected, BadRequest."""
+    if joint.goal is not None:
+        bus.write_block(joint.at, *joint.order(joint.ticks(joint.goal), joint.speed))
 
 
 def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
@@ -93,37 +114,39 @@ def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
 def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
     """Hold or relax joints, first together, then each until it acknowledges; return those that did not.
 
-    Never raises. Left alone are servos that were never there, that are not what they should be, or (when holding)
-    that have shut themselves down.
+    Never raises. Left alone are servos that this driver never touched or (when holding) that have shut themselves
+    down. What is not what it should be any more is relaxed like the others, but cannot be held.
     """
-    touched = [joint for joint in joints if joint.reading.value is not None and (joint.driven or not joint.answers)]
-    if stiff:
-        touched = [joint for joint in touched if not joint.shut]
-    recent = [joint for joint in touched if joint.driven and now - joint.reading.stamp <= RECENT]
-    together: Sequence[Joint] = ()
+    joints = tuple(joints)
+    ours = [joint for joint in joints if joint.touched and not (stiff and joint.shut)]
+    goals: Mapping[Joint, int] = {}
     with suppress(NotConnected, BadRequest):
         if stiff:
-            stiffen_together(bus, recent, now=now)
-            together = recent
+            recent = [joint for joint in ours if joint.driven and now - joint.reading.stamp <= RECENT]
+            goals = stop_together(bus, recent, now=now)
         else:
-            switch(bus, touched, on=False)
-    names = {joint.name for joint in together}
-    return [joint for joint in touched if not _settled(bus, joint, stiff=stiff, told=joint.name in names)]
+            switch(bus, ours, on=False)
+    for joint in joints:
+        joint.unsettled = joint in ours and not _settled(bus, joint, goals.get(joint), stiff=stiff)
+    return [joint for joint in ours if joint.unsettled]
 
 
-def _settled(bus: Bus, joint: Joint, *, stiff: bool, told: bool) -> bool:
-    """Settle one joint; try again after a miss, for the same write twice does no harm."""
-    if stiff and not joint.answers:
-        return False  # nobody knows where it is: stiffening it could make it jump
+def _settled(bus: Bus, joint: Joint, goal: int | None, *, stiff: bool) -> bool:
+    """Settle one joint, at ``goal`` (ticks) or where it says that it stands; try again after a miss."""
+    if stiff and not joint.driven:
+        return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
     for _ in range(2 if joint.answers else 1):
         try:
-            if stiff and not told:
+            if not stiff:
+                bus.write(joint.at, joint.model.table["torque_enable"], 0)
+            elif goal is None:
                 stiffen(bus, joint)
             else:
-                bus.write(joint.at, joint.model.table["torque_enable"], int(stiff))
+                _stiffen_at(bus, joint, goal)
         except NotConnected:
             return False
         except (NoReply, BadRequest):
+            goal = None
             continue
         joint.torque = stiff
         if not stiff:

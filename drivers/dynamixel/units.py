@@ -1,4 +1,4 @@
-"""What the codes and steps of a control table are worth: turning speeds and baud rates."""
+"""What the codes and steps of a control table are worth: turning speeds, delays and baud rates."""
 
 from collections.abc import Mapping
 from math import pi
@@ -9,6 +9,9 @@ from drivers.errors import BadRequest
 
 RPM = 2 * pi / 60
 """One turn a minute in rad/s."""
+
+RETURN_DELAY_STEP = 2e-6
+"""Seconds that one step of a servo's return delay is worth."""
 
 Protocol = Literal[1, 2]
 

@@ -10,6 +10,7 @@ from drivers.dynamixel.gathering import Gathering
 from drivers.dynamixel.joining import absence, difference, read, restore
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import Telling
+from drivers.dynamixel.torque import remind, settle
 from drivers.dynamixel.wire import Fault
 from drivers.errors import BadRequest, NoReply, NotConnected
 
@@ -49,7 +50,7 @@ class Watch:
         """What to look at when servos are missing or differ."""
         return (
             f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
-            "`mission servo scan` shows what answers"
+            "`mission servo scan --robot FILE` shows what answers"
         )
 
     def connect(self) -> None:
@@ -98,11 +99,16 @@ class Watch:
             self._check(min(waiting, key=lambda joint: joint.checked))
         self._tell_presence()
         self._telling.left_out()
+        with self._lock:
+            self._telling.unsettled()
 
     def _find(self, joint: Joint) -> None:
         """Look for a servo that is not driven, and tell if something about it has changed."""
         before = joint.complaint
         self._join(joint)
+        if joint.unsettled and joint.answers:
+            with self._lock:
+                self._settle(joint)
         if joint.complaint != before:
             self._telling.found(joint, self.hint)
 
@@ -157,16 +163,21 @@ class Watch:
             self._telling.gone(joint, self.hint)
 
     def _check(self, joint: Joint) -> None:
-        """Look whether the servo has shut down, or has lost its settings in a dip of the supply."""
+        """Look whether the servo has shut down, has lost its settings in a dip of the supply, or has missed a word."""
         joint.checked = self._clock.now()
+        lost = False
         try:
             with self._lock:
                 for block in joint.model.table.slow:
                     read(self._bus, joint, block, tries=1)
                 joint.torque = bool(joint.value("torque_enable"))
                 newly_shut, joint.shut = joint.down and not joint.shut, joint.down
-                if lost := self._forgot(joint):
+                if joint.unsettled:
+                    self._settle(joint)
+                elif lost := self._forgot(joint):
                     restore(self._bus, joint)
+                elif joint.astray:
+                    remind(self._bus, joint)
         except (NoReply, BadRequest):
             self._miss(joint)
             return
@@ -175,6 +186,10 @@ class Watch:
             self._telling.shut(joint)
         if lost:
             self._telling.dipped(joint)
+
+    def _settle(self, joint: Joint) -> None:
+        """Hold or relax a servo once more that has not confirmed it."""
+        settle(self._bus, [joint], stiff=bool(joint.wanted), now=self._clock.now())
 
     def _forgot(self, joint: Joint) -> bool:
         """Whether a servo that has not shut down is without its torque or its torque limit."""

@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 from itertools import count
 
 from drivers.dynamixel import wire, wire2
-from drivers.dynamixel.units import baud_code
+from drivers.dynamixel.units import RETURN_DELAY_STEP, baud_code
 from drivers.dynamixel.wire import GAP, Packet
 from drivers.virtual import obey1, obey2
 from drivers.virtual.mishaps import Mishaps
@@ -22,9 +22,6 @@ Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
 
 BITS = 10
 """Bits on the wire for a byte: a start bit, eight, and a stop bit."""
-
-DELAY_STEP = 2e-6
-"""Seconds that one step of the return delay is worth."""
 
 
 class VirtualServoBus:
@@ -150,7 +147,7 @@ class VirtualServoBus:
 
     def _reply(self, slot: Slot, now: float) -> None:
         reply = overlaid([data for _, data in slot])
-        delay = max(servo.settings.return_delay for servo, _ in slot) * DELAY_STEP
+        delay = max(servo.settings.return_delay for servo, _ in slot) * RETURN_DELAY_STEP
         due = self._occupy(len(reply), now, delay)
         for late, piece in self.mishaps.arrange(reply) if self.mishaps else [(0.0, reply)]:
             self._send(piece, due + late)

@@ -26,6 +26,7 @@ from drivers.pantilt import AHEAD, Trimmable
 from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
 from missions.runner import CONNECT_TIME, DEFAULT_ROBOT
 
@@ -178,7 +179,7 @@ def _by_hand(bench: Bench) -> tuple[float, float] | None:
     click.echo(HELP)
     with Keys(sys.stdin.fileno()) as keys:
         try:
-            content = trim_by_hand(bench.trimmer, keys, signs, _show, lambda: bench.head.health().detail)
+            content = trim_by_hand(bench.trimmer, keys, signs, show_over, lambda: bench.head.health().detail)
         finally:
             click.echo()
     return bench.trimmer.trim() if content else None
@@ -187,11 +188,6 @@ def _by_hand(bench: Bench) -> tuple[float, float] | None:
 def _sign(axis: ServoConfig | NeckJointConfig) -> int:
     """Return -1 for a servo that turns the other way than the head."""
     return -1 if isinstance(axis, ServoConfig) and axis.flip else 1
-
-
-def _show(line: str) -> None:
-    """Show a line in the place of the one before."""
-    click.echo(f"\r\x1b[K{line}", nl=False)
 
 
 @contextmanager

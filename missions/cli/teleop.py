@@ -17,13 +17,11 @@ from drivers.errors import NotConnected
 from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
+from missions.cli.status_line import show_over
 from missions.runner import CONNECT_TIME, DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.teleop import keymap, pad
 from missions.teleop.pilot import LEAST, MOST, Pilot
 from missions.teleop.turns import drive_by_hand
-
-WIDTH = 78
-"""Columns of the line to be seen: a longer one would wrap, and could not be written over."""
 
 SHOWN = 0.1
 """Seconds between two changes of that line: a slow line has to keep up with it."""
@@ -137,6 +135,6 @@ def _shower(clock: Clock) -> Callable[[str], None]:
         nonlocal shown, at
         if line != shown and clock.now() - at >= SHOWN and sys.stdout.isatty():
             shown, at = line, clock.now()
-            click.echo(f"\r\x1b[K{line[:WIDTH]}", nl=False)
+            show_over(line)
 
     return show

@@ -12,9 +12,6 @@ STEPS = (0.5, 1.0, 2.0, 5.0)
 
 HELP = "The arrows turn the head, + and - change the step, 0 is no trim.\nEnter keeps the trims, q puts them back."
 
-WIDTH = 78
-"""Columns of the line to be seen: a longer one would wrap, and could not be written over."""
-
 _TURNS = {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
 
 
@@ -34,7 +31,7 @@ def trim_by_hand(
     try:
         while not content:
             pan, tilt = (degrees(trim) for trim in head.trim())
-            show(f"trim: pan {pan:+.1f} deg, tilt {tilt:+.1f} deg, step {STEPS[step]:g}  {trouble()}"[:WIDTH])
+            show(f"trim: pan {pan:+.1f} deg, tilt {tilt:+.1f} deg, step {STEPS[step]:g}  {trouble()}")
             match keys.read(0.2):
                 case "left" | "right" | "up" | "down" as key:
                     _turn(head, _TURNS[key], signs, radians(STEPS[step]))

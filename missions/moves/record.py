@@ -19,7 +19,7 @@ Table = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class Snapshot:
     """Where the joints were (radians) at a time (seconds, on the driver's clock)."""
 
     time: float
@@ -35,22 +35,22 @@ class Recording:
     def __init__(self, resolutions: Mapping[str, float]) -> None:
         self._resolutions = dict(resolutions)
         self._heard: float | None = None  # when all joints were heard last, or first asked
-        self.samples: list[Sample] = []
+        self.snapshots: list[Snapshot] = []
 
     @property
     def seconds(self) -> float:
         """How long it is by now."""
-        return self.samples[-1].time - self.samples[0].time if self.samples else 0.0
+        return self.snapshots[-1].time - self.snapshots[0].time if self.snapshots else 0.0
 
     def add(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
         """Take the newest readings, if there are new ones of every joint.
 
         Raises NoReply once no such readings have come for ``GAP`` seconds: a recording with a hole is none.
         """
-        sample = self._sample(states)
-        if sample is not None:
-            self.samples.append(sample)
-        if sample is not None or self._heard is None:
+        snapshot = self._snapshot(states)
+        if snapshot is not None:
+            self.snapshots.append(snapshot)
+        if snapshot is not None or self._heard is None:
             self._heard = now
         elif now - self._heard > GAP:
             silent = [name for name in self._resolutions if not states[name].good]
@@ -60,15 +60,15 @@ class Recording:
                 hint="look after the cable and the supply, then record it again",
             )
 
-    def _sample(self, states: Mapping[str, Reading[JointState]]) -> Sample | None:
+    def _snapshot(self, states: Mapping[str, Reading[JointState]]) -> Snapshot | None:
         """Return where all the joints are, None where that is not known anew."""
         readings = {name: states[name] for name in self._resolutions}
         positions = {name: each.value.position for name, each in readings.items() if each.good and each.value}
-        last = self.samples[-1].time if self.samples else -inf
+        last = self.snapshots[-1].time if self.snapshots else -inf
         stamps = [each.stamp for each in readings.values()]
         if len(positions) < len(readings) or min(stamps) <= last:
             return None
-        return Sample(max(stamps), positions)
+        return Snapshot(max(stamps), positions)
 
     def gesture(self, name: str, summary: str = "") -> GestureConfig:
         """Return the movement without the stillness around it, thinned out to what the joints can measure.
@@ -76,14 +76,14 @@ class Recording:
         Raises BadRequest when nothing moved.
         """
         steps = np.array(list(self._resolutions.values()))
-        table = np.array([[sample.positions[joint] for joint in self._resolutions] for sample in self.samples])
+        table = np.array([[snapshot.positions[joint] for joint in self._resolutions] for snapshot in self.snapshots])
         moved = _moved(table, steps)
         if moved is None:
             raise BadRequest(f"{name}: nothing moved while it was recorded", hint="move the joints by hand meanwhile")
-        samples, table = self.samples[moved], table[moved]
-        times = np.array([sample.time - samples[0].time for sample in samples])
+        snapshots, table = self.snapshots[moved], table[moved]
+        times = np.array([snapshot.time - snapshots[0].time for snapshot in snapshots])
         kept = thinned(times, table, steps)
-        return GestureConfig(name, summary, tuple((float(times[k]), samples[k].positions) for k in kept), "cubic")
+        return GestureConfig(name, summary, tuple((float(times[k]), snapshots[k].positions) for k in kept), "cubic")
 
 
 def _moved(table: Table, steps: npt.NDArray[np.float64]) -> slice | None:

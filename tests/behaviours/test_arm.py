@@ -5,9 +5,10 @@ from itertools import pairwise
 import pytest
 from py_trees.common import Status
 
-from behaviours.arm import PATIENCE, Gesture
+from behaviours.arm import Gesture
 from behaviours.joint_motion import AHEAD, CATCH_UP, LONGEST_STEP, MARGIN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.played import PATIENCE
 from behaviours.playing import PEAK
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading

@@ -176,6 +176,16 @@ def test_torque_that_is_halted_half_way_leaves_the_joints_stiff() -> None:
     assert bench.arm.commands == [(RELAX, "elbow"), (HOLD, "elbow")]
 
 
+def test_torque_off_that_one_servo_does_not_confirm_leaves_the_others_limp() -> None:
+    bench, servos = with_servos()
+    servos.stuck = {"elbow"}
+    leaf = bench.put(Torque("torque"), stiff=False)
+    play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert leaf.reason == "elbow did not become limp"
+    assert servos.limp == {joint for joint in servos.limits if joint != "elbow"}
+
+
 def test_torque_of_a_joint_that_is_not_there_fails_and_nothing_is_told() -> None:
     bench = Bench()
     leaf = bench.put(Torque("torque"), stiff=False, joints=("elbo",))

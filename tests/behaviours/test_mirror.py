@@ -1,14 +1,15 @@
 """Joints that follow others: the leaders limp, the followers led by the driver, all as stiff as before in the end."""
 
 import math
+from collections.abc import Mapping
 
 import pytest
 
 from behaviours.joint_motion import RUN_IN
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.mirror import LIMP, NEAR, FollowJoint, Mirror
-from drivers.api import Coupling, JointLimits
-from missions.testing.recorders import GONE, HOLD, RELAX, Bench
+from drivers.api import Coupling, JointLimits, JointState, Reading
+from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, tick, with_servos
 
 LEFT, RIGHT = ("left_shoulder", "left_elbow"), ("right_shoulder", "right_elbow")
@@ -144,6 +145,22 @@ def test_arms_that_do_not_go_together_fail_it_and_nothing_becomes_limp(
     assert arm.commands == []
 
 
+@pytest.mark.parametrize("word", ["mirror", "follow_joint"])
+def test_a_reading_that_goes_stale_within_a_tick_does_no_harm(word: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, arm = bench_of_two_arms()
+    leaf = mirroring(bench) if word == "mirror" else following(bench)
+    fresh, asked = arm.states, list[float]()
+
+    def once_a_tick() -> Mapping[str, Reading[JointState]]:
+        stale = bench.clock.now() in asked
+        asked.append(bench.clock.now())
+        return dict.fromkeys(LIMITS, none()) if stale else fresh()
+
+    monkeypatch.setattr(arm, "states", once_a_tick)
+    assert tick(bench, leaf, 1.0) is RUNNING
+    assert len(asked) == round(1.0 / TICK)
+
+
 def test_a_follower_that_has_shut_down_ends_it() -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench)
@@ -166,10 +183,11 @@ def test_a_joint_follows_once_its_leader_was_turned_far_enough() -> None:
     bench, arm = bench_of_two_arms()
     leaf = following(bench, scale=-1.0)
     tick(bench, leaf, 0.5)
-    assert arm.commands == [(RELAX, "left_elbow"), (Coupling("left_elbow", "right_elbow", -1.0, 0.0, leaf.past),)]
+    assert arm.commands == [(RELAX, "left_elbow")]
     assert leaf.reason == "left_elbow is turned by 0 deg, waiting for 20 deg"
     arm.turn_by_hand("left_elbow", -0.5)
     tick(bench, leaf, TICK)
+    assert arm.commands[1:] == [(Coupling("left_elbow", "right_elbow", -1.0),)]
     assert leaf.reason == "right_elbow follows left_elbow"
     arm.turn_by_hand("left_elbow", 0.0)
     tick(bench, leaf, TICK)
@@ -198,8 +216,7 @@ def test_after_a_pause_it_waits_again_only_where_it_had_not_begun(begun: bool) -
     arm.hold()
     bench.clock.advance(20.0)
     tick(bench, leaf, 0.5)
-    threshold = 0.0 if begun else leaf.past
-    assert arm.commands[-1] == (Coupling("left_elbow", "right_elbow", 1.0, 0.0, threshold),)
+    assert arm.commands[-1] == ((Coupling("left_elbow", "right_elbow"),) if begun else (RELAX, "left_elbow"))
 
 
 def test_joints_that_cannot_follow_are_told_of() -> None:

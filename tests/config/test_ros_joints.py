@@ -86,6 +86,16 @@ def test_the_published_example_goes_where_it_should() -> None:
     assert MODELS["AX-12A"].ticks(turned.zero - 1.0) == 316
 
 
+@pytest.mark.parametrize(("init", "low", "high"), [(100, 205, 819), (900, 819, 205)])
+def test_a_zero_that_the_joint_cannot_reach_is_said_at_its_line(init: int, low: int, high: int) -> None:
+    found = read(f"c:\n  joint_name: j\n  motor:\n    id: 5\n    init: {init}\n    min: {low}\n    max: {high}\n")
+    (note,) = found.notes
+    ends = f"'min' {low} and 'max' {high}"
+    assert note.message == f"'init' {init} lies outside {ends}: the joint cannot go to its 0"
+    assert note.source.line(note.mark.line) == f"    init: {init}"
+    assert list(found.joints) == ["j"]
+
+
 def test_the_steps_are_those_of_the_model_that_the_caller_knows() -> None:
     joint = joint_of("c:\n  joint_name: j\n  motor: {id: 5, init: 2048, min: 1024, max: 3072}\n", "MX-28")
     assert (joint.model, joint.zero, joint.lower, joint.upper) == ("MX-28", 0.0, -math.pi / 2, math.pi / 2)

@@ -11,6 +11,7 @@ import pytest
 from drivers.api import Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
+from drivers.dynamixel.following import NEAR, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.errors import BadRequest, NotConnected
@@ -410,6 +411,24 @@ def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
     arm.until(lambda: arm.at("wrist", 0.1))
 
 
+def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus(arm: JointsRig) -> None:
+    began = arm.clock.now()
+    arm.turn_by_hand("elbow", 1.0)
+    arm.device.follow([Coupling("elbow", "wrist")])
+    arm.until(partial(arm.near, "wrist", 1.0))
+    assert arm.clock.now() - began > 0.95 * (1.0 - NEAR) / RUN_IN
+    arm.turn_by_hand("elbow", -1.0)
+    arm.until(lambda: arm.state("wrist").velocity < -2 * RUN_IN)
+    arm.until(partial(arm.near, "wrist", -1.0))
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.turn_by_hand("elbow", 0.0)
+    began = arm.clock.now()
+    arm.plug_in()
+    arm.until(partial(arm.near, "wrist", 0.0))
+    assert arm.clock.now() - began > 0.95 * (1.0 - NEAR) / RUN_IN
+
+
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
 @pytest.mark.parametrize("kind", RIGS)
 def test_at_rest_it_is_as_the_robot_file_asks(kind: type[WireJoints | TwinJoints], at_rest: str) -> None:
@@ -444,6 +463,42 @@ def test_unplugged_it_says_why_while_the_servos_finish_what_they_were_told(arm: 
     assert {reading.quality for reading in readings} == {Quality.STALE}
     arm.device.hold()
     arm.device.relax()
+
+
+def test_what_cannot_be_brought_to_rest_is_told_once_without_what_has_shut_down(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 0.3, "wrist": 0.3})
+    arm.until(lambda: arm.at("elbow", 0.3) and arm.at("wrist", 0.3))
+    arm.overload("elbow")
+    arm.until(lambda: arm.told("fault", "elbow (servo 2) has shut down"))
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.device.rest()
+    arm.device.close()
+    arm.device.rest()
+    (notice,) = [notice for notice in arm.notices if "could not be" in notice.what]
+    assert notice.what == "could not be held: wrist (servo 3), shoulder (servo 1)"
+    assert notice.hint == "switch their power off by hand"
+
+
+def test_unplugged_it_tells_once_what_it_cannot_hold_and_holds_it_when_it_is_back(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 1.2}, speeds={"elbow": 0.5})
+    arm.until(lambda: arm.state("elbow").position > 0.1)
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    for _ in range(3):
+        arm.device.hold(["elbow"])
+    (notice,) = [notice for notice in arm.notices if "could not be" in notice.what]
+    assert (notice.kind, notice.what) == ("fault", "could not be held: elbow (servo 2)")
+    assert notice.hint
+    arm.device.relax(["wrist"])
+    assert arm.told("fault", "could not be relaxed: wrist (servo 3)")
+    arm.notices.clear()
+    arm.plug_in()
+    arm.until(lambda: arm.told("online") and arm.device.states()["elbow"].good)
+    arm.until(lambda: arm.fresh("elbow").torque and not arm.fresh("elbow").moving)
+    assert arm.truth("elbow") < 1.0
+    arm.device.hold()
+    assert not arm.told("fault")
 
 
 def test_plugged_in_again_it_holds_where_it_is(arm: JointsRig) -> None:

@@ -249,7 +249,7 @@ def test_a_wire_that_is_too_slow_for_the_rate_is_told_once_with_the_cure(make: M
     wait_until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
     assert fault.what == "a round of 22 servos takes 16 ms, 11 ms of it return delay: 61 Hz instead of 100 Hz"
-    assert "mission servo set all return_delay 0" in fault.hint
+    assert "mission servo set all return_delay 0 --robot FILE" in fault.hint
 
 
 def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:

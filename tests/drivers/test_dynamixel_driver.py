@@ -419,7 +419,7 @@ def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None
 def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: Make) -> None:
     arm = make()
     arm.bus.open()
-    joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"], complaint="", answers=True, goal=2.0)
+    joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"], complaint="", answers=True, goal=2.0, touched=True)
     seen = JointState(0.5, 5.0, 2.0, 0.0, 12.0, 35.0, moving=True, torque=True)
     joint.reading = Reading(seen, 1.0, Quality.GOOD)
     assert settle(arm.bus, [joint], stiff=True, now=1.05) == []

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.api import Coupling, Notice
 from drivers.dynamixel.clamping import EPISODE, Clamping
-from drivers.dynamixel.following import Following
+from drivers.dynamixel.following import NEAR, PAUSE, RUN_IN, Following
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import WINDOW, Pace
@@ -142,3 +142,29 @@ def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_mo
         rest = pace.rest(now, now)
         assert rest >= 0.001 - 1e-9
         now += rest
+
+
+# --- brought over -----------------------------------------------------------------------------------------------------
+
+
+def test_a_follower_is_brought_over_slowly_until_it_has_come_near_and_then_goes_as_it_may() -> None:
+    following = Following([Coupling("left", "right")])
+    assert following.speeds({"right": 1.0}, {"right": 0.0}, 0.00) == {"right": RUN_IN}
+    assert following.speeds({"right": 1.0}, {}, 0.01) == {"right": RUN_IN}  # nobody knows where it is
+    assert following.speeds({"right": 1.0}, {"right": 1.0 - 0.9 * NEAR}, 0.02) == {}
+    assert following.speeds({"right": -1.0}, {"right": 1.0}, 0.03) == {}
+    assert following.speeds({"right": -1.0}, {}, 0.04) == {}
+
+
+def test_after_a_pause_it_is_brought_over_anew_unless_it_is_near() -> None:
+    following = Following([Coupling("left", "right"), Coupling("left", "third")])
+    near = {"right": 0.0, "third": 0.0}
+    assert following.speeds(near, near, 0.0) == {}
+    far = {"right": 1.0, "third": 1.0}
+    assert following.speeds(far, near, PAUSE) == {}
+    following.pause(["third"])
+    assert following.speeds(far, near, PAUSE + 0.01) == {"third": RUN_IN}
+    assert following.speeds(far, near, 3 * PAUSE) == {"right": RUN_IN, "third": RUN_IN}
+    assert following.speeds(near, near, 4 * PAUSE) == {}
+    following.pause()
+    assert following.speeds(far, near, 4 * PAUSE) == {"right": RUN_IN, "third": RUN_IN}

@@ -103,6 +103,32 @@ def test_all_that_is_wrong_with_a_wish_is_said_at_once(bench: Bench) -> None:
     assert not bench.wired.sent
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_torque_is_not_switched_on_over_an_old_goal(name: str) -> None:
+    bench = Bench(name)
+    with pytest.raises(BadRequest, match="torque_enable 1 could make it leap") as refusal:
+        bench.plan(torque_enable=1)
+    assert "mission servo torque on" in refusal.value.hint
+    bench.servo.set("torque_enable", 1)
+    assert named(bench.plan(torque_enable=0)) == [("torque_enable", 1, 0)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_servo_is_told_to_go_as_fast_as_it_can(name: str) -> None:
+    bench = Bench(name)
+    speed = bench.model.table.speed
+    bench.servo.set(speed, 100)
+    with pytest.raises(BadRequest, match=f"{speed} 0 is no speed, but as fast as it can"):
+        bench.plan(**{speed: 0})
+
+
+def test_a_servo_that_turns_a_wheel_can_be_told_to_stand_still(bench: Bench) -> None:
+    bench.servo.set("cw_angle_limit", 0)
+    bench.servo.set("ccw_angle_limit", 0)
+    bench.servo.set("moving_speed", 100)
+    assert named(bench.plan(moving_speed=0)) == [("moving_speed", 100, 0)]
+
+
 def test_a_servo_is_not_sent_where_its_table_would_not_fit() -> None:
     with pytest.raises(BadRequest, match="protocol must stay at 2"):
         Bench("XL430-W250").plan(protocol=1)

@@ -202,3 +202,9 @@ def test_a_register_is_found_by_its_name() -> None:
     assert tables.TABLE_X.named("goal_pwm").address == 100
     assert "goal_pwm" in tables.TABLE_X
     assert "goal_pwm" not in tables.TABLE_AX
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_the_goal_is_among_the_slow_registers_for_the_watch_to_compare(model: Model) -> None:
+    goal = model.table[model.table.goal]
+    assert any(block.address <= goal.address and goal.end <= block.address + block.size for block in model.table.slow)

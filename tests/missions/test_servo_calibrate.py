@@ -161,6 +161,14 @@ def test_a_ros_file_becomes_a_robot_file_on_stdout(tmp_path: Path, mission: Miss
     assert (arm.port, list(arm.joints), arm.joints["grip"].reverse) == ("/dev/ttyUSB3", ["shoulder", "grip"], True)
 
 
+@pytest.mark.parametrize("model", ["AX-12", "AX-12+"])
+def test_a_model_may_be_called_what_robot_files_call_it(tmp_path: Path, mission: Mission, model: str) -> None:
+    (tmp_path / "arm.yaml").write_text(ROS)
+    outcome = mission(f"servo import {tmp_path}/arm.yaml --model {model}")
+    assert outcome.code == 0, outcome.err
+    assert "model: AX-12A" in outcome.out
+
+
 def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission: Mission) -> None:
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text().splitlines()

@@ -93,7 +93,7 @@ def test_a_joint_that_falls_silent_ends_the_recording_with_its_name() -> None:
     recording.add(states, 1.3)
     with pytest.raises(NoReply, match=r"^wrist: no reading for 0\.30 s, 0\.1 s after the recording began"):
         recording.add(states, 1.4)
-    assert len(recording.samples) == 2
+    assert len(recording.snapshots) == 2
 
 
 def test_joints_that_never_speak_are_not_waited_for_for_ever() -> None:
@@ -107,7 +107,7 @@ def test_a_reading_that_is_asked_for_twice_is_recorded_once() -> None:
     recording = Recording({"elbow": STEP})
     for _ in range(3):
         recording.add(seen({"elbow": 0.0}, 1.0), 1.0)
-    assert len(recording.samples) == 1
+    assert len(recording.snapshots) == 1
 
 
 @given(st.lists(st.lists(st.integers(-50, 50), min_size=2, max_size=2), min_size=2, max_size=60))

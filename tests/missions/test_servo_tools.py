@@ -165,7 +165,11 @@ def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(ser
         (("elbow", "retrun_delay", "0"), 3, "did you mean return_delay"),
         (("elbow", "return_delay", "999"), 3, "0..254"),
         (("elbow", "present_voltage", "100"), 3, "present_voltage"),
-        (("9", "led", "1"), 3, "servo 9 does not answer"),
+        (("9", "led", "1"), 3, "try: mission servo scan --all-bauds --robot three.yaml"),
+        (("253", "led", "1"), 3, "servo 253 does not answer"),
+        (("254", "led", "1"), 3, "a servo's ID is 0..253"),
+        (("all", "torque_enable", "1"), 3, "mission servo torque on --robot FILE"),
+        (("wrist", "profile_velocity", "0"), 3, "as fast as it can"),
         (("elbwo", "led", "1"), 2, "did you mean 'elbow'?"),
     ],
 )
@@ -221,7 +225,7 @@ def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Th
 def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo, robot: Three) -> None:
     outcome = servo("move", "elbow", "-30", "deg")
     assert outcome.code == 0, outcome.err
-    assert outcome.out.startswith("elbow is at -")
+    assert "\nelbow is at -" in outcome.out
     assert robot.elbow.angle == pytest.approx(radians(10 + 30), abs=radians(2))
     assert all(each.limp for each in robot.bus.servos)  # at_end: relax
 
@@ -235,7 +239,7 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
     robot.elbow.burden = 2.0
     outcome = servo("move", "elbow", "40 deg")
     assert outcome.code == 1
-    assert "elbow stopped at" in outcome.err
+    assert "short of 40 deg" in outcome.out
 
 
 @pytest.mark.parametrize(
@@ -258,13 +262,68 @@ def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: T
     robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
     assert servo("torque", "on").code == 0
     robot.elbow.overload()
-    wait_until(lambda: robot.elbow.get("torque_limit") == 0)
+    robot.wrist.overload()
+    wait_until(lambda: robot.elbow.get("torque_limit") == 0 and robot.wrist.get("hardware_error") != 0)
     robot.elbow.turn_by_hand(radians(25))
     outcome = servo("recover")
-    assert (outcome.code, outcome.out) == (0, "stiff again: elbow\n"), outcome.err
+    assert (outcome.code, outcome.out) == (0, "stiff again: elbow, wrist\n"), outcome.err
     assert not robot.elbow.limp
     assert robot.elbow.angle == pytest.approx(radians(25), abs=0.01)
+    assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, False)  # it has started again for that
     assert servo("recover").out == "no servo has shut down\n"
+
+
+def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_said(servo: Servo, robot: Three) -> None:
+    robot.wrist.set("torque_enable", 1)
+    robot.wrist.overload()
+    wait_until(lambda: robot.wrist.get("hardware_error") != 0)
+    outcome = servo("recover")
+    said = "stiff again: wrist\nlimp again, as the robot file asks (at_end: relax)\n"
+    assert (outcome.code, outcome.out) == (0, said), outcome.err
+    assert robot.wrist.limp
+
+
+def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
+    servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.cli.servo.drive.RECOVERY", 0.0)  # it takes longer than that to start
+    robot.wrist.set("torque_enable", 1)
+    robot.wrist.overload()
+    wait_until(lambda: robot.wrist.get("hardware_error") != 0)
+    outcome = servo("recover")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "still limp: wrist" in outcome.err
+
+
+def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: Three) -> None:
+    for each in (robot.elbow, robot.wrist):
+        each.set("torque_enable", 1)
+        each.overload()
+    wait_until(lambda: robot.elbow.get("torque_limit") == 0 and robot.wrist.get("hardware_error") != 0)
+    outcome = servo("torque", "on")
+    assert (outcome.code, outcome.out) == (1, "waist (servo 1) is stiff\n")
+    for title in ("elbow (servo 2)", "wrist (servo 3)"):
+        assert f"{title}: has shut down, and was left as it is\n  try: free the joint, then `mission servo recover" in (
+            outcome.err
+        )
+    assert robot.elbow.get("torque_limit") == 0
+
+
+def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot: Three) -> None:
+    text = robot.path.read_text().replace("zero: 10 deg,", "zero: 10 deg, torque: 50 %,")
+    robot.path.write_text(text)
+    assert servo("torque", "on", "elbow").code == 0
+    assert robot.elbow.get("torque_limit") == pytest.approx(512, abs=1)
+    assert robot.elbow.get("moving_speed") == pytest.approx(120 / 360 * 60 / 0.111, abs=2)
+
+
+def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
+    servo: Servo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.cli.servo.drive.restore", lambda *_: None)  # as if it took the order and dropped it
+    outcome = servo("torque", "on", "elbow")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "elbow (servo 2): its torque does not stay on" in outcome.err
 
 
 def test_a_servo_of_protocol_2_restarts(servo: Servo, robot: Three) -> None:
@@ -286,3 +345,16 @@ def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixtur
 def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", "monitor", "--once", "elbow", "gripper")
     assert [line.split()[0] for line in outcome.out.splitlines()] == ["joint", "elbow", "gripper"]
+    assert outcome.err == "simulated servos; name --robot or --port for real ones\n"
+
+
+@pytest.mark.parametrize("line", ["recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
+def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "servo", *line.split())
+    assert outcome.code == 0, outcome.err
+    assert "simulated servos; name --robot or --port for real ones\n" in outcome.err
+
+
+def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
+    assert servo("monitor", "--once").err == ""
+    assert servo("monitor", "--once", "--simulate").err == "simulated servos, as --simulate asks\n"

@@ -5,12 +5,12 @@ from dataclasses import replace
 from math import inf
 from typing import Literal
 
-from drivers.api import Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api import Coupling, Health, JointLimits, JointState, Quality, Reading, Report, unheard, unreported
 from drivers.clock import Clock
 from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.driver import FRESH
 from drivers.dynamixel.following import Following
-from drivers.dynamixel.joint import JointSpec, check
+from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.dynamixel.telling import REMEDY, Telling
 from drivers.dynamixel.wire import Fault
@@ -82,15 +82,16 @@ class JointsTwin:
     def follow(self, couplings: Sequence[Coupling]) -> None:
         """Let joints follow others with every ``step`` from now on, until told otherwise; () ends it.
 
-        Joints that follow no more stand where they are. Raises BadRequest for couplings that cannot be, and
-        NotConnected, but not in order to end them.
+        Joints that follow no more stand where they are. A follower that is far from where it is led is brought over
+        slowly; plugged in again, all go on to follow, and are brought over anew. Raises BadRequest for couplings that
+        cannot be, and NotConnected, but not in order to end them.
         """
         check_couplings(self.name, couplings, self._servos)
         if couplings:
             self.plug.require()
         freed = self._following.freed_by(couplings)
         self._following = Following(couplings)
-        self._settle(freed, stiff=True)
+        self._command(freed, stiff=True)
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
@@ -107,13 +108,14 @@ class JointsTwin:
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
 
-        Safe from any state; does not raise when offline. Raises BadRequest for an unknown joint.
+        Safe from any state; unplugged, it tells of the joints instead, and holds them when it is plugged in again.
+        Raises BadRequest for an unknown joint.
         """
-        self._settle(self._servos if joints is None else joints, stiff=True)
+        self._command(self._servos if joints is None else joints, stiff=True)
 
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
-        self._settle(self._servos if joints is None else joints, stiff=False)
+        self._command(self._servos if joints is None else joints, stiff=False)
 
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut down stiff again where they stand; return the names of the joints.
@@ -135,19 +137,16 @@ class JointsTwin:
         self.plug.open()
 
     def rest(self) -> None:
-        """Hold or relax, as the robot file asks; tell it if that cannot be. Never raises."""
-        if not self.plug.connections:
-            return  # it was never there: nothing was moved
-        self._settle(self._servos, stiff=self._stiff_at_rest)
-        if not self.plug.online:
-            what = "held" if self._stiff_at_rest else "relaxed"
-            names = ", ".join(servo.joint.title for servo in self._servos.values())
-            self._tell(f"could not be {what}: {names}", "switch their power off by hand")
+        """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
+        self._telling.unrested(self._settle(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest)
 
     def close(self) -> None:
         """Bring the arm to rest, and let it go. Safe from any state, more than once."""
         self.rest()
         self.plug.close()
+        self._telling.end()
+        for servo in self._servos.values():
+            servo.joint.unsettled = False
 
     def health(self) -> Health:
         """Say whether the arm is there, and which servos have shut down."""
@@ -201,6 +200,9 @@ class JointsTwin:
                 servo.relax(now)
             elif servo.joint.wanted:
                 servo.hold(now)
+            servo.joint.unsettled = False
+        self._following.pause()
+        self._telling.unsettled()
         self._read(now)
 
     def _gone(self) -> None:
@@ -226,20 +228,30 @@ class JointsTwin:
 
     def _lead(self, now: float) -> None:
         """Send every follower where it belongs now."""
-        leaders = {coupling.leader for coupling in self._following.couplings}
-        positions = {leader: self._servos[leader].position(now) for leader in leaders}
-        self._go(self._clamping.accept(self._following.goals(positions), now), {}, now)
+        pairs = ((coupling.leader, coupling.follower) for coupling in self._following.couplings)
+        positions = {name: self._servos[name].position(now) for pair in pairs for name in pair}
+        goals = self._clamping.accept(self._following.goals(positions), now)
+        self._go(goals, self._following.speeds(goals, positions, now), now)
+        self._following.pause([name for name in goals if self._servos[name].joint.left_out])
 
-    def _settle(self, names: Collection[str], *, stiff: bool) -> None:
+    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+        """Hold or relax; tell of the joints that did not hear it."""
+        self._settle(names, stiff=stiff)
+        self._telling.unsettled()
+
+    def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
+        """Hold or relax; return the joints that did not hear it. What was never there was never moved."""
         check_names(self.name, set(names), self._servos)
         now = self._clock.now()
         self._following.end(names)
+        unheard_by = []
         for name in names:
             servo = self._servos[name]
             servo.joint.wanted = stiff
             if self.plug.online:
                 servo.hold(now) if stiff else servo.relax(now)
                 self._read_at = -inf
-
-    def _tell(self, what: str, hint: str) -> None:
-        self._report(Notice(self.name, "fault", what, hint))
+            elif self.plug.connections and not (stiff and servo.joint.shut):
+                servo.joint.unsettled = True
+                unheard_by.append(servo.joint)
+        return unheard_by

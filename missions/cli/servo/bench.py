@@ -15,6 +15,7 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import Joints, Notice, unheard
 from drivers.clock import Clock, SystemClock
+from drivers.dynamixel import wire
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import MODELS, Model, model_of
@@ -38,12 +39,16 @@ PAUSE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file."""
+    """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file.
+
+    ``options`` name it for the next command, each with a space before it.
+    """
 
     bus: Bus
     joints: Mapping[str, Joint]
     groups: Mapping[str, tuple[str, ...]]
     clock: Clock
+    options: str
 
     def joint(self, name: str) -> Joint:
         """Return a joint by name. Raises click.UsageError with what may be meant."""
@@ -77,10 +82,12 @@ class Bench:
         return self.identify(int(who) if who.isdigit() else self.joint(who).spec.id)
 
     def identify(self, servo: int) -> tuple[At, Model]:
-        """Return how to reach a servo by its ID, and its model."""
+        """Return how to reach a servo by its ID, and its model. Raises as ``servos``."""
         names = [joint for joint in self.joints.values() if joint.spec.id == servo]
         protocols = [joint.model.protocol for joint in names]
         for protocol in dict.fromkeys((*protocols, 1, 2)):
+            if protocol == 2 and servo == wire.LAST_ID:
+                continue  # there no servo can have it
             at = At(servo, protocol)
             try:
                 number = self.bus.ping(at, tries=2)
@@ -88,11 +95,12 @@ class Bench:
                 continue
             model = model_of(number)
             if model is None:
-                raise DeviceFault(f"servo {servo}: model number {number} is not known here", hint="mission servo scan")
+                hint = f"mission servo scan{self.options}"
+                raise DeviceFault(f"servo {servo}: model number {number} is not known here", hint=hint)
             return at, model
         raise NoReply(
             f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in either protocol",
-            hint="mission servo scan --baud all  (with the same --robot or --port), and look at power and cable",
+            hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
         )
 
 
@@ -122,7 +130,8 @@ def opened_bus(target: Target, *, patience: float = SIMULATED_PATIENCE) -> Itera
             bus = Bus(port, clock, baud=arm.baud, patience=patience if target.virtual else PATIENCE)
         closings.enter_context(closing(bus))
         bus.open()
-        yield Bench(bus, joints, groups, clock)
+        target.tell_if_simulated()
+        yield Bench(bus, joints, groups, clock, target.options)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +164,7 @@ def opened_arm(target: Target) -> Iterator[Arm]:
                 health = joints.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
+        target.tell_if_simulated()
         yield Arm(joints, robot.robot.reach, arm, clock)
 
 

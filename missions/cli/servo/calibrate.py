@@ -84,7 +84,7 @@ def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float
 
 def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float | None) -> list[Turned]:
     """Make the joints limp, and watch them until it is over."""
-    found = [_begin(bench.bus, joint, zero=zero) for joint in joints]
+    found = [_begin(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in found)
     click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
     with patience(bench.clock, seconds) as over:
@@ -95,11 +95,11 @@ def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float 
     return found
 
 
-def _begin(bus: Bus, joint: Joint, *, zero: bool) -> Turned:
+def _begin(bench: Bench, joint: Joint, *, zero: bool) -> Turned:
     """Make a joint limp; raise with its name if that cannot be."""
-    number = bus.ping(joint.at)
+    bus, number = bench.bus, bench.bus.ping(joint.at)
     if number != joint.model.number:
-        hint = f"mission servo info {joint.spec.id}"
+        hint = f"mission servo info {joint.spec.id}{bench.options}"
         raise DeviceFault(f"{joint.title} is model {number}, not {joint.model.number} ({joint.model.name})", hint=hint)
     bus.write(joint.at, joint.model.table["torque_enable"], 0)
     ticks = bus.read(joint.at, joint.model.table["present_position"])

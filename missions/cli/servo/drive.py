@@ -1,22 +1,30 @@
 """``mission servo torque``, ``move``, ``reboot`` and ``recover``: joints by hand."""
 
-from math import degrees, inf
+from collections.abc import Sequence
+from functools import partial
+from math import degrees, radians
 
 import click
 
-from behaviours.arm import ARRIVED
+from behaviours.joints import MoveJoints
+from config.robot import RobotConfig
 from config.units import in_dimension
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.joining import difference
+from drivers.api import JointLimits
+from drivers.dynamixel.joining import difference, restore
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.torque import stiffen
+from drivers.dynamixel.telling import REMEDY
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
+from missions.assembly.target import target_of
 from missions.cli.root import FAILURE, SUCCESS
-from missions.cli.servo.bench import Arm, opened_arm, opened_bus, pause
+from missions.cli.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
+from missions.cli.servo.running import run_leaf
 from missions.cli.servo.target import Target, target_options
 
-SETTLE = 1.5
-"""Seconds that a joint has to arrive, beyond those that the way takes at its speed."""
+RECOVERY = 3.0
+"""Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""
+
+SLOWEST = radians(1)
+"""rad/s: slower than that no joint can be told to go."""
 
 BOOT = 1.0
 """Seconds after which a servo that was restarted answers."""
@@ -29,15 +37,15 @@ BOOT = 1.0
 def torque(target: Target, state: str, joints: tuple[str, ...]) -> int:
     """Make joints stiff, or limp.
 
-    All, if none is named; stiff where they stand. They stay so afterwards. A limp arm falls: hold it. Exit code 1
-    where a servo did not confirm it.
+    All, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so afterwards. A
+    limp arm falls: hold it. Exit code 1 where a servo did not confirm it, or has shut down.
     """
     failed = 0
     with opened_bus(target) as bench:
         for joint in bench.chosen(joints):
             try:
                 if state == "on":
-                    _stiffen(bench.bus, joint)
+                    _stiffen(bench, joint)
                 else:
                     bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
             except NotConnected:
@@ -50,15 +58,25 @@ def torque(target: Target, state: str, joints: tuple[str, ...]) -> int:
     return FAILURE if failed else SUCCESS
 
 
-def _stiffen(bus: Bus, joint: Joint) -> None:
-    """Make a joint stiff where it stands, if its servo is what the robot file says."""
+def _stiffen(bench: Bench, joint: Joint) -> None:
+    """Make a joint stiff where it stands, with the speed and the force that the robot file gives it.
+
+    Raises DeviceFault where its servo is not what the file says, has shut down, or stays limp; NoReply, NotConnected,
+    BadRequest.
+    """
+    bus = bench.bus
     if complaint := difference(bus, joint):
-        raise DeviceFault(complaint, hint=f"mission servo info {joint.spec.id}")
-    stiffen(bus, joint)
+        raise DeviceFault(complaint, hint=f"mission servo info {joint.spec.id}{bench.options}")
+    if joint.down:
+        raise DeviceFault("has shut down, and was left as it is", hint=REMEDY)
+    joint.wanted = True
+    restore(bus, joint)
+    if not bus.read(joint.at, joint.model.table["torque_enable"]):
+        raise DeviceFault("its torque does not stay on", hint=f"mission servo monitor --once{bench.options}")
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # so that an angle may be below zero
-@target_options
+@partial(target_options, baud=False)
 @click.argument("joint")
 @click.argument("angle", nargs=-1, required=True)
 @click.option("--speed", metavar="SPEED", help='Such as "45 deg/s"; as fast as the file allows without it.')
@@ -73,35 +91,29 @@ def move(target: Target, joint: str, angle: tuple[str, ...], speed: str | None) 
         pace = None if speed is None else in_dimension(speed, "turn rate")
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    if pace is not None and pace <= 0:
-        raise click.UsageError(f"--speed {speed}: it must be above 0")
-    with opened_arm(target) as arm:
-        if joint not in arm.joints.limits:
-            raise BadRequest("; ".join(arm.reach.unknown([joint])) or f"'{joint}' is a group: name one joint")
-        return _move(arm, joint, goal, pace)
+    if pace is not None and pace < SLOWEST:
+        raise click.UsageError(f"--speed {speed}: it must be above 0, and at least {degrees(SLOWEST):g} deg/s")
+    target.require_joints()
+    config = target.config()
+    reach = target_of(config).reach
+    if reach is None or joint not in reach.joints:
+        wrong = [] if reach is None else reach.unknown([joint])
+        raise BadRequest("; ".join(wrong) or f"'{joint}' is a group: name one joint")
+    return _move(target, config, joint, goal, pace, reach.joints[joint])
 
 
-def _move(arm: Arm, joint: str, goal: float, speed: float | None) -> int:
-    limits, begun = arm.joints.limits[joint], arm.clock.now()
-    start = arm.joints.states()[joint].value
-    accepted = arm.joints.move({joint: goal}, speeds=None if speed is None else {joint: speed})[joint]
-    way = abs(accepted - (accepted if start is None else start.position))
-    needed = way / min(limits.speed, speed or inf) + SETTLE
-    clamped = "" if accepted == goal else f", its limit for {degrees(goal):+.1f} deg"
-    while (now := arm.clock.now()) - begun < needed:
-        pause()
-        reading = arm.joints.states()[joint]
-        state = reading.value
-        if reading.good and state is not None and reading.stamp > begun and abs(state.position - accepted) <= ARRIVED:
-            if state.moving and now - begun < needed - SETTLE / 2:
-                continue  # it is near, and still on its way
-            click.echo(f"{joint} is at {degrees(state.position):+.1f} deg{clamped} ({now - begun:.1f} s)")
-            return SUCCESS
-    state = arm.joints.states()[joint].value
-    here = "?" if state is None else f"{degrees(state.position):+.1f}"
-    load = "" if state is None else f", load {state.load:+.0%}"
-    click.echo(f"{joint} stopped at {here} deg, not at {degrees(accepted):+.1f} deg{clamped}{load}", err=True)
-    return FAILURE
+def _move(
+    target: Target, config: RobotConfig, joint: str, wanted: float, pace: float | None, limits: JointLimits
+) -> int:
+    """Move it within its limits (rad, rad/s), and say where it is then."""
+    goal = min(max(wanted, limits.lower), limits.upper)
+    clamped = "" if goal == wanted else f", its limit for {degrees(wanted):+.1f} deg"
+    speed = "" if pace is None else f", speed: {min(pace, limits.speed):.9f} rad/s"
+    code, leaf = run_leaf(target, config, MoveJoints, f"{{to: {{{joint}: {goal:.9f} rad}}{speed}}}")
+    state = leaf.robot.arm.states()[joint].value
+    if state is not None:
+        click.echo(f"{joint} is at {degrees(state.position):+.1f} deg{clamped}")
+    return code
 
 
 @click.command()
@@ -131,14 +143,32 @@ def reboot(target: Target, servo: str) -> int:
 def recover(target: Target) -> int:
     """Revive servos that have shut down.
 
-    After an overload or heat they are made stiff again where they stand. First remove the cause: free the joint, or
-    let the servo cool.
+    After an overload or heat they are made stiff again where they stand; then the arm comes to the rest that its file
+    asks for. First remove the cause: free the joint, or let the servo cool. Exit code 1 where one stays limp.
     """
     with opened_arm(target) as arm:
         names = arm.joints.recover()
+        stiff = _stiff(arm, names)
         health = arm.joints.health()
-    if names:
-        click.echo(f"stiff again: {', '.join(names)}")
-        return SUCCESS
-    click.echo("no servo has shut down" if not health.detail else health.detail, err=bool(health.detail))
-    return FAILURE if health.detail else SUCCESS
+    if not names:
+        click.echo("no servo has shut down" if not health.detail else health.detail, err=bool(health.detail))
+        return FAILURE if health.detail else SUCCESS
+    if stiff:
+        click.echo(f"stiff again: {', '.join(stiff)}")
+        if arm.config.at_end == "relax":
+            click.echo("limp again, as the robot file asks (at_end: relax)")
+    if len(stiff) < len(names):
+        click.echo(f"still limp: {', '.join(name for name in names if name not in stiff)}", err=True)
+        return FAILURE
+    return SUCCESS
+
+
+def _stiff(arm: Arm, names: Sequence[str]) -> list[str]:
+    """Return which of the joints tell, before ``RECOVERY`` is over, that they are stiff."""
+    begun = arm.clock.now()
+    while True:
+        told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
+        stiff = [name for name in names if name in told and (state := told[name].value) is not None and state.torque]
+        if len(stiff) == len(names) or arm.clock.now() - begun > RECOVERY:
+            return stiff
+        pause()

@@ -10,7 +10,7 @@ from config.faults import Source, one_of
 from config.marked import read_source
 from config.robot import robot_of
 from config.ros_joints import RosJoints, load_ros_joints
-from config.servo import SERVO_MODELS
+from config.servo import ALIASES, SERVO_MODELS
 from config.writing import robot_text, write_new
 from missions.cli.root import SUCCESS
 
@@ -30,11 +30,11 @@ def import_joints(file: Path, model: str, port: str, baud: int, output: Path | N
     A YAML of dynamixel_controllers becomes the joints of a robot file; `init`, `min` and `max` stay the servo's
     steps. What was changed or left out is told on stderr.
     """
-    if model not in SERVO_MODELS:
-        raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, SERVO_MODELS)}")
+    if model not in (known := [*SERVO_MODELS, *ALIASES]):
+        raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, known)}")
     if output is not None and into is not None:
         raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
-    found = load_ros_joints(file, model=model)
+    found = load_ros_joints(file, model=ALIASES.get(model, model))
     text = robot_text(file.stem, found.joints, port=port, baud=baud)
     try:
         if into is not None:

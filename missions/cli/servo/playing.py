@@ -1,6 +1,5 @@
 """``mission servo play``: a movement on the arm, with how well it was followed; or only what would be sent."""
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -13,22 +12,15 @@ from behaviours.moves import Play
 from behaviours.playing import Playing
 from behaviours.reach import degrees
 from behaviours.tracking_error import Sample
-from config.faults import Source
 from config.library import find, shipped
 from config.robot import RobotConfig
 from drivers.api import Gesture, JointLimits
 from missions.assembly.target import target_of
-from missions.cli.live import Watcher
 from missions.cli.root import SUCCESS
-from missions.cli.run import EXIT_CODES
+from missions.cli.servo.running import run_leaf
 from missions.cli.servo.target import Target, target_options
-from missions.language.document import check_plan
 from missions.moves.load import load_move
 from missions.moves.report import followed, poses, rehearsed, write_csv
-from missions.runner import Order, Runner
-
-MISSION = "mission: play\ntree:\n  play: {{move: it, speed: {speed}}}\n"
-"""What is run: a mission of one leaf, so that all that makes missions safe holds here too."""
 
 POINTS = 400
 """Of a curve that is drawn."""
@@ -75,7 +67,8 @@ def play(
         if plot is not None:
             _draw(plot, movement.name, _goals(playing), limits, None)
         return SUCCESS
-    code, leaf = _play(target, config, movement, speed)
+    things = {"move": lambda _: movement}
+    code, leaf = run_leaf(target, config, Play, f"{{move: it, speed: {speed}}}", things=things)
     tracking = getattr(leaf, "tracking", None)  # there is none where it never began
     if tracking is None:
         return code
@@ -119,20 +112,6 @@ def _summary(movement: Gesture, playing: Playing, speed: float) -> str:
 def _limits(config: RobotConfig) -> Mapping[str, JointLimits]:
     reach = target_of(config).reach
     return {} if reach is None else reach.joints
-
-
-def _play(target: Target, config: RobotConfig, movement: Gesture, speed: float) -> tuple[int, Play]:
-    """Play it, and show what happens; return the exit code, and the leaf that has played it."""
-    source = Source("play", MISSION.format(speed=speed))
-    plan = check_plan(source, {Play.word: Play}, {"move": lambda _: movement}, robot=target_of(config))
-    ports = {} if target.port is None else {"arm": target.port}
-    watcher = Watcher(sys.stdout)
-    order = Order("play", robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
-    runner = Runner(order, listeners=[watcher], plan=plan)
-    watcher.watch(runner.root)
-    with watcher:
-        result = runner.run()
-    return EXIT_CODES[result.result], next(node for node in runner.root.iterate() if isinstance(node, Play))
 
 
 def _goals(playing: Playing) -> Curves:

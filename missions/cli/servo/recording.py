@@ -51,9 +51,10 @@ def record(
     _write(path, gesture_text(gesture, str(path)))
     click.echo(
         f"{path}: {gesture.keyframes[-1][0]:.1f} s of {', '.join(chosen)}, "
-        f"{len(gesture.keyframes)} keyframes of {len(recording.samples)} readings"
+        f"{len(gesture.keyframes)} keyframes of {len(recording.snapshots)} readings"
     )
-    click.echo(f"  try: mission servo play {path} --dry-run", err=True)
+    robot = "" if target.robot is None else f" --robot {target.robot}"
+    click.echo(f"  try: mission servo play {path} --dry-run{robot}", err=True)
     return SUCCESS
 
 
@@ -62,7 +63,7 @@ def _record(joints: Joints, recording: Recording, clock: Clock, seconds: float |
     with patience(clock, seconds) as over:
         while not over():
             recording.add(joints.states(), clock.now())
-            show(f"{recording.seconds:5.1f} s, {len(recording.samples)} readings")
+            show(f"{recording.seconds:5.1f} s, {len(recording.snapshots)} readings")
 
 
 def _write(path: Path, text: str) -> None:

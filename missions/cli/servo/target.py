@@ -1,6 +1,7 @@
 """Which servos a command means: the options that all of ``mission servo`` share."""
 
 import functools
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,6 +26,19 @@ class Target:
     def virtual(self) -> bool:
         """True where no hardware is meant: on request, or because none was named."""
         return self.simulate or (self.robot is None and self.port is None)
+
+    @property
+    def options(self) -> str:
+        """What of it was asked for, as it is typed, with a space before each: for the command that a hint names."""
+        given = (("--robot", self.robot), ("--port", self.port), ("--baud", self.baud))
+        typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]
+        return "".join(typed) + " --simulate" * self.simulate
+
+    def tell_if_simulated(self) -> None:
+        """Say on stderr that no hardware is touched: what all is well with is not the arm on the table."""
+        if self.virtual:
+            why = ", as --simulate asks" if self.simulate else "; name --robot or --port for real ones"
+            click.echo(f"simulated servos{why}", err=True)
 
     def config(self) -> RobotConfig:
         """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""

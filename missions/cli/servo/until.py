@@ -9,9 +9,7 @@ import click
 from drivers.clock import Clock
 from missions.cli.keys import Keys
 from missions.cli.servo.bench import PAUSE, pause
-
-WIDTH = 78
-"""Columns of a line that is shown again and again: a longer one would wrap, and could not be written over."""
+from missions.cli.status_line import show_over
 
 
 def require_terminal(seconds: float | None) -> None:
@@ -39,4 +37,4 @@ def patience(clock: Clock, seconds: float | None) -> Iterator[Callable[[], bool]
 def show(line: str) -> None:
     """Show a line in the place of the one before, where there is a terminal."""
     if sys.stderr.isatty():
-        click.echo(f"\r\x1b[K{line[:WIDTH]}", nl=False, err=True)
+        show_over(line, err=True)

@@ -1,0 +1,43 @@
+"""One leaf run as a mission of its own, so that all that makes missions safe holds for commands by hand too."""
+
+import sys
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TypeVar
+
+from behaviours.leaf import Leaf
+from config.faults import Source
+from config.robot import RobotConfig
+from missions.assembly.target import target_of
+from missions.cli.live import Watcher
+from missions.cli.run import EXIT_CODES
+from missions.cli.servo.target import Target
+from missions.language.document import check_plan
+from missions.language.notes import Lookup
+from missions.runner import Order, Runner
+
+NOTHING: Mapping[str, Lookup] = MappingProxyType({})
+
+L = TypeVar("L", bound=Leaf)
+
+
+def run_leaf(
+    target: Target, config: RobotConfig, kind: type[L], arguments: str, *, things: Mapping[str, Lookup] = NOTHING
+) -> tuple[int, L]:
+    """Run a leaf on the arm, and show what happens; return the exit code, and the leaf that has run.
+
+    ``arguments`` are its own as a mission has them; ``things`` find those among them that are kept in files. In the
+    end the arm comes to the rest that its file asks for. Raises InvalidFileError for what cannot be, and then nothing
+    was opened.
+    """
+    source = Source(kind.word, f"mission: {kind.word}\ntree:\n  {kind.word}: {arguments}\n")
+    plan = check_plan(source, {kind.word: kind}, things, robot=target_of(config))
+    ports = {} if target.port is None else {"arm": target.port}
+    watcher = Watcher(sys.stdout)
+    order = Order(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
+    runner = Runner(order, listeners=[watcher], plan=plan)
+    watcher.watch(runner.root)
+    target.tell_if_simulated()
+    with watcher:
+        result = runner.run()
+    return EXIT_CODES[result.result], next(node for node in runner.root.iterate() if isinstance(node, kind))

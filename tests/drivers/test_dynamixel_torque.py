@@ -1,0 +1,329 @@
+"""Stiff and limp on a wire that loses packets: nothing leaps, nothing runs on, and what was not told is named."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import pytest
+
+from drivers.api import Coupling, Notice
+from drivers.clock import ManualClock
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.following import NEAR, RUN_IN
+from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.wire import Instruction
+from drivers.errors import NotConnected
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from tests.drivers.chains import mixed_chain
+from tests.drivers.lines import DirectLine
+
+BOTH = pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
+ROUND = 0.01
+
+
+def code_of(frame: bytes) -> int:
+    """The instruction of a request of either protocol."""
+    return frame[7] if frame[:3] == b"\xff\xff\xfd" else frame[4]
+
+
+def wrote(frame: bytes, register: str, model: str = "AX-12A") -> bool:
+    """Whether a request writes to one servo from ``register`` on."""
+    place = frame[8] if frame[:3] == b"\xff\xff\xfd" else frame[5]
+    return code_of(frame) == Instruction.WRITE and place == MODELS[model].table[register].address
+
+
+def together(frame: bytes) -> bool:
+    """Whether a request is for many servos, of which none acknowledges it."""
+    return code_of(frame) == Instruction.SYNC_WRITE
+
+
+class LossyLine(DirectLine):
+    """Requests that it ``loses`` never arrive; the plug is pulled behind one that is the ``last``."""
+
+    def __init__(self, chain: VirtualServoBus, clock: ManualClock) -> None:
+        super().__init__(chain, clock)
+        self.loses: Callable[[bytes], bool] = lambda _: False
+        self.last: Callable[[bytes], bool] = lambda _: False
+
+    def send(self, data: bytes) -> None:
+        if self.loses(data):
+            self._require()
+            return
+        super().send(data)
+        self.plugged = not self.last(data)
+
+
+class Hand:
+    """An arm whose rounds are gone through by hand, of servos called a, b and so on."""
+
+    def __init__(self, *models: str, at_rest: Literal["hold", "relax"] = "hold", **spec: Any) -> None:
+        self.clock = ManualClock()
+        self.chain = mixed_chain(*models)
+        self.line = LossyLine(self.chain, self.clock)
+        self.notices: list[Notice] = []
+        specs = {
+            name: JointSpec(number, model=model, **{"lower": -2.0, "upper": 2.0, **spec})
+            for number, (name, model) in enumerate(zip("abc", models, strict=False), 1)
+        }
+        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
+        self.joints = DynamixelJoints(bus, specs, self.clock, at_rest=at_rest, report=self.notices.append)
+
+    def run(self, seconds: float = ROUND) -> None:
+        """Go through the rounds of so many seconds."""
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
+            self.joints._round()
+            self.clock.advance(ROUND)
+
+    def servo(self, number: int = 1) -> VirtualServo:
+        return self.chain.servo(number)
+
+    def faults(self) -> list[str]:
+        return [notice.what for notice in self.notices if notice.kind == "fault"]
+
+    def change_unseen(self, number: int, register: str, value: int) -> None:
+        """Let a servo come back after a while with another setting."""
+        self.servo(number).present = False
+        self.run(1.0)
+        self.servo(number).set(register, value)
+        self.servo(number).present = True
+        self.run(2.0)
+        self.notices.clear()
+
+
+# --- packets that are lost --------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a_moving_joint_that_missed_the_word_to_all_is_stopped_all_the_same(model: str) -> None:
+    arm = Hand(model)
+    arm.run()
+    arm.joints.move({"a": 1.5}, speeds={"a": 1.0})
+    arm.run(0.5)
+    arm.line.loses = together
+    arm.joints.hold()
+    stopped = arm.servo().angle
+    assert 0.2 < stopped < 1.0
+    arm.run(1.0)
+    assert arm.servo().angle == pytest.approx(stopped, abs=0.05)
+    assert arm.faults() == []
+
+
+@BOTH
+def test_a_limp_joint_that_missed_the_word_to_all_does_not_leap_to_its_old_goal(model: str) -> None:
+    arm = Hand(model)
+    arm.run()
+    arm.joints.move({"a": 0.8})
+    arm.run(1.0)
+    arm.joints.relax()
+    arm.servo().turn_by_hand(-0.5)
+    arm.run()
+    arm.line.loses = together
+    arm.joints.hold()
+    arm.run(1.0)
+    assert not arm.servo().limp
+    assert arm.servo().angle == pytest.approx(-0.5, abs=0.01)
+
+
+@BOTH
+def test_no_torque_comes_on_while_its_goal_is_not_confirmed_which_is_told_once_and_made_good(model: str) -> None:
+    arm = Hand(model)
+    arm.run()
+    arm.joints.move({"a": 0.8})
+    arm.run(1.0)
+    arm.joints.relax()
+    arm.servo().turn_by_hand(-0.5)
+    arm.run()
+    first = "goal_position" if model == "AX-12A" else "profile_velocity"
+    arm.line.loses = lambda frame: together(frame) or wrote(frame, first, model)
+    for _ in range(3):
+        arm.joints.hold()
+        arm.run(0.5)
+    assert arm.servo().limp
+    assert arm.faults() == ["could not be held: a (servo 1)"]
+    arm.line.loses = lambda _: False
+    arm.run(1.5)
+    assert not arm.servo().limp
+    assert arm.servo().angle == pytest.approx(-0.5, abs=0.01)
+    assert arm.faults() == ["could not be held: a (servo 1)"]
+
+
+def test_a_joint_that_did_not_hear_that_it_is_to_be_limp_is_told_again() -> None:
+    arm = Hand("AX-12A", "AX-12A")
+    arm.run()
+    arm.joints.move({"a": 0.3, "b": 0.3})
+    arm.run(1.0)
+    arm.line.loses = lambda frame: together(frame) or wrote(frame, "torque_enable")
+    arm.joints.relax(["b"])
+    assert arm.faults() == ["could not be relaxed: b (servo 2)"]
+    assert not arm.servo(2).limp
+    arm.line.loses = lambda _: False
+    arm.run(0.1)
+    assert arm.servo(2).limp
+    assert not arm.servo(1).limp
+
+
+@BOTH
+def test_a_joint_that_missed_its_goal_is_sent_there_within_about_a_second(model: str) -> None:
+    arm = Hand(model)
+    arm.run()
+    arm.joints.hold()
+    arm.line.loses = together
+    arm.joints.move({"a": 0.5}, speeds={"a": 0.7})
+    arm.line.loses = lambda _: False
+    arm.run(2.5)
+    assert arm.servo().angle == pytest.approx(0.5, abs=0.01)
+    assert arm.servo().get(arm.servo().model.table.speed) == arm.servo().model.speed_ticks(0.7)
+
+
+# --- servos that are not what they should be any more -----------------------------------------------------------------
+
+
+def test_at_rest_a_servo_is_relaxed_though_its_settings_have_changed() -> None:
+    arm = Hand("AX-12A", "AX-12A", at_rest="relax")
+    arm.run()
+    arm.joints.move({"a": 0.2, "b": 0.2})
+    arm.run(1.0)
+    arm.change_unseen(2, "ccw_angle_limit", 600)
+    assert "has angle limits" in arm.joints.health().detail
+    assert not arm.servo(2).limp
+    arm.joints.rest()
+    assert (arm.servo(1).limp, arm.servo(2).limp) == (True, True)
+    assert arm.faults() == []
+
+
+def test_one_whose_settings_have_changed_and_that_cannot_be_relaxed_is_named_and_told_again() -> None:
+    arm = Hand("AX-12A", "AX-12A", at_rest="relax")
+    arm.run()
+    arm.joints.move({"a": 0.2, "b": 0.2})
+    arm.run(1.0)
+    arm.change_unseen(2, "ccw_angle_limit", 600)
+    arm.line.loses = lambda frame: together(frame) or (wrote(frame, "torque_enable") and frame[2] == 2)
+    arm.joints.rest()
+    assert arm.faults() == ["could not be relaxed: b (servo 2)"]
+    arm.joints.rest()
+    assert len(arm.faults()) == 1
+    arm.line.loses = lambda _: False
+    arm.run(1.5)
+    assert arm.servo(2).limp
+
+
+def test_one_whose_settings_have_changed_cannot_be_held_and_is_named() -> None:
+    arm = Hand("AX-12A", "AX-12A")
+    arm.run()
+    arm.joints.move({"a": 0.2, "b": 0.2})
+    arm.run(1.0)
+    arm.change_unseen(2, "ccw_angle_limit", 600)
+    arm.joints.rest()
+    assert arm.faults() == ["could not be held: b (servo 2)"]
+
+
+def test_one_that_was_never_as_it_should_be_is_left_alone_at_rest() -> None:
+    arm = Hand("AX-12A", "AX-12A", at_rest="relax")
+    arm.servo(2).set("model_number", 18)
+    arm.servo(2).set("torque_enable", 1)
+    arm.run()
+    arm.notices.clear()
+    arm.joints.rest()
+    assert not arm.servo(2).limp
+    assert arm.faults() == []
+
+
+def test_a_bus_that_goes_while_the_first_servo_becomes_stiff_leaves_that_one_named_at_rest() -> None:
+    arm = Hand("AX-12A", "AX-12A")
+    arm.joints.hold()
+    assert arm.faults() == []
+    arm.line.last = lambda frame: wrote(frame, "torque_enable")
+    with pytest.raises(NotConnected):
+        arm.run()
+    assert not arm.servo(1).limp
+    arm.joints.rest()
+    assert arm.faults() == ["could not be held: a (servo 1)"]
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_not_leap(*, stiff: bool) -> None:
+    arm = Hand("MX-64", lower=-1.0, upper=1.0)
+    servo = arm.servo()
+    servo.turn_by_hand(0.4)
+    servo.set("torque_mode", 1)
+    servo.set("goal_position", servo.model.ticks(-0.9))
+    servo.set("torque_enable", int(stiff))
+    arm.run()
+    assert servo.get("torque_mode") == 0
+    assert servo.limp is not stiff
+    writes = [frame for frame in arm.line.sent if code_of(frame) == Instruction.WRITE]
+    changed = next(at for at, frame in enumerate(writes) if wrote(frame, "torque_mode", "MX-64"))
+    assert any(wrote(frame, "goal_position", "MX-64") for frame in writes[:changed]) is stiff
+    arm.run(1.0)
+    assert servo.angle == pytest.approx(0.4, abs=0.01)
+    arm.joints.move({"a": -0.2})
+    arm.run(1.0)
+    assert servo.angle == pytest.approx(-0.2, abs=0.01)
+
+
+# --- followers that are far away --------------------------------------------------------------------------------------
+
+
+def fastest_far_off(arm: Hand, seconds: float) -> float:
+    """Return how fast (rad/s) the second joint turns at most, over a tenth of a second, while the first is far off."""
+    leader, follower = arm.servo(1), arm.servo(2)
+    found, end = 0.0, arm.clock.now() + seconds
+    while arm.clock.now() < end:
+        before, began = follower.angle, arm.clock.now()
+        arm.run(0.1)
+        if abs(follower.angle - leader.angle) > NEAR:
+            found = max(found, abs(follower.angle - before) / (arm.clock.now() - began))
+    return found
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.3])
+def test_a_follower_that_is_far_off_is_brought_over_slowly_then_follows_at_its_limit(threshold: float) -> None:
+    arm = Hand("AX-12A", "AX-12A", speed=4.0)
+    arm.run()
+    arm.servo(1).turn_by_hand(1.0)
+    arm.run()
+    arm.joints.follow([Coupling("a", "b", threshold=threshold)])
+    arm.run()
+    arm.servo(1).turn_by_hand(1.4)
+    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.5) < 1.1 * RUN_IN
+    assert arm.servo(2).angle == pytest.approx(1.4, abs=NEAR / 2)
+    arm.servo(1).turn_by_hand(0.0)
+    assert fastest_far_off(arm, 1.0) > 2 * RUN_IN
+
+
+def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over_slowly_again() -> None:
+    arm = Hand("AX-12A", "AX-12A", speed=4.0)
+    arm.run()
+    arm.joints.follow([Coupling("a", "b")])
+    arm.run(0.5)
+    arm.line.plugged = False
+    with pytest.raises(NotConnected) as caught:
+        arm.run()
+    arm.joints._watch.lost(caught.value)
+    arm.servo(1).turn_by_hand(1.0)
+    arm.line.plugged = True
+    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
+    assert arm.servo(2).angle == pytest.approx(1.0, abs=NEAR / 2)
+    arm.servo(1).present = False
+    arm.run(1.0)
+    arm.servo(1).turn_by_hand(0.0)
+    arm.servo(1).present = True
+    assert 0.8 * RUN_IN < fastest_far_off(arm, 3.0) < 1.1 * RUN_IN
+    assert arm.servo(2).angle == pytest.approx(0.0, abs=NEAR / 2)
+
+
+def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers() -> None:
+    arm = Hand("AX-12A", "AX-12A", speed=4.0)
+    arm.run()
+    arm.joints.follow([Coupling("a", "b")])
+    arm.run(0.5)
+    arm.servo(2).overload()
+    arm.run(1.5)
+    arm.servo(1).turn_by_hand(1.0)
+    arm.run(0.5)
+    assert arm.servo(2).limp
+    assert arm.joints.recover() == ("b",)
+    assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN

@@ -1,0 +1,13 @@
+"""A line that is shown again and again stays one line."""
+
+import pytest
+
+from missions.cli.status_line import WIDTH, show_over
+
+
+def test_a_line_takes_the_place_of_the_one_before_and_never_wraps(capsys: pytest.CaptureFixture[str]) -> None:
+    show_over("near")
+    show_over("far " * WIDTH, err=True)
+    out, err = capsys.readouterr()
+    assert out == "\rnear"  # where there is no terminal, click leaves out what clears the line
+    assert err == "\r" + ("far " * WIDTH)[:WIDTH]
