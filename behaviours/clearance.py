@@ -6,10 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, RangeScan
-
-RADIUS = 0.177
-"""Metres from the middle of the base to its rim: that of a Kobuki."""
+from drivers.api import BASE_RADIUS, BaseState, RangeScan
 
 MARGIN = 0.05
 """Metres that are to stay free between its rim and anything."""
@@ -45,7 +42,7 @@ def free_ways(points: Points, headings: npt.NDArray[np.float64]) -> npt.NDArray[
     """Return the same for several headings (radians from straight ahead): arrays of shape (n,)."""
     c, s = np.cos(headings)[:, None], np.sin(headings)[:, None]
     ahead, aside = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
-    reach = (RADIUS + MARGIN) ** 2 - aside * aside
+    reach = (BASE_RADIUS + MARGIN) ** 2 - aside * aside
     blocks = (ahead > 0.0) & (reach > 0.0)
     far = np.where(blocks, ahead - np.sqrt(np.maximum(reach, 0.0)), math.inf)
     least: npt.NDArray[np.float64] = far.min(axis=1, initial=math.inf)

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from drivers.api import BaseState, DockBeam, Pose2D, Velocity
+from drivers.api import STILL, BaseState, DockBeam, Pose2D, Velocity
 
 CENTRE = DockBeam.NEAR_CENTRE | DockBeam.FAR_CENTRE
 LEFT = DockBeam.NEAR_LEFT | DockBeam.FAR_LEFT
@@ -49,7 +49,6 @@ BACK, BACK_SPEED, BACK_TIME = 0.35, 0.1, 7.0
 TRIES = 3
 """How often it may miss the contacts."""
 
-STILL = Velocity(0.0, 0.0)
 SILENCE = DockBeam(0)
 
 

@@ -6,11 +6,11 @@ from collections import deque
 import numpy as np
 from py_trees.common import Status
 
-from behaviours.clearance import MARGIN, RADIUS, Lookout, Points, free_way, free_ways, safe_speed, turned
+from behaviours.clearance import MARGIN, Lookout, Points, free_way, free_ways, safe_speed, turned
 from behaviours.coverage import Visited
-from behaviours.driving.motion import REACTION, STILL, Motion
+from behaviours.driving.motion import REACTION, Motion
 from behaviours.leaf import FAILURE, argument
-from drivers.api import BaseState, Pose2D, Sides, Steering, Velocity
+from drivers.api import BASE_RADIUS, STILL, BaseState, Pose2D, Sides, Steering, Velocity
 
 BLIND = 0.1
 """m/s at most without a range finder: as fast as it may bump into something."""
@@ -144,7 +144,7 @@ class Wander(Motion):
         if self._hit is None:
             for angle in sides:
                 place = pose.heading + angle
-                self._met.append((pose.x + RADIUS * math.cos(place), pose.y + RADIUS * math.sin(place)))
+                self._met.append((pose.x + BASE_RADIUS * math.cos(place), pose.y + BASE_RADIUS * math.sin(place)))
         self._hit, self._course = (self._hit or (pose, self.run.now())), None
 
     def _backs(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:

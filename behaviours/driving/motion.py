@@ -7,7 +7,7 @@ from enum import Enum
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf
-from drivers.api import Base, BaseState, Pose2D, Source, Steering, Velocity
+from drivers.api import STILL, Base, BaseState, Pose2D, Source, Steering, Velocity
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
 """Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
@@ -23,8 +23,6 @@ REACTION = 0.25
 
 STANDSTILL = 0.01
 """Below this speed (m/s or rad/s) it has stopped."""
-
-STILL = Velocity(0.0, 0.0)
 
 
 class Way(Enum):

@@ -11,18 +11,20 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
 """
 
-from drivers.api.base import Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
+from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
 from drivers.api.camera import Camera, CameraFrame, Image
 from drivers.api.device import Device, Health, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
 from drivers.api.ranging import Angles, Ranger, Ranges, RangeScan, wrapped
-from drivers.api.steering import COMMAND_LIFE, Reflexes, Source, Steered, Steering, Velocity, unsteered
+from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity, unsteered
 from drivers.api.voice import Utterance, Voice
 
 __all__ = [
+    "BASE_RADIUS",
     "COMMAND_LIFE",
     "HEAD_ACCELERATION",
+    "STILL",
     "Angles",
     "Base",
     "BaseLimits",

@@ -37,6 +37,10 @@ class Sides:
         return " and ".join(name for name, on in named if on)
 
 
+BASE_RADIUS = 0.177
+"""Metres from the middle of a Kobuki to its rim: the vendor gives 351.5 mm for the diameter."""
+
+
 class DockBeam(IntFlag):
     """The beams of a dock as its base hears them: near or far, in the dock's left, middle or right sector."""
 

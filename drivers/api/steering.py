@@ -17,6 +17,10 @@ class Velocity:
     angular: float
 
 
+STILL = Velocity(0.0, 0.0)
+"""Standing."""
+
+
 class Source(StrEnum):
     """Who commands the wheels, most important first."""
 

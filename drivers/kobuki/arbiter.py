@@ -6,8 +6,6 @@ from types import MappingProxyType
 
 from drivers.api import COMMAND_LIFE, Source, Velocity
 
-STILL = Velocity(0.0, 0.0)
-
 HOLD: Mapping[Source, float] = MappingProxyType({Source.TELEOP: 1.0, Source.MISSION: COMMAND_LIFE})
 """Seconds for which a source keeps the wheels after its last command. A command itself is good for ``COMMAND_LIFE``: a
 person who lets go of the keys stands still for the rest of the second, and only then the mission goes on. The order

@@ -10,6 +10,7 @@ from dataclasses import replace
 from math import inf
 
 from drivers.api import (
+    STILL,
     BaseLimits,
     BaseState,
     Health,
@@ -30,7 +31,6 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.history import History
-from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.commands import BaseControl, RequestExtra
 from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits

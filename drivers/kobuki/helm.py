@@ -2,8 +2,8 @@
 
 from math import inf
 
-from drivers.api import BaseState, Reflexes, Source, Steering, Velocity
-from drivers.kobuki.arbiter import STILL, Arbiter
+from drivers.api import STILL, BaseState, Reflexes, Source, Steering, Velocity
+from drivers.kobuki.arbiter import Arbiter
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.reflexes import ReflexArc
 

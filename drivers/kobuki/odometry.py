@@ -2,7 +2,7 @@
 
 from math import cos, radians, sin
 
-from drivers.api import Pose2D, Velocity
+from drivers.api import STILL, Pose2D, Velocity
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
 
 GAP = 1.0
@@ -15,13 +15,13 @@ class Odometry:
 
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
-        self.velocity = Velocity(0.0, 0.0)
+        self.velocity = STILL
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
         """Take the next report as where the base is already: for one that may have counted anew meanwhile."""
         self._last = None
-        self.velocity = Velocity(0.0, 0.0)
+        self.velocity = STILL
 
     def update(self, core: Core, inertia: Inertia, now: float) -> None:
         """Move on by the difference to the report before; ``now`` in seconds is when this one came."""
@@ -32,7 +32,7 @@ class Odometry:
         # By the base's own clock: the computer may be given several reports at once.
         elapsed = ((core.time_ms - core_before.time_ms) & 0xFFFF) / 1000
         if max(elapsed, now - before) > GAP:
-            self.velocity = Velocity(0.0, 0.0)
+            self.velocity = STILL
             return
         travel = (
             METRES_PER_TICK

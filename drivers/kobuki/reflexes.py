@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Literal
 
-from drivers.api import BaseState, Pose2D, Reflexes, Sides, Velocity
-from drivers.kobuki.arbiter import STILL
+from drivers.api import STILL, BaseState, Pose2D, Reflexes, Sides, Velocity
 
 BACK_OFF_TIME = 1.0
 """Seconds that backing off may take beyond what its way needs: then something holds it."""

@@ -3,16 +3,13 @@
 from collections.abc import Iterable, Sequence
 from math import cos, degrees, inf, remainder, sin, tau
 
-from drivers.api import DockSignals, Pose2D, Sides, Velocity
+from drivers.api import BASE_RADIUS, STILL, DockSignals, Pose2D, Sides, Velocity
 from drivers.kobuki.feedback import METRES_PER_TICK
 from drivers.sim.battery import Battery
 from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.ground import Ground, OpenFloor
 from drivers.sim.load import ELECTRONICS, OVERLOAD, current
 from drivers.sim.wheels import Wheels
-
-RADIUS = 0.177
-"""Metres from the middle to the rim: the vendor gives 351.5 mm for the diameter."""
 
 COMMAND_TIMEOUT = 0.4
 """Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our
@@ -38,7 +35,6 @@ _WHEEL_LEFT, _WHEEL_RIGHT = (0.0, 0.115), (0.0, -0.115)
 
 NOTHING = Sides()
 _BOTH = Sides(left=True, right=True)
-_STILL = Velocity(0.0, 0.0)
 
 
 class Body:
@@ -76,7 +72,7 @@ class Body:
     def velocity(self) -> Velocity:
         """How fast it really moves: what stands in the way stops it, but lets it turn."""
         if self.lifted or self._edge:
-            return _STILL
+            return STILL
         velocity = self.wheels.velocity
         return Velocity(0.0, velocity.angular) if self._held is not None else velocity
 
@@ -143,7 +139,7 @@ class Body:
     def _draw(self, now: float) -> None:
         """Draw on the battery, or on the dock."""
         dock = None if self.wheel_drop else self._dock
-        self.docked = self.fed or (dock is not None and dock.contact(self.wheels.pose, RADIUS))
+        self.docked = self.fed or (dock is not None and dock.contact(self.wheels.pose, BASE_RADIUS))
         self.battery.advance(now, ELECTRONICS + sum(self.currents), docked=self.docked)
 
     def _move(self, now: float) -> None:
@@ -167,7 +163,7 @@ class Body:
 
     def _touched(self, pose: Pose2D, now: float) -> Sequence[float]:
         """Return the directions in which it touches something solid at ``pose``, in radians in the world's frame."""
-        return self._ground.touched(pose.x, pose.y, RADIUS, now)
+        return self._ground.touched(pose.x, pose.y, BASE_RADIUS, now)
 
     def _contact(self, before: Pose2D, after: Pose2D, now: float) -> Pose2D:
         """Return where on the way from ``before`` to ``after`` it is stopped: where it just touches."""

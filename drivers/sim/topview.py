@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Image, Pose2D
+from drivers.api import BASE_RADIUS, Image, Pose2D
 from drivers.sim.block import Block
 from drivers.sim.looks import LOOKS
 from drivers.sim.people import BODY, Presence
@@ -17,9 +17,6 @@ from drivers.sim.things import Ball, Box, Rover
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.walk import Place
 from drivers.sim.world import World
-
-ROBOT = 0.177
-"""The radius in metres of the disc that stands for the robot: a Kobuki."""
 
 _AROUND: Colour = (236, 236, 232)
 _FLOOR: Colour = (250, 248, 242)
@@ -158,8 +155,8 @@ class TopView:
         self._label(image, rover.name, (solid.x, solid.y + solid.reach + 0.1), on=_FLOOR)
 
     def _robot(self, image: Image, pose: Pose2D) -> None:
-        self._disc(image, (pose.x, pose.y), ROBOT, _ROBOT, (20, 50, 100))
-        tip = (pose.x + ROBOT * cos(pose.heading), pose.y + ROBOT * sin(pose.heading))
+        self._disc(image, (pose.x, pose.y), BASE_RADIUS, _ROBOT, (20, 50, 100))
+        tip = (pose.x + BASE_RADIUS * cos(pose.heading), pose.y + BASE_RADIUS * sin(pose.heading))
         self._line(image, (pose.x, pose.y), tip, (255, 255, 255), 2)
 
     # --- shapes, in metres --------------------------------------------------------------------------------------------

@@ -8,12 +8,12 @@ from itertools import pairwise
 from math import ceil, cos, sin
 from xml.etree import ElementTree as ET
 
+from drivers.api import BASE_RADIUS
 from drivers.sim.block import Block
 from drivers.sim.looks import LOOKS
 from drivers.sim.people import BODY, Presence
 from drivers.sim.room import Colour
 from drivers.sim.things import Ball, Box, Rover
-from drivers.sim.topview import ROBOT
 from drivers.sim.walk import Place
 from drivers.sim.world import World
 
@@ -138,9 +138,9 @@ class _Plan:
 
     def _start(self) -> None:
         start = self._world.start
-        self._disc((start.x, start.y), ROBOT, "robot")
-        self._nose((start.x, start.y), start.heading, ROBOT * 0.8)
-        self._text("start", (start.x, start.y - ROBOT - 0.12))
+        self._disc((start.x, start.y), BASE_RADIUS, "robot")
+        self._nose((start.x, start.y), start.heading, BASE_RADIUS * 0.8)
+        self._text("start", (start.x, start.y - BASE_RADIUS - 0.12))
 
     def _measures(self) -> None:
         """Draw the lengths of the room along two of its walls, what its corners are called, and a scale."""

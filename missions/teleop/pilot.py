@@ -2,7 +2,7 @@
 
 from math import degrees, radians
 
-from drivers.api import Base, Head, HeadPose, Source, Velocity
+from drivers.api import STILL, Base, Head, HeadPose, Source, Velocity
 from drivers.errors import DriverError, NotConnected
 from missions.teleop.keymap import ENABLE, GAZES, LATCH, PACES, Push
 
@@ -51,7 +51,7 @@ class Pilot:
         if push is None and not self._driving:
             return
         limits = self._base.limits
-        wanted = Velocity(0.0, 0.0)
+        wanted = STILL
         if push is None:
             self._base.stop(source=Source.TELEOP)
         else:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.clearance import MARGIN, RADIUS, Lookout, free_way, free_ways, places, safe_speed, turned
+from behaviours.clearance import MARGIN, Lookout, free_way, free_ways, places, safe_speed, turned
 from behaviours.coverage import CELL, Visited
-from drivers.api import BaseState, Pose2D, RangeScan, Velocity
+from drivers.api import BASE_RADIUS, BaseState, Pose2D, RangeScan, Velocity
 from missions.testing.recorders import Bench, none
 
-REACH = RADIUS + MARGIN
+REACH = BASE_RADIUS + MARGIN
 
 
 def seen(*points: tuple[float, float]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

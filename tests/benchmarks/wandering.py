@@ -11,8 +11,7 @@ from scipy.ndimage import label
 
 from config.library import shipped
 from config.world import WorldConfig, load_world
-from drivers.api import Pose2D
-from drivers.sim.body import RADIUS
+from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.world import World
 from missions.assembly.worlds import build_world
@@ -57,7 +56,7 @@ class Floor:
 
     @staticmethod
     def _fits(world: World, x: float, y: float) -> bool:
-        return not world.touched(x, y, RADIUS, 0.0) and world.has_floor(x, y)
+        return not world.touched(x, y, BASE_RADIUS, 0.0) and world.has_floor(x, y)
 
     def start(self, random: Random) -> Pose2D:
         """Return a place to start at, some way off everything."""
@@ -78,7 +77,7 @@ class Floor:
         return float((self.seen & within).sum() / within.sum())
 
     def _cover(self, grid: Grid, x: float, y: float) -> None:
-        grid |= (self._xs[None, :] - x) ** 2 + (self._ys[:, None] - y) ** 2 <= RADIUS**2
+        grid |= (self._xs[None, :] - x) ** 2 + (self._ys[:, None] - y) ** 2 <= BASE_RADIUS**2
 
 
 def wander(seed: int, *, minutes: float, world: str = "living_room", robot: str = "turtlebot2") -> Walk:

@@ -6,13 +6,25 @@ from math import hypot, inf, nan, pi
 
 import pytest
 
-from drivers.api import COMMAND_LIFE, Base, BaseState, Lamp, Pose2D, Quality, Sides, Source, Tune, Velocity
+from drivers.api import (
+    BASE_RADIUS,
+    COMMAND_LIFE,
+    STILL,
+    Base,
+    BaseState,
+    Lamp,
+    Pose2D,
+    Quality,
+    Sides,
+    Source,
+    Tune,
+    Velocity,
+)
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.driver import KobukiBase
 from drivers.kobuki.wire import BAUD
 from drivers.link import Link
-from drivers.sim.body import NOTHING, RADIUS, Body
+from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import OpenFloor
 from drivers.sim.twins.base import BaseTwin
 from drivers.virtual.kobuki import VirtualKobuki
@@ -409,10 +421,10 @@ def test_with_its_wheels_in_the_air_it_does_nothing(base: BaseRig) -> None:
 def test_a_wall_stops_it_and_it_can_back_off(base: BaseRig) -> None:
     base.drive(0.5, 0.0, lambda: base.state().bumper)
     assert base.state().bumper == Sides(centre=True)
-    assert base.truth().x == pytest.approx(WALL - RADIUS, abs=0.001)
+    assert base.truth().x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
     assert base.device.drive(Velocity(0.5, 0.0)) == STILL
     base.drive(-0.2, 0.0, lambda: not base.state().bumper)
-    assert base.truth().x < WALL - RADIUS
+    assert base.truth().x < WALL - BASE_RADIUS
 
 
 def test_a_full_turn_goes_on_counting(base: BaseRig) -> None:

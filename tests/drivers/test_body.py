@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Pose2D, Sides, Velocity
-from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, RADIUS, Body, either
+from drivers.api import BASE_RADIUS, Pose2D, Sides, Velocity
+from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, Body, either
 from drivers.sim.ground import OpenFloor
 from drivers.sim.wheels import Wheels
 
@@ -72,20 +72,20 @@ def test_no_drive_leads_through_a_wall(heading: float, moves: list[tuple[float, 
     now = 0.0
     for linear, angular, seconds in moves:
         now = drive(body, linear, angular, now, seconds)
-        assert body.pose.x <= WALL - RADIUS + 0.001
+        assert body.pose.x <= WALL - BASE_RADIUS + 0.001
 
 
 def test_it_comes_up_to_the_wall_and_feels_it_while_it_stands_there() -> None:
     body = Body(ground=Walled())
     now = drive(body, 0.5, 0.0, 0.0, 4.0)
-    assert body.pose.x == pytest.approx(WALL - RADIUS, abs=0.001)
+    assert body.pose.x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
     assert body.bumper == Sides(centre=True)
     assert body.velocity == Velocity(0.0, 0.0)
     now = drive(body, 0.0, 0.0, now, 2.0)
     assert body.bumper == Sides(centre=True)
     drive(body, -0.2, 0.0, now, 1.0)
     assert body.bumper == NOTHING
-    assert body.pose.x == pytest.approx(WALL - RADIUS - 0.19, abs=0.01)
+    assert body.pose.x == pytest.approx(WALL - BASE_RADIUS - 0.19, abs=0.01)
 
 
 def test_held_up_its_wheels_slip_and_it_turns_on_the_spot() -> None:
@@ -136,7 +136,7 @@ def test_a_wall_stops_it_at_the_same_place_however_often_one_looks(pauses: list[
         if now > 6.0:
             break
     drive(body, 0.4, 0.0, now, max(0.0, 6.0 - now))
-    assert body.pose.x == pytest.approx(WALL - RADIUS, abs=0.001)
+    assert body.pose.x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
 
 
 @pytest.mark.parametrize(

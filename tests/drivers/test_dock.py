@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import DockBeam, DockSignals, Pose2D, Sides
+from drivers.api import BASE_RADIUS, DockBeam, DockSignals, Pose2D, Sides
 from drivers.sim.battery import Battery
-from drivers.sim.body import RADIUS, Body
+from drivers.sim.body import Body
 from drivers.sim.dock import FAR, NEAR, NO_SIGNALS, REACH, SIZE, Dock
 from drivers.sim.things import Box
 from drivers.sim.wheels import Wheels
@@ -17,7 +17,7 @@ from drivers.sim.world import World
 DOCK = Dock(-2.95, 0.5, 0.0)
 """At the back wall of the usual room."""
 
-TOUCHING = SIZE[0] / 2 + RADIUS
+TOUCHING = SIZE[0] / 2 + BASE_RADIUS
 """Metres from the middle of the dock to that of a base which just touches its front."""
 
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
@@ -95,12 +95,12 @@ def test_what_is_heard_depends_on_where_the_base_is_to_the_dock_alone(
     ],
 )
 def test_the_contacts_meet_only_straight_before_it(away: float, bearing: float, turned: float, meets: bool) -> None:
-    assert DOCK.contact(before(DOCK, away, bearing, turned), RADIUS) is meets
+    assert DOCK.contact(before(DOCK, away, bearing, turned), BASE_RADIUS) is meets
 
 
 def test_it_is_bumped_into_and_seen_over_and_a_range_finder_looks_over_it() -> None:
     world = World(dock=DOCK)
-    assert world.touched(DOCK.x + TOUCHING - 0.001, DOCK.y, RADIUS, 0.0) == pytest.approx([pi])
+    assert world.touched(DOCK.x + TOUCHING - 0.001, DOCK.y, BASE_RADIUS, 0.0) == pytest.approx([pi])
     assert world.distance(0.0, DOCK.y, pi, 0.0) == pytest.approx(3.0)
     assert world.distance(0.0, DOCK.y, pi, 0.0, height=0.05) == pytest.approx(2.9)
 

@@ -12,10 +12,9 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import COMMAND_LIFE, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
+from drivers.api import COMMAND_LIFE, STILL, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import COMMAND_LIFE, BaseState, Pose2D, Reflexes, Sides, Source, Velocity
-from drivers.kobuki.arbiter import STILL, Arbiter
+from drivers.api import COMMAND_LIFE, STILL, BaseState, Pose2D, Reflexes, Sides, Source, Velocity
+from drivers.kobuki.arbiter import Arbiter
 from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
 

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import COMMAND_LIFE, HeadPose, Health, Image, Notice, Pose2D, Quality, Sides, Velocity
+from drivers.api import COMMAND_LIFE, STILL, HeadPose, Health, Image, Notice, Pose2D, Quality, Sides, Velocity
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.clock import ManualClock
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
-from drivers.kobuki.arbiter import STILL
 from drivers.kobuki.driver import KobukiBase
 from drivers.kobuki.senses import battery_percent
 from drivers.link import Link, Talker

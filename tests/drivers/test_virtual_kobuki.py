@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from drivers.api import DockBeam, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.api import BASE_RADIUS, DockBeam, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.clock import ManualClock
 from drivers.kobuki import commands
 from drivers.kobuki.commands import BaseControl, GetGains, Output, SetGains, SetOutputs, Sound, SoundSequence
@@ -21,7 +21,6 @@ from drivers.kobuki.feedback import (
 from drivers.kobuki.senses import Senses, battery_percent
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 from drivers.sim.battery import RESISTANCE, Battery
-from drivers.sim.body import RADIUS
 from drivers.sim.dock import SIZE, Dock
 from drivers.sim.room import Room
 from drivers.sim.things import Edge
@@ -32,7 +31,7 @@ from drivers.virtual.kobuki import PERIOD, VirtualKobuki
 from drivers.virtual.terminal import Punctual
 
 DOCK = Dock(-2.95, 0.0, 0.0)
-ON_DOCK = Pose2D(DOCK.x + SIZE[0] / 2 + RADIUS + 0.005, 0.0, pi)
+ON_DOCK = Pose2D(DOCK.x + SIZE[0] / 2 + BASE_RADIUS + 0.005, 0.0, pi)
 """Where a base stands on the contacts."""
 
 

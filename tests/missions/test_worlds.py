@@ -15,7 +15,7 @@ from config.colours import COLOURS
 from config.layout import ROBOT
 from config.library import shipped
 from config.world import WorldConfig, load_world
-from drivers.api import Pose2D
+from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim import acts, dock, people, things, topview
 from drivers.sim.body import Body
 from drivers.sim.looks import LOOKS
@@ -58,7 +58,7 @@ def test_files_and_simulation_mean_the_same() -> None:
     assert config_things.THICKNESS == things.THICKNESS
     assert config_things.MARKERS == things.MARKERS
     assert dock.SIZE[:2] == config_things.DOCK
-    assert pytest.approx(topview.ROBOT, abs=0.005) == ROBOT
+    assert pytest.approx(BASE_RADIUS, abs=0.005) == ROBOT
     assert config_things.RoverConfig("R", 1, 0, 0, 0, (0.35, 0.35, 0.42), "grey", (), 0.2, 0, loop=True).size == (
         things.Rover("R", 1, 0.0, 0.0).size
     )

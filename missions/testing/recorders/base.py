@@ -6,6 +6,7 @@ from math import radians
 import numpy as np
 
 from drivers.api import (
+    STILL,
     BaseLimits,
     BaseState,
     Lamp,
@@ -32,10 +33,10 @@ class RecordedBase(Recorder):
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("base", clock)
-        self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
+        self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL))
         self.limits = BaseLimits(0.5, radians(110), 0.5, radians(200))
         self.latched = ""
-        self.steers = Steering(None, Velocity(0.0, 0.0), Velocity(0.0, 0.0))
+        self.steers = Steering(None, STILL, STILL)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Keep the velocity; of another source than a mission, with the source."""
