@@ -43,15 +43,13 @@ class JointState:
 class Coupling:
     """One joint that another leads: ``follower`` goes to ``scale * leader + offset``, in radians.
 
-    A negative ``scale`` mirrors. With a ``threshold`` (radians) it begins once the leader is that far from where it
-    was when the coupling began, and then goes on for good.
+    A negative ``scale`` mirrors.
     """
 
     leader: str
     follower: str
     scale: float = 1.0
     offset: float = 0.0
-    threshold: float = 0.0
 
 
 class Joints(Device, Protocol):

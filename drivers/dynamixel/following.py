@@ -21,14 +21,11 @@ An arm that is read less often leads slowly all the time.
 class Following:
     """The couplings in force at present; none to begin with. For one thread at a time.
 
-    A coupling with a threshold begins once its leader is that far from where it was first seen, and then goes on. A
-    follower is brought over slowly at first, and again after a pause, so that none leaps.
+    A follower is brought over slowly at first, and again after a pause, so that none leaps.
     """
 
     def __init__(self, couplings: Sequence[Coupling] = ()) -> None:
         self._couplings = {coupling.follower: coupling for coupling in couplings}
-        self._origins: dict[str, float] = {}  # where the leader of a follower that still waits was first seen
-        self._begun = {coupling.follower for coupling in couplings if not coupling.threshold}
         self._led_at: dict[str, float] = {}
         self._come: set[str] = set()  # those that were brought over
 
@@ -37,7 +34,7 @@ class Following:
 
     @property
     def couplings(self) -> tuple[Coupling, ...]:
-        """Those in force, those included that have not begun."""
+        """Those in force."""
         return tuple(self._couplings.values())
 
     def freed_by(self, couplings: Sequence[Coupling]) -> list[str]:
@@ -53,13 +50,12 @@ class Following:
     def goals(self, positions: Mapping[str, float]) -> dict[str, float]:
         """Return where each follower belongs, in radians and without any limits.
 
-        ``positions`` are those of the leaders that are known just now: a follower stays out whose leader is missing,
-        or has not passed its threshold.
+        ``positions`` are those of the leaders that are known just now: a follower stays out whose leader is missing.
         """
         found = {}
         for follower, coupling in self._couplings.items():
             position = positions.get(coupling.leader)
-            if position is not None and self._has_begun(coupling, position):
+            if position is not None:
                 found[follower] = coupling.scale * position + coupling.offset
         return found
 
@@ -81,11 +77,3 @@ class Following:
         """Take note that ``followers`` (None: all) did not follow: they are brought over anew."""
         for follower in self._couplings if followers is None else followers:
             self._led_at.pop(follower, None)
-
-    def _has_begun(self, coupling: Coupling, position: float) -> bool:
-        follower = coupling.follower
-        if follower not in self._begun:
-            origin = self._origins.setdefault(follower, position)
-            if abs(position - origin) >= coupling.threshold:
-                self._begun.add(follower)
-        return follower in self._begun

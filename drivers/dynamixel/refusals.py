@@ -36,8 +36,6 @@ def check_couplings(who: str, couplings: Sequence[Coupling], joints: Mapping[str
             wrong.append(f"{pair}: {coupling.follower} leads, and cannot follow as well")
         if not (isfinite(coupling.scale) and isfinite(coupling.offset)):
             wrong.append(f"{pair}: scale {coupling.scale} and offset {coupling.offset} must be finite")
-        if not (isfinite(coupling.threshold) and coupling.threshold >= 0):
-            wrong.append(f"{pair}: a threshold of {coupling.threshold} rad is not 0 or more")
         followers.add(coupling.follower)
     if wrong:
         raise BadRequest(f"{who}: {'; '.join(wrong)}", hint="a joint follows one other, which follows none")

@@ -78,17 +78,15 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
             config.base, clock, port=port, report=ears.report, changed=ears.changed, steered=ears.steered
         )
     if config.arm is not None and "arm" in chosen:
-        port = ports.get("arm", config.arm.port)
         arm = parts.arm(
             config.arm,
             clock,
-            port=port,
+            port=ports.get("arm", config.arm.port),
             patience=PATIENCE if simulation is None else SIMULATED_PATIENCE,
             report=ears.report,
         )
     if config.head is not None and "head" in chosen:
-        booted = simulation is not None
-        devices["head"] = head = _head(config.head, arm, clock, ports, booted=booted, report=ears.report)
+        devices["head"] = head = _head(config.head, arm, clock, ports, booted=bool(simulation), report=ears.report)
     if arm is not None:  # behind the head, which may lead its joints: so the head is also closed first
         devices["arm"] = arm
     if config.range is not None and "range" in chosen:

@@ -317,21 +317,6 @@ def test_a_follower_is_clamped_to_its_own_limits_and_that_is_told_once(arm: Join
     assert sum("goal of wrist was clamped" in notice.what for notice in arm.notices) == 1
 
 
-def test_a_follower_with_a_threshold_waits_until_its_leader_has_passed_it(arm: JointsRig) -> None:
-    arm.turn_by_hand("elbow", 0.5)
-    arm.until(lambda: arm.at("elbow", 0.5))
-    arm.device.follow([Coupling("elbow", "wrist", threshold=0.3)])
-    arm.wait(0.1)
-    arm.turn_by_hand("elbow", 0.7)
-    arm.wait(0.1)
-    assert not arm.fresh("wrist").torque
-    assert arm.at("wrist", 0.0)
-    arm.turn_by_hand("elbow", 0.85)
-    arm.until(lambda: arm.near("wrist", 0.85))
-    arm.turn_by_hand("elbow", 0.5)
-    arm.until(lambda: arm.near("wrist", 0.5))
-
-
 def test_a_joint_that_follows_no_more_stands_where_it_is(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
     arm.turn_by_hand("elbow", 0.3)

@@ -31,25 +31,6 @@ def test_a_leader_of_which_nothing_is_heard_leaves_its_follower_alone() -> None:
     assert following.goals({}) == {}
 
 
-def test_with_a_threshold_it_begins_when_its_leader_has_moved_that_far_and_then_goes_on() -> None:
-    following = Following([Coupling("left", "right", threshold=0.4)])
-    for position in (1.0, 1.39, 0.61):
-        assert following.goals({"left": position}) == {}
-    assert following.goals({"left": 0.6}) == {"right": 0.6}
-    assert following.goals({"left": 1.0}) == {"right": 1.0}
-
-
-@given(st.lists(ANGLES, min_size=1), st.floats(0.01, 3.0))
-def test_a_threshold_holds_either_way_from_where_the_leader_was_first_seen(
-    positions: list[float], threshold: float
-) -> None:
-    following = Following([Coupling("left", "right", threshold=threshold)])
-    begun = False
-    for position in positions:
-        begun = begun or abs(position - positions[0]) >= threshold
-        assert bool(following.goals({"left": position})) == begun
-
-
 def test_followers_can_be_let_go_one_by_one() -> None:
     following = Following([Coupling("left", "right"), Coupling("left", "third")])
     following.end(["right", "left", "nobody"])
@@ -65,9 +46,9 @@ def test_everything_wrong_with_couplings_is_told_at_once() -> None:
     wrong = [
         Coupling("left", "right", scale=nan),
         Coupling("right", "third", offset=inf),
-        Coupling("left", "third", threshold=-0.1),
+        Coupling("left", "third"),
         Coupling("left", "left"),
-        Coupling("nose", "toe", threshold=inf),
+        Coupling("nose", "toe"),
     ]
     with pytest.raises(BadRequest) as caught:
         check_couplings("arm", wrong, JOINTS)
@@ -79,8 +60,6 @@ def test_everything_wrong_with_couplings_is_told_at_once() -> None:
         "right after left: right leads, and cannot follow as well",
         "third after left: third follows another joint already",
         "left after left: left leads",
-        "a threshold of -0.1 rad",
-        "a threshold of inf rad",
     ):
         assert words in str(caught.value)
     assert caught.value.hint
