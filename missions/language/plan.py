@@ -41,7 +41,8 @@ class Step:
     its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
     params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
     ``returns`` are computed among a sub-mission's own variables, ``keep_as`` names the variable that keeps a result.
-    ``text`` is what stands behind the word, where that is one value.
+    ``text`` is what stands behind the word, where that is one value. ``written`` are the arguments by name, as the file
+    has them and in its order, for pictures.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class Step:
     cases: tuple[object, ...] = ()
     returns: Mapping[str, Value] = field(default_factory=dict)
     text: str = ""
+    written: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def walk(self) -> Iterator["Step"]:
         """This step and all below it, in the order of the file."""

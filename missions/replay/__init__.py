@@ -1,0 +1,1 @@
+"""A recorded run once more: looked at, decided again, seen again."""

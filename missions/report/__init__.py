@@ -1,0 +1,1 @@
+"""A recorded run on one page: for people who were not there."""

@@ -1,0 +1,1 @@
+"""Figures of recorded runs: how often, how long, how late."""
