@@ -1,7 +1,7 @@
 """Writes the tables of the docs from the declarations that the checker reads, so that both say the same.
 
 ``make docs`` runs it. A page keeps its own words; what stands between ``<!-- NAME: begin -->`` and
-``<!-- NAME: end -->`` is written here. A test fails while a page is stale.
+``<!-- NAME: end -->`` is written here, and so are the pictures of the gallery. A test fails while a page is stale.
 """
 
 import inspect
@@ -14,6 +14,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from config.units import EXAMPLES, UNITS
+from docs import dumps
 from drivers.clock import ManualClock
 from missions.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.executive.state import state_of
@@ -96,6 +97,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "state": state,
     "words": words,
     "leaves": leaves,
+    "gallery": dumps.gallery,
 }
 """What is written, by the name in its markers."""
 
@@ -127,13 +129,15 @@ def first_line(documented: object) -> str:
 
 
 def main() -> None:
-    """Renew every page, and say which have changed."""
+    """Renew every page and picture, and say which have changed."""
     for path in sorted(HERE.glob("*.md")):
         page = path.read_text(encoding="utf-8")
         new = renewed(page)
         if new != page:
             path.write_text(new, encoding="utf-8")
             sys.stdout.write(f"wrote {path.name}\n")
+    for path in dumps.write():
+        sys.stdout.write(f"renewed {path.name}\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``mission schema``: the JSON Schema of missions, for editors that know YAML."""
+"""``mission schema``: the JSON Schema of missions, for editors that know YAML, or that of dumps of their trees."""
 
 import json
 from pathlib import Path
@@ -6,14 +6,16 @@ from pathlib import Path
 import click
 
 from missions.cli.options import behaviours_option
+from missions.pictures import tree_json
 from missions.schema.mission import known_things, mission_schema
 from missions.vocabulary import vocabulary
 
 
 @click.command()
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
+@click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
 @behaviours_option
-def command(output: Path | None, files: tuple[Path, ...]) -> None:
+def command(output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> None:
     r"""Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
     In VS Code, with the YAML extension, after `mission schema -o mission.schema.json`, begin a mission in that folder
@@ -22,7 +24,8 @@ def command(output: Path | None, files: tuple[Path, ...]) -> None:
     \b
     # yaml-language-server: $schema=mission.schema.json
     """
-    text = json.dumps(mission_schema(vocabulary(files), known_things()), indent=1, ensure_ascii=False)
+    schema = tree_json.schema() if of_tree else mission_schema(vocabulary(files), known_things())
+    text = json.dumps(schema, indent=1, ensure_ascii=False)
     if output is None:
         click.echo(text)
         return

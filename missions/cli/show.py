@@ -1,65 +1,120 @@
-"""``mission show``: the tree as a picture in text, or for Graphviz."""
+"""``mission show``: the tree of a mission, or of a record at a moment, as a picture; or two of them side by side."""
 
-from collections.abc import Iterator
+import shutil
+import sys
 from pathlib import Path
 
 import click
-from py_trees import display
-from py_trees.behaviour import Behaviour
 
-from behaviours.robot import Robot
-from behaviours.run import Run
-from drivers.clock import ManualClock
-from missions.cli.options import behaviours_option, params_option
-from missions.executive.build import build
-from missions.language.plan import Step
+from missions.cli.options import SECONDS, behaviours_option, params_option
 from missions.library import load_mission
+from missions.pictures.compare import compare
+from missions.pictures.draw import at, drawing_of, folded
+from missions.pictures.drawing import Drawing
+from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.pictures.side_by_side import side_by_side
+from missions.pictures.states import now_of
+from missions.recording.read import open_record
 from missions.vocabulary import vocabulary
+
+RECORD = ".mcap"
+"""What the name of a record ends in; all other names are missions."""
+
+NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}.mcap, then show that"
+NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or --format svg"
 
 
 @click.command()
-@click.argument("name", metavar="MISSION")
+@click.argument("name", metavar="MISSION|RECORD")
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["unicode", "ascii", "dot"]),
-    default="unicode",
-    show_default=True,
-    help="How to draw it.",
+    type=click.Choice(list(FORMS)),
+    help="How to draw it: unicode, unless the file after -o says otherwise.",
+)
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
+@click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record at this moment, such as 12.5s.")
+@click.option("--diff", "other", metavar="OTHER", help="Show what differs in this other mission or record.")
+@click.option(
+    "--fold",
+    "depth",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Show sub-missions that lie in N others, or more, as one node; 0 folds them all.",
 )
 @params_option
 @behaviours_option
-def command(name: str, form: str, params: dict[str, str], files: tuple[Path, ...]) -> None:
-    """Draw the tree of a mission (a name or a file)."""
-    plan = load_mission(name, params=params, leaves=vocabulary(files))
-    root = build(plan, Run(ManualClock()), lambda leaf: Robot())  # noqa: ARG005 - nothing here is ticked
-    for node, step in zip(_downwards(root), plan.tree.walk(), strict=True):
-        node.name = _label(step)
-        if form == "dot":
-            # A colon in a name would be a port to Graphviz; this sign looks the same.
-            node.name = node.name.replace(":", "\N{RATIO}")
-    if form == "dot":
-        click.echo(_dot(root))
-    elif form == "ascii":
-        click.echo(display.ascii_tree(root), nl=False)
-    else:
-        click.echo(display.unicode_tree(root), nl=False)
+def command(
+    name: str,
+    form: str | None,
+    output: Path | None,
+    time: float | None,
+    other: str | None,
+    depth: int | None,
+    params: dict[str, str],
+    files: tuple[Path, ...],
+) -> None:
+    """Draw the tree of a mission (a name or a file) or of a record."""
+    form = form or _form_of(output)
+    names = [name] if other is None else [name, other]
+    if time is not None and not any(map(_is_record, names)):
+        raise click.UsageError(f"--at: {NO_RECORD.format(name=name, stem=Path(name).stem)}")
+    drawings = [_drawing(each, params if each == name else {}, files, time) for each in names]
+    if depth is not None:
+        drawings = [folded(each, depth) for each in drawings]
+    try:
+        dump = FORMS[form](drawings[0]) if other is None else _pair(drawings[0], drawings[1], form, output)
+    except ImportError as error:
+        raise click.UsageError(NO_PLOTS) from error
+    _write(dump, output, form, name)
 
 
-def _downwards(node: Behaviour) -> Iterator[Behaviour]:
-    """Yield a node and all below it, in the order of the file."""
-    yield node
-    for child in node.children:
-        yield from _downwards(child)
+def _form_of(output: Path | None) -> str:
+    if output is None:
+        return "unicode"
+    if output.suffix.lower() not in SUFFIXES:
+        known = ", ".join(SUFFIXES)
+        raise click.UsageError(f"-o {output}: the name says no format that is known ({known})\n  try: --format svg")
+    return SUFFIXES[output.suffix.lower()]
 
 
-def _label(step: Step) -> str:
-    """Return what a person reads in the picture: the name it was given, else what the file says."""
-    said = f"{step.kind}: {step.text}" if step.text else step.kind
-    return said if step.name == step.kind or step.text else f"{step.kind}: {step.name}"
+def _is_record(name: str) -> bool:
+    return Path(name).suffix.lower() == RECORD
 
 
-def _dot(root: Behaviour) -> str:
-    graph = display.dot_tree(root)
-    graph.set_name("mission")
-    return str(graph.to_string())
+def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: float | None) -> Drawing:
+    """Return the drawing of a mission or of a record; of that, at ``time`` if it is given."""
+    if not _is_record(name):
+        return drawing_of(load_mission(name, params=params, leaves=vocabulary(files)))
+    record = open_record(Path(name))
+    drawing = record.drawing()
+    if time is None:
+        return drawing
+    if time > record.until:
+        click.echo(f"mission: {name} ends at {record.until:.2f} s, and is shown as it stood then", err=True)
+        time = record.until
+    return at(drawing, {key: now_of(change) for key, change in record.statuses(time).items()}, time)
+
+
+def _pair(left: Drawing, right: Drawing, form: str, output: Path | None) -> Dump:
+    """Dump two drawings side by side, as wide as the terminal where they go to one."""
+    if form not in PAIR_FORMS:
+        raise click.UsageError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")
+    comparison = compare(left, right)
+    if output is None and form in ("unicode", "ascii"):
+        return side_by_side(comparison, shutil.get_terminal_size((120, 24)).columns, ascii_only=form == "ascii")
+    return PAIR_FORMS[form](comparison)
+
+
+def _write(dump: Dump, output: Path | None, form: str, name: str) -> None:
+    """Write to a file, as UTF-8, or to stdout; bytes never to a terminal."""
+    if output is None:
+        if isinstance(dump, bytes) and sys.stdout.isatty():
+            raise click.UsageError(f"a terminal cannot show {form}\n  try: -o {Path(name).stem}.{form}")
+        click.echo(dump, nl=False)
+        return
+    try:
+        output.write_bytes(dump if isinstance(dump, bytes) else dump.encode())
+    except OSError as error:
+        raise click.BadParameter(f"{output}: {error.strerror}", param_hint="-o") from error
+    click.echo(f"wrote {output}", err=True)

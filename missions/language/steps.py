@@ -12,6 +12,7 @@ from missions.language.notes import MAX_STEPS, Notes
 from missions.language.plan import COMPOSITES, MISSION, SWITCH, Step
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
+from missions.language.written import as_written, written_arguments
 
 BESIDE = ("name", "as", "with", "returns")
 """What may stand beside a behaviour without wrapping it; the last two only beside a sub-mission."""
@@ -50,9 +51,15 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
         if word.text in MODIFIERS:
             setting = read_modifier(notes, word.text, given)
             if step is not None:
-                step = replace(
-                    Step(word.text, step.name, word.mark, notes.source, (step,), arguments={"value": setting}),
+                step = Step(
+                    word.text,
+                    step.name,
+                    word.mark,
+                    notes.source,
+                    (step,),
+                    arguments={"value": setting},
                     text=_text(given),
+                    written={"value": as_written(given)},
                 )
     return step
 
@@ -92,8 +99,16 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     leaf = notes.leaves.get(key.text)
     shown = name or key.text
     if leaf is not None:
-        arguments = read_arguments(notes, leaf, key, value)
-        return Step(key.text, shown, key.mark, notes.source, leaf=leaf, arguments=arguments, text=_text(value))
+        return Step(
+            key.text,
+            shown,
+            key.mark,
+            notes.source,
+            leaf=leaf,
+            arguments=read_arguments(notes, leaf, key, value),
+            text=_text(value),
+            written=written_arguments(leaf, value),
+        )
     if key.text == MISSION:
         return read_submission(notes, key, value, beside, name, read_step)
     if key.text == SWITCH:

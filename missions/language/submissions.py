@@ -13,6 +13,7 @@ from missions.language.notes import Notes
 from missions.language.params import Param
 from missions.language.plan import MISSION, Step
 from missions.language.values import Value
+from missions.language.written import written_entries
 
 ReadStep = Callable[[Notes, Node], Step | None]
 
@@ -52,7 +53,17 @@ def read_submission(
     elif not returns:
         notes.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
     shown = name or body.mission
-    return Step(MISSION, shown, key.mark, notes.source, (body.tree,), arguments=given, returns=returns)
+    return Step(
+        MISSION,
+        shown,
+        key.mark,
+        notes.source,
+        (body.tree,),
+        arguments=given,
+        returns=returns,
+        text=body.mission,
+        written=written_entries(beside.get("with")),
+    )
 
 
 def _find(notes: Notes, value: Scalar) -> Path | None:
@@ -91,8 +102,11 @@ def _take(
             if param.required:
                 notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', a {param.kind}", param.help)
             values[param.name] = Value(None if param.required else param.default)
-        if values[param.name].template is None:
+        formula = values[param.name].template
+        if formula is None:
             inner.params[param.name] = values[param.name].constant
-        else:  # known only when the sub-mission starts
-            inner.stored.add(param.name)
+            continue
+        inner.stored.add(param.name)  # known only when the sub-mission starts
+        if notes.awaits(formula):
+            inner.awaited.add(param.name)
     return values

@@ -42,4 +42,13 @@ def read_switch(
     otherwise = None if default is None else read_step(notes, default)
     if otherwise is not None:
         children.append(otherwise)
-    return Step(SWITCH, name, key.mark, notes.source, tuple(children), arguments={"on": chosen}, cases=tuple(values))
+    return Step(
+        SWITCH,
+        name,
+        key.mark,
+        notes.source,
+        tuple(children),
+        arguments={"on": chosen},
+        cases=tuple(values),
+        written={"on": on.text},
+    )

@@ -30,6 +30,7 @@ class Badge:
 class Box:
     """A node that is no modifier. ``symbol`` is the sign of its kind, ``arguments`` are as the file has them.
 
+    ``said`` is what stands behind the word in the file where that is one value: then it is the one argument too.
     ``badges`` are its modifiers, outermost first. ``mission`` is the name of the mission that a sub-mission runs, empty
     for all others; ``case`` the value for which a switch chooses it ("else" for the default). ``since`` says when it
     took on its status, in seconds of the run. ``folded`` counts the boxes that are hidden below it.
@@ -41,6 +42,7 @@ class Box:
     symbol: str
     file: str
     line: int
+    said: str = ""
     arguments: Mapping[str, str] = field(default_factory=dict)
     badges: tuple[Badge, ...] = ()
     keep_as: str = ""
@@ -61,9 +63,16 @@ class Box:
     @property
     def title(self) -> str:
         """What a person reads first: the name it was given, else what the file says ("gesture: hello")."""
-        alone = next(iter(self.arguments.values())) if len(self.arguments) == 1 else ""
-        named = self.name not in (self.kind, self.mission)
-        return f"{self.kind}: {self.name}" if named else f"{self.kind}: {self.mission or alone}".rstrip(": ")
+        return f"{self.kind}: {self.name}" if self._named else f"{self.kind}: {self.mission or self.said}".rstrip(": ")
+
+    @property
+    def untold(self) -> Mapping[str, str]:
+        """The arguments that the title does not say."""
+        return {} if self.said and not self._named else self.arguments
+
+    @property
+    def _named(self) -> bool:
+        return self.name not in (self.kind, self.mission)
 
     @property
     def outer(self) -> Status:

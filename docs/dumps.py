@@ -1,0 +1,125 @@
+"""Dumps every shipped mission in every form: for the docs' gallery, and as the golden files that tests compare with.
+
+``make docs`` writes what is stale. Pages carry a style and a script, which stand in their golden files by name: what
+changes there is tested in a browser, not here.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import missions
+from missions.executive.events import Event
+from missions.library import load_mission, shipped_missions
+from missions.pictures.compare import compare
+from missions.pictures.draw import at, drawing_of
+from missions.pictures.drawing import Drawing
+from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.pictures.page.document import without_assets
+from missions.pictures.states import states_at
+from missions.pictures.tree_json import schema
+
+ROOT = Path(__file__).parents[1]
+GALLERY = ROOT / "docs" / "gallery"
+PAGES = ROOT / "tests" / "missions" / "pictures" / "golden"
+
+PICTURES = ("greet", "patrol", "motions/square")
+"""The missions that are there as PNG too: PNGs are large, and look like the SVG."""
+
+LINKED = {".txt": "text", ".ascii": "ASCII", ".dot": "DOT", ".mmd": "Mermaid", ".json": "JSON", ".png": "PNG"}
+"""What the gallery links to beside the SVG that it shows, and what the links are called."""
+
+MOMENT = 5.0
+"""The second of greet that the example of a moment shows."""
+
+
+def dumps() -> Mapping[Path, Callable[[], Dump]]:
+    """Return each file that is to be there, and what makes its content; ImportError without the extra ``plots``."""
+    found: dict[Path, Callable[[], Dump]] = {}
+    for name in shipped_missions():
+        for suffix in (".svg", ".html", *LINKED):
+            if suffix != ".png" or name in PICTURES:
+                found[file_of(name, suffix)] = partial(dump, name, suffix)
+    found[GALLERY / "at.svg"] = lambda: FORMS["svg"](moment())
+    found[GALLERY / "diff.svg"] = lambda: PAIR_FORMS["svg"](compare(drawing("motions/square"), drawing("square_3m")))
+    found[ROOT / "docs" / "tree.schema.json"] = lambda: json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+    return found
+
+
+def dump(name: str, suffix: str) -> Dump:
+    """Return a mission in the form that ``suffix`` means; a page has its style and script in it by name."""
+    made = FORMS[SUFFIXES[suffix]](drawing(name))
+    return without_assets(made) if suffix == ".html" and isinstance(made, str) else made
+
+
+def file_of(name: str, suffix: str) -> Path:
+    """Return where that stands; a mission in a folder has the folder in its name."""
+    folder = PAGES if suffix == ".html" else GALLERY
+    return folder / f"{name.replace('/', '-')}{suffix}"
+
+
+@cache
+def drawing(name: str) -> Drawing:
+    """Return the drawing of a shipped mission."""
+    return drawing_of(load_mission(name))
+
+
+def moment() -> Drawing:
+    """Return greet as it stands in the midst of a run, in simulated time."""
+    events: list[Event] = []
+    missions.run("greet", simulate="fast", eyes="truth", listeners=[events.append])
+    return at(drawing("greet"), states_at(events, MOMENT), MOMENT)
+
+
+def is_stale(path: Path, wanted: Dump) -> bool:
+    """Say whether a file is missing or holds something else; a PNG, whether it looks otherwise."""
+    if not path.is_file():
+        return True
+    found = path.read_bytes()
+    data = wanted.encode() if isinstance(wanted, str) else wanted
+    return found != data if path.suffix != ".png" else not look_alike(found, data)
+
+
+def look_alike(one: bytes, other: bytes) -> bool:
+    """Say whether two PNGs are the same to the eye: each release of a renderer draws edges a little differently."""
+    left, right = (cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) for data in (one, other))
+    if left is None or right is None or left.shape != right.shape:
+        return False
+    off = np.abs(left.astype(np.int16) - right)
+    return bool(off.mean() < 1.0 and (off.max(axis=2) > 32).mean() < 0.001)
+
+
+def gallery() -> str:
+    """Return the gallery in Markdown: each mission's picture, with links to its other forms."""
+    return "\n\n".join(_entry(name) for name in shipped_missions())
+
+
+def _entry(name: str) -> str:
+    links = (
+        f"[{label}](gallery/{file_of(name, suffix).name})"
+        for suffix, label in LINKED.items()
+        if suffix != ".png" or name in PICTURES
+    )
+    picture = f"![The tree of {name}](gallery/{file_of(name, '.svg').name})"
+    return f"## {name}\n\n{drawing(name).summary}\n\n{picture}\n\n{' · '.join(links)}"
+
+
+def write() -> list[Path]:
+    """Write what is stale, take away what belongs to no mission any more, and return what has changed."""
+    changed = []
+    wanted = dumps()
+    for path, make in wanted.items():
+        made = make()
+        if is_stale(path, made):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(made.encode() if isinstance(made, str) else made)
+            changed.append(path)
+    for path in sorted([*GALLERY.glob("*.*"), *PAGES.glob("*.html")]):
+        if path not in wanted:
+            path.unlink()
+            changed.append(path)
+    return changed

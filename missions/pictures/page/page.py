@@ -1,0 +1,22 @@
+"""The page of one mission: its tree, to be looked at, searched and folded."""
+
+from missions.pictures.drawing import Drawing
+from missions.pictures.page.document import document
+from missions.pictures.page.markup import Markup, join, tag
+from missions.pictures.page.tools import tools
+from missions.pictures.page.tree import tree
+
+
+def page(drawing: Drawing) -> str:
+    """Return the page of a mission, or of a moment of a record."""
+    title = f"Mission {drawing.mission}"
+    count = sum(1 for _ in drawing.root.walk())
+    facts = [drawing.file, f"{count} nodes" if count > 1 else "1 node"]
+    facts += [f"as it stood at {drawing.time:.2f} s"] if drawing.time is not None else []
+    return document(title, join(header(title, drawing.summary, facts), tools(drawing), tree(drawing, label=title)))
+
+
+def header(title: str, summary: str, facts: list[str]) -> Markup:
+    """Return the head of a page: what it is of, in a sentence, and a line of facts."""
+    said = tag("p", summary) if summary else ""
+    return tag("header", tag("h1", title), said, tag("p", " · ".join(facts), class_="facts"))
