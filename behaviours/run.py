@@ -54,14 +54,18 @@ class Run:
     ``variables`` holds the params and what behaviours have stored; ``tick`` counts from 1, 0 before the first.
     ``observer`` is told of every new status. ``preemptible`` are the running nodes that give way as soon as a leaf of
     higher priority is about to drive an actuator. ``settle`` brings the named actuators to rest when a leaf did not
-    manage to in time. ``let_pass(seconds)`` waits for so long or until woken, which it says: simulated time replaces
-    it.
+    manage to in time. ``notify(text)`` tells somebody who is not there. ``let_pass(seconds)`` waits for so long or
+    until woken, which it says: simulated time replaces it.
     ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
+    While the executive ticks, time stands still: ``now`` is what it is ``held`` at then. ``stored`` says that variables
+    may have changed; who tells of that sets it back.
+
     For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
     ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf that has the word now. ``overheld``
-    says back which leaf held which tick for too long, and since when.
+    says back which leaf held which tick for too long, and since when; ``overstayed`` the key of the leaf that has
+    failed for it, and the seconds.
     """
 
     def __init__(self, clock: Clock, *, seed: int = 0, wall: Clock | None = None) -> None:
@@ -73,16 +77,21 @@ class Run:
         self.observer: Observer | None = None
         self.preemptible: list[Node] = []
         self.settle: Callable[[frozenset[str]], None] = _nothing_to_settle
+        self.notify: Callable[[str], None] = _nobody_to_notify
         self.woken = Event()
         self.let_pass: Callable[[float], bool] = self._let_pass
         self.interruptible = True
         self.alive_at = self.wall.now()
         self.working: Leaf | None = None
         self.overheld: tuple[Leaf, int, float] | None = None
+        self.overstayed: tuple[str, float] | None = None
+        self.stored = True
+        self.held: float | None = None
 
     def now(self) -> float:
-        """The time in seconds on the run's clock."""
-        return self.clock.now()
+        """The time in seconds on the run's clock, for the thread that ticks; others ask the ``clock``."""
+        held = self.held
+        return self.clock.now() if held is None else held
 
     def beat(self) -> None:
         """Show that the loop goes on."""
@@ -101,6 +110,11 @@ class Run:
         for node in self.preemptible:
             at_rest &= node.halt()
         return at_rest
+
+
+def _nobody_to_notify(text: str) -> None:
+    """Log it: nobody watches this run."""
+    log.info("notice: %s", text)
 
 
 def _nothing_to_settle(claims: frozenset[str]) -> None:

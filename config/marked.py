@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import yaml
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
+from config.reading import note_read
 from config.syntax import forbidden_character, syntax_fault
 from config.units import Bare
 
@@ -73,6 +74,7 @@ def read_source(path: Path, name: str | None = None) -> Source:
         raise InvalidFileError([Fault(Source(shown, ""), Mark(), f"cannot be read: {reason}")]) from error
     if len(data) > MAX_BYTES:
         raise InvalidFileError([Fault(Source(shown, ""), Mark(), f"larger than {MAX_BYTES:,} bytes")])
+    note_read(path, data)
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:

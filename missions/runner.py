@@ -1,21 +1,17 @@
 """A run from beginning to end: read the mission, put the robot together, tick, and leave everything at rest."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from pathlib import Path
-from typing import Literal
 
 from behaviours.node import Node
+from behaviours.robot import Robot
 from behaviours.run import Run, log
-from config.library import find
-from config.robot import RobotConfig, load_robot
-from config.world import WorldConfig, load_world
+from config.robot import RobotConfig
 from drivers.api import Notice
-from drivers.clock import SystemClock
+from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
 from missions.assembly.assemble import Ears, Wishes, assemble
@@ -25,6 +21,8 @@ from missions.assembly.parts import reflexes
 from missions.assembly.target import target_of
 from missions.assembly.twinning import twin_robot
 from missions.assembly.twins import Twins
+from missions.executive.answers import Answers
+from missions.executive.asked import asked
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.commands import robot_for
 from missions.executive.events import FaultRaised, Listener, Stream
@@ -32,15 +30,16 @@ from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
 from missions.executive.pace import Pace
 from missions.executive.signals import Signals
+from missions.executive.standstill import OnMoment
 from missions.executive.state import state_of
 from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
 from missions.library import load_mission
+from missions.order import Order
 from missions.vocabulary import vocabulary
-
-DEFAULT_ROBOT = "turtlebot2_arm"
-DEFAULT_WORLD = "living_room"
+from perception.api import Frame, Gaze, View
+from perception.eyes import unseen, unwatched
 
 CONNECT_TIME = 6.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
@@ -55,38 +54,6 @@ PATIENT = Limits(slow=inf, stall=inf, fail=10.0)
 """What holds in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
 for half a second must not make two runs differ."""
 
-Simulate = Literal["wire", "fast"]
-"""How a robot is simulated: real drivers over virtual devices in real time, or twins in simulated time."""
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
-
-    In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
-    pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
-    ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
-    wheels, in real time only.
-    """
-
-    mission: str
-    params: Mapping[str, str] = field(default_factory=dict)
-    robot: str | None = None
-    simulate: Simulate | None = None
-    world: str | WorldConfig | None = None
-    camera: str | None = None
-    ports: Mapping[str, str] = field(default_factory=dict)
-    seed: int = 0
-    behaviours: Sequence[Path] = ()
-    eyes: Literal["pixels", "truth"] = "pixels"
-    speed: float = inf
-    pad: str | None = None
-
-    @property
-    def simulation(self) -> Simulate | None:
-        """How the robot is simulated, None when the real one moves."""
-        return "wire" if self.simulate is None and self.robot is None else self.simulate
-
 
 def end_process(result: Result) -> None:
     """End this process here and now, whatever its other threads do, with the exit code that belongs to ``result``."""
@@ -99,6 +66,8 @@ class Runner:
     ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
     ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time.
     ``plan`` is the order's mission where that was loaded before: a plan can be run any number of times.
+    ``on_moment`` is told of every moment of the executive, with all that it was told from outside; ``on_view`` of what
+    perception finds, and ``on_frame`` of each picture that it has searched, on the threads of the eyes.
     Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
     """
 
@@ -111,8 +80,12 @@ class Runner:
         give_up: Callable[[Result], None] = end_process,
         substitute: Substitute = as_it_is,
         plan: Plan | None = None,
+        on_moment: OnMoment | None = None,
+        on_view: Callable[[View], None] = unseen,
+        on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
     ) -> None:
-        config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
+        self.config = config = order.robot_file()
+        self._on_view, self._on_frame = on_view, on_frame
         self.plan: Plan = load(order, config) if plan is None else plan
         self.stream = Stream(listeners)
         self._give_up = give_up
@@ -128,8 +101,6 @@ class Runner:
             self._tell = Teller(self._context, self.stream)
             self._robot = self._assemble(config, order)
         self._context.settle = self._robot.settle
-        guard = self._guard(config)
-        self._context.variables.update(state_of(self._robot.robot, self._context.clock, guard))
         self.watchdog = Watchdog(
             self._context,
             self.stream,
@@ -138,11 +109,14 @@ class Runner:
             abandon=self._abandon,
             limits=PATIENT if limits is None and self.twins is not None else limits,
         )
-        permit = self.watchdog.permit
+        answers = Answers()
+        robot = asked(self._robot.robot, answers, self.watchdog.permit)
+        guard = self._guard(config, robot)
+        self._context.variables.update(state_of(robot, self._context, guard))
         self.root: Node = build(
             self.plan,
             self._context,
-            lambda leaf: robot_for(leaf, self._robot.robot, self._tell.commanded, permit),
+            lambda leaf: robot_for(leaf, robot, self._tell.commanded),
             substitute=substitute,
         )
         self.executive = Executive(
@@ -152,11 +126,13 @@ class Runner:
             rate=config.rate,
             mission=self.plan.mission,
             guard=guard,
+            answers=answers,
+            on_moment=on_moment,
         )
         self._signals = Signals(self.executive.stop)
 
     def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
-        world = None if order.simulation is None else _world(order)
+        world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, config.camera)
         wishes = Wishes(world, order.camera, order.ports, order.seed, interests, order.pad)
         return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._ears)
@@ -166,24 +142,39 @@ class Runner:
             config,
             self.plan.tree.parts,
             timeline,
-            _world(order),
+            order.world_file(),
             self._ears,
             interests=interests_of(self.plan.tree, config.camera),
             seed=order.seed,
             truth=order.eyes == "truth",
         )
 
-    def _guard(self, config: RobotConfig) -> Guard | None:
+    def _guard(self, config: RobotConfig, robot: Robot) -> Guard | None:
         """Return who looks at the base, where the mission uses one."""
-        base = self._robot.robot.base_part
-        if base is None or config.base is None:
+        if robot.base_part is None or config.base is None:
             return None
-        return Guard(base, reflexes(config.base), self._context, self.stream)
+        return Guard(robot.base_part, reflexes(config.base), self._context, self.stream)
 
     @property
     def _ears(self) -> Ears:
         tell = self._tell
-        return Ears(tell.noticed, self._context.wake, tell.said, tell.seen, tell.answered, tell.steered)
+        return Ears(
+            tell.noticed, self._context.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._on_frame
+        )
+
+    def _seen(self, view: View) -> None:
+        self._on_view(view)
+        self._tell.seen(view)
+
+    @property
+    def assembled(self) -> Assembled:
+        """The robot that it runs on, put together."""
+        return self._robot
+
+    @property
+    def clock(self) -> Clock:
+        """The run's clock: it counts the seconds of all that a run tells."""
+        return self._context.clock
 
     def run(self) -> Result:
         """Run the mission until it ends, or a signal ends it; whatever happens, the robot is left at rest.
@@ -276,9 +267,3 @@ def load(order: Order, robot: RobotConfig) -> Plan:
         robot=target_of(robot),
         leaves=vocabulary(order.behaviours),
     )
-
-
-def _world(order: Order) -> WorldConfig:
-    if isinstance(order.world, WorldConfig):
-        return order.world
-    return load_world(find("worlds", order.world or DEFAULT_WORLD))

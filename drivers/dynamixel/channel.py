@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from threading import RLock
 
 from drivers.clock import Clock
+from drivers.delays import Delays
 from drivers.dynamixel.adapter import Dial, Line, open_line
 from drivers.dynamixel.codec import CODECS, Codec, Reply
 from drivers.dynamixel.exchange import Exchange
@@ -70,6 +71,8 @@ class Channel:
         self._faults: dict[int, Fault] = {}
         self._busy = 0.0
         self._used_until = 0.0
+        self.exchanges = Delays()
+        """From a request to the last of its replies, where all came, since the bus was made."""
 
     def open(self) -> None:
         """Take the port for this process alone. Raises NotConnected, with what to try; does nothing if it is open."""
@@ -209,6 +212,8 @@ class Channel:
     def _account(self, exchange: Exchange, wanted: Mapping[int, Wanted], sent: float, now: float) -> None:
         """Enter what has become of a request into the figures of those who were to answer it."""
         self._use(sent, now)
+        if len(exchange.replies) == len(wanted):
+            self.exchanges.add(now - sent)
         for servo, want in wanted.items():
             tally = self._tallies[servo]
             tally.tries += 1

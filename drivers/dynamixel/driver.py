@@ -213,7 +213,7 @@ class DynamixelJoints:
     def _counters(self) -> dict[str, int]:
         """Return the figures of the wire and of each servo."""
         pace = self._pace
-        counters = {"connections": self._connections, "rounds": pace.rounds}
+        counters = {"connections": self._connections, "rounds": pace.rounds, **self._bus.exchanges.counters("exchange")}
         counters |= {"achieved rate (Hz)": round(pace.achieved), "utilisation (%)": round(100 * pace.share)}
         tallies = {name: self._bus.tally(joint.spec.id) for name, joint in self._joints.items()}
         for figure in ("tries", "misses", "corrupt", "late", "refused"):

@@ -204,7 +204,7 @@ class KobukiBase(Panel):
     def health(self) -> Health:
         """Say whether reports of the base arrive, and the figures of its wire."""
         link = self._link.health()
-        counters = {**link.counters, **self._listener.counters()}
+        counters = {**link.counters, **self._listener.counters(), **self._helm.waits.counters("command")}
         if not link.online:
             return Health(False, link.detail, link.hint, counters)
         now = self._clock.now()

@@ -3,6 +3,7 @@
 from math import inf
 
 from drivers.api import STILL, BaseState, Reflexes, Source, Steering, Velocity
+from drivers.delays import Delays
 from drivers.kobuki.arbiter import Arbiter
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.reflexes import ReflexArc
@@ -17,7 +18,7 @@ class Helm:
     """Holds what everybody asked for, and turns it into the velocity of each renewal. Not safe between threads.
 
     ``steering`` is who commands, and what came of it, as of the last renewal; ``latched`` why it stands until it is
-    enabled.
+    enabled. ``waits`` are how long commands waited for the renewal that first obeyed them.
     """
 
     def __init__(self, limits: Limits, reflexes: Reflexes | None = None) -> None:
@@ -30,6 +31,8 @@ class Helm:
         self._buttons: frozenset[int] = frozenset()
         self.steering = Steering(None, STILL, STILL)
         self.latched = ""
+        self.waits = Delays()
+        self._waiting_since: float | None = None  # the newest command, for a renewal to obey it
 
     @property
     def alert(self) -> bool:
@@ -44,6 +47,7 @@ class Helm:
         self._arbiter.ask(source, wanted, now)
         if self.latched or self.steering.source is Source.SAFETY or self._arbiter.decide(now)[0] is not source:
             return STILL
+        self._waiting_since = now
         return self._arc.permit(self._limits.clamp(wanted), felt)[0]
 
     def halt(self, source: Source | None = None) -> bool:
@@ -52,6 +56,7 @@ class Helm:
         It does so without a ramp, and begins the next one at rest.
         """
         self._arbiter.forget(source)
+        self._waiting_since = None
         if source is not None and self.steering.source not in (source, None):
             return False
         self._arc.calm()
@@ -101,6 +106,9 @@ class Helm:
         # Once more, for the ramp may still be on its way down from what was permitted a moment ago.
         self._going, self._going_at = self._arc.permit(ramped, felt)[0], now
         self.steering = Steering(source, wanted, given, because)
+        if self._waiting_since is not None and source is not Source.SAFETY:
+            self.waits.add(max(0.0, now - self._waiting_since))
+            self._waiting_since = None
         return self._going
 
     def _press(self, buttons: frozenset[int]) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from drivers.api import BaseState
+from drivers.delays import Delays
 from drivers.kobuki.commands import Extra
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
 from drivers.kobuki.senses import Senses
@@ -33,6 +34,8 @@ class Listener:
         self._finder = FrameFinder()
         self._senses = Senses()
         self._unknown = self._malformed = 0
+        self._gaps = Delays()
+        self._reported_at: float | None = None
         self.newest: dict[type[Part], Part] = {}
         """The newest part of each kind, replaced one by one."""
 
@@ -41,21 +44,28 @@ class Listener:
         self.identity = Identity()
         self.newest = {}
         self._finder.clear()
+        self._reported_at = None
         self._senses.odometry.anchor()
 
     def feed(self, data: bytes, now: float) -> list[BaseState]:
         """Take bytes that were measured at ``now`` seconds; return the states they report, oldest first."""
         found = (self._read(payload, now) for payload in self._finder.feed(data))
-        return [state for state in found if state is not None]
+        states = [state for state in found if state is not None]
+        if states:
+            if self._reported_at is not None:
+                self._gaps.add(now - self._reported_at)
+            self._reported_at = now
+        return states
 
     def counters(self) -> Mapping[str, int]:
-        """Return totals: frames, and what was wrong with the others."""
+        """Return totals: frames, what was wrong with the others, and how far apart the reports came."""
         return {
             "frames": self._finder.frames,
             "checksum_errors": self._finder.checksum_errors,
             "skipped_bytes": self._finder.skipped_bytes,
             "unknown_parts": self._unknown,
             "malformed_parts": self._malformed,
+            **self._gaps.counters("report_gap"),
         }
 
     def _read(self, payload: bytes, now: float) -> BaseState | None:

@@ -28,7 +28,8 @@ from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
-from missions.runner import CONNECT_TIME, DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT
+from missions.runner import CONNECT_TIME
 
 PAUSE = 0.02
 """Seconds between two looks at the head."""

@@ -11,7 +11,17 @@ from rich.text import Text
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.executive.events import Ended, Event, FaultRaised, Logged, NodeChanged, ReflexFired, Started, Ticked
+from missions.executive.events import (
+    Ended,
+    Event,
+    FaultRaised,
+    Logged,
+    NodeChanged,
+    Notified,
+    ReflexFired,
+    Started,
+    Ticked,
+)
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
@@ -67,6 +77,8 @@ class Watcher:
                 self._reflex(event)
             case Logged():
                 self._log(event)
+            case Notified():
+                self._console.print(Text.assemble(("  notice: ", "bold green"), event.text))
             case Ticked() if event.t - self._drawn >= REFRESH:
                 self._draw(event.t)
             case Ended() if event.result != "error":  # an error is told by the command itself, with what to try

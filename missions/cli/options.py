@@ -1,12 +1,54 @@
-"""What several subcommands share: options of the form NAME=VALUE."""
+"""What several subcommands share: options of the form NAME=VALUE, times and sizes with a unit."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import click
 
+from config.units import in_dimension
 from missions.library import TESTS
+
+
+class Seconds(click.ParamType[float]):
+    """A time from the beginning of a run, with its unit: ``12.5s``, ``"2 min"``."""
+
+    name = "time"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return it in seconds."""
+        if isinstance(value, float):
+            return value
+        try:
+            found = in_dimension(str(value), "duration")
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        if found < 0:
+            self.fail(f"it all begins at 0 s, got {value}", param, ctx)
+        return found
+
+
+SECONDS = Seconds()
+
+
+class Size(click.ParamType[float]):
+    """A size of a file: ``500 MB``, ``2GB``."""
+
+    name = "size"
+    UNITS: ClassVar[Mapping[str, float]] = {"kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12}
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return it in bytes."""
+        if isinstance(value, float):
+            return value
+        found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kMGT]B)", str(value).strip(), re.IGNORECASE)
+        if found is None:
+            self.fail(f"{value!r} is no size: give a number and a unit, such as 500 MB or 2 GB", param, ctx)
+        return float(found[1]) * self.UNITS[found[2].lower()]
+
+
+SIZE = Size()
 
 
 def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:

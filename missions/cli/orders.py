@@ -7,11 +7,9 @@ import click
 
 from drivers.camera.source import Kind, kind_of
 from missions.assembly.simulation import WIRED
+from missions.cli.movie import check_place
 from missions.language.plan import Plan
-from missions.runner import Order
-
-FILMS = (".mp4", ".avi")
-"""The endings of films; any other name is a folder of pictures."""
+from missions.order import Order
 
 
 def check_order(order: Order) -> None:
@@ -58,10 +56,4 @@ def check_film(path: Path, order: Order) -> None:
     """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
     if order.simulation != "fast":
         raise click.UsageError("--film is made in simulated time: add --simulate fast")
-    if path.suffix in FILMS:
-        if not path.parent.is_dir():
-            raise click.UsageError(f"--film: {path.parent}: no such folder")
-    elif path.is_file():
-        raise click.UsageError(f"--film: {path} is a file; end it in {' or '.join(FILMS)}, or name a folder")
-    elif path.is_dir() and any(path.iterdir()):
-        raise click.UsageError(f"--film: the folder {path} is not empty")
+    check_place(path, "--film")

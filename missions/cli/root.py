@@ -21,7 +21,11 @@ COMMANDS = {
     "test": "Play the tests of missions, in simulated time.",
     "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
     "verify": "Prove that missions can end, stop cleanly and keep their promises.",
-    "show": "Draw a mission's tree.",
+    "show": "Draw a mission's tree, or a record of a run at a moment.",
+    "record": "Look into records of runs: info, mend, cut, export.",
+    "replay": "Play a record; decide it again, or see it again, with today's files.",
+    "report": "Write a report of a record: one page with a slider for time, and plots for papers.",
+    "stats": "Say how often, how long and how late, over any number of records.",
     "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",
     "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
     "behaviours": "Say what a mission can be made of.",
@@ -93,6 +97,7 @@ def guarded(work: Callable[[], object]) -> int:
     from config.faults import InvalidFileError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
+    from missions.recording.faults import InvalidRecordError  # noqa: PLC0415
 
     try:
         code = work()
@@ -104,7 +109,7 @@ def guarded(work: Callable[[], object]) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("mission: interrupted", err=True)
         return INTERRUPTED
-    except (InvalidFileError, UnknownNameError) as error:
+    except (InvalidFileError, UnknownNameError, InvalidRecordError) as error:
         click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
         return USAGE
     except DriverError as error:

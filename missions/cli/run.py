@@ -2,24 +2,19 @@
 
 import json
 import sys
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from math import inf, isfinite
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import Literal
 
 import click
 
-from missions.cli.film import Film
-from missions.cli.live import Watcher
 from missions.cli.options import behaviours_option, pairs, params_option
-from missions.cli.orders import check_events, check_film, check_order, check_pad
+from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
-from missions.executive.events import JsonLines
+from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
-from missions.executive.watchdog import attempt_all
-from missions.runner import Order, Runner, Simulate, end_process
+from missions.order import Order, Simulate
 from missions.teleop.pad import FIRST
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
@@ -97,6 +92,12 @@ class RunCommand(click.Command):
     metavar="[DEVICE]",
     help="Let a game pad take the wheels while you hold its left shoulder button: the first there is, or this one.",
 )
+@record_options
+@click.option(
+    "--view",
+    is_flag=True,
+    help="Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",
+)
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
 def command(
     name: str,
@@ -113,6 +114,11 @@ def command(
     events: Path | None,
     film: Path | None,
     pad: str | None,
+    record: Path | None,
+    record_limit: float | None,
+    record_frames: float | None,
+    overwrite: bool,
+    view: bool,
     as_json: bool,
 ) -> int:
     """Run a mission (a name or a file). Ctrl-C stops it, safely.
@@ -123,6 +129,10 @@ def command(
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
     if simulate is None and robot is None and (speed is not None or eyes == "truth" or film is not None):
         simulate = "fast"
+    if view and as_json:
+        raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
+    if view and simulate == "fast" and speed is None:
+        speed = 1.0  # to be watched
     order = Order(
         name,
         params,
@@ -137,65 +147,18 @@ def command(
         speed=inf if speed is None else speed,
         pad=pad,
     )
+    kept = record_wish(record, record_limit, record_frames, overwrite=overwrite, mission=name)
+    outputs = Outputs(events, film, kept, view=view)
 
     def last_words(result: Result) -> None:
         if as_json:
             click.echo(json.dumps(asdict(result)))
 
     try:
-        result = run(order, events, film, sys.stderr if as_json else sys.stdout, last_words)
+        result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words)
     except Exception as error:
         if as_json and not isinstance(error, click.ClickException):
             click.echo(json.dumps(asdict(Result(name, "error", str(error), 0.0, 0))))
         raise
     last_words(result)
     return EXIT_CODES[result.result]
-
-
-def run(
-    order: Order, events: Path | None, film: Path | None, out: TextIO, last_words: Callable[[Result], None]
-) -> Result:
-    """Run ``order``, show on ``out`` what happens, and write the events and the film.
-
-    ``last_words`` are said where a run that hangs for good ends the process.
-    """
-    check_order(order)
-    if film is not None:
-        check_film(film, order)
-    watcher = Watcher(out)
-
-    def give_up(result: Result) -> None:
-        def say() -> None:
-            watcher.__exit__(None, None, None)
-            last_words(result)
-
-        attempt_all({"last words": say}, 1.0)  # what hangs may hang on stdout: nothing here waits for that for ever
-        end_process(result)
-
-    # Reads and checks everything; nothing has been opened or written yet.
-    runner = Runner(order, listeners=[watcher], give_up=give_up)
-    check_pad(order, runner.plan)
-    watcher.watch(runner.root)
-    with ExitStack() as closing:
-        if events is not None:
-            check_events(events, runner.plan)
-            try:
-                file = events.open("w", encoding="utf-8")
-            except OSError as error:
-                raise click.BadParameter(f"{events}: {error.strerror}", param_hint="--events") from error
-            closing.callback(_close, file)
-            runner.stream.listeners.append(JsonLines(file))
-        if film is not None and runner.twins is not None:
-            closing.enter_context(Film(film, runner.twins))
-        with watcher:
-            result = runner.run()
-    for lost in runner.stream.lost:
-        with suppress(OSError):
-            click.echo(f"mission: not all events were told: {lost}", err=True)
-    return result
-
-
-def _close(file: TextIO) -> None:
-    """Close a file that may be on a full disk: what could not be written has been told already."""
-    with suppress(OSError):
-        file.close()

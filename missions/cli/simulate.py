@@ -15,7 +15,7 @@ from drivers.clock import SystemClock
 from missions.assembly.simulation import WIRED, Simulation
 from missions.cli.hands import Hands
 from missions.executive.executive import GLANCE
-from missions.runner import DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT
 
 
 class Lines:

@@ -15,7 +15,8 @@ from drivers.clock import SystemClock
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
-from missions.cli.run import run as run_watched
+from missions.cli.running import Outputs
+from missions.cli.running import run as run_watched
 from missions.sweep.design import VariationError, Wish, design, told
 from missions.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
 from missions.sweep.knobs import known_names
@@ -231,5 +232,5 @@ def _watch(sweep: Sweep, seed: int, save_world: Path | None) -> int:
     if save_world is not None:
         write_world(sweep, seed, save_world)
         click.echo(sweep.command(seed, save_world))
-    result = run_watched(sweep.order(seed), None, None, sys.stdout, lambda _: None)
+    result = run_watched(sweep.order(seed), Outputs(), sys.stdout, lambda _: None)
     return EXIT_CODES[result.result]

@@ -18,7 +18,8 @@ from missions.assembly.assemble import Ears, Wishes, assemble
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
-from missions.runner import CONNECT_TIME, DEFAULT_ROBOT, DEFAULT_WORLD
+from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
+from missions.runner import CONNECT_TIME
 from missions.teleop import keymap, pad
 from missions.teleop.pilot import LEAST, MOST, Pilot
 from missions.teleop.turns import drive_by_hand

@@ -7,16 +7,16 @@ import cv2
 
 from config.library import find
 from config.robot import RobotConfig, load_robot
-from config.units import in_dimension
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
 from drivers.sim.topview import TopView
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
+from missions.cli.options import SECONDS
+from missions.order import DEFAULT_ROBOT
 from missions.pictures.plan import plan
 from missions.pictures.words import lines_about
-from missions.runner import DEFAULT_ROBOT
 
 PIXELS = 120
 """Pixels to a metre of a plan as a picture, where the room is not larger than ``LARGEST`` then."""
@@ -32,13 +32,6 @@ def command() -> None:
     """Show simulated worlds."""
 
 
-def _seconds(ctx: click.Context, option: click.Parameter, value: str) -> float:
-    try:
-        return in_dimension(value, "duration")
-    except ValueError as error:
-        raise click.BadParameter(f"{error}", ctx=ctx, param=option) from error
-
-
 @command.command()
 @click.argument("name", metavar="WORLD")
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Draw it, into FILE.svg or .png.")
@@ -49,7 +42,7 @@ def _seconds(ctx: click.Context, option: click.Parameter, value: str) -> float:
     default="0 s",
     show_default=True,
     metavar="TIME",
-    callback=_seconds,
+    type=SECONDS,
     help='How it is then: such as "5 s".',
 )
 @click.option("--robot", default=DEFAULT_ROBOT, show_default=True, metavar="NAME", help="Whose camera; name or file.")

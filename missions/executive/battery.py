@@ -31,13 +31,15 @@ class BatteryWatch:
         """True when nothing should be begun with it any more."""
         return self._critical.holds
 
-    def update(self, percent: float, now: float, *, charging: bool) -> None:
-        """Take in a reading (0..100) of time ``now`` in seconds."""
+    def update(self, percent: float, now: float, *, charging: bool) -> bool:
+        """Take in a reading (0..100) of time ``now`` in seconds; False where there was and is plenty: nothing holds."""
         percent = inf if charging else percent
-        if self._uneasy or percent < self._plenty:
-            self._uneasy = percent < self._plenty
-            self._low.update(percent, now)
-            self._critical.update(percent, now)
+        if not self._uneasy and percent >= self._plenty:
+            return False
+        self._uneasy = percent < self._plenty
+        self._low.update(percent, now)
+        self._critical.update(percent, now)
+        return True
 
 
 class _Threshold:

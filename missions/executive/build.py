@@ -83,9 +83,10 @@ def _leaf(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
     if leaf.open_ended:
         leaf.computed = {name: _resolver(value, scope) for name, value in step.arguments.items()}
         return leaf
+    declared = {} if step.leaf is None else step.leaf.arguments
     for name, value in step.arguments.items():
         if value.template is None:
-            setattr(leaf, name, value.constant)
+            setattr(leaf, declared[name].attribute if name in declared else name, value.constant)
     leaf.computed = {
         name: _resolver(value, scope) for name, value in step.arguments.items() if value.template is not None
     }

@@ -11,6 +11,7 @@ from typing import ClassVar, TextIO
 from py_trees.common import Status
 
 from behaviours.node import Node
+from missions.executive.plain import plain
 
 STATUS_WORDS = {
     Status.RUNNING: "running",
@@ -99,6 +100,20 @@ class CommandSent(Event):
 
 
 @dataclass(slots=True)
+class VariableSet(Event):
+    """A variable has another value: of the mission, or of the one inside it whose node has ``scope`` as its key.
+
+    Params are told once, at the start. What is not known, or not there any more, is None.
+    """
+
+    event: ClassVar[str] = "variable"
+    tick: int
+    scope: str
+    name: str
+    value: object
+
+
+@dataclass(slots=True)
 class ReflexFired(Event):
     """The base feels something, or is stopped or weak, from now on; or not any more, where ``on`` is False.
 
@@ -134,6 +149,15 @@ class Logged(Event):
 
     event: ClassVar[str] = "log"
     level: str
+    text: str
+
+
+@dataclass(slots=True)
+class Notified(Event):
+    """The mission has something to tell somebody who is not there."""
+
+    event: ClassVar[str] = "notice"
+    tick: int
     text: str
 
 
@@ -199,6 +223,11 @@ class Stream:
             if self._thread.is_alive():
                 self.lost.append("a listener that did not come to an end")
             self._thread = None
+
+    @property
+    def wanted(self) -> bool:
+        """False while an event, told now, would be heard by nobody: it need not even be made."""
+        return bool(self.listeners) or self._thread is not None
 
     def emit(self, event: Event) -> None:
         """Tell all listeners, soon; returns at once and never raises."""
@@ -270,5 +299,5 @@ class JsonLines:
 
     def __call__(self, event: Event) -> None:
         """Write one event."""
-        self._file.write(json.dumps(event.as_dict(), default=str, ensure_ascii=False) + "\n")
+        self._file.write(json.dumps(event.as_dict(), default=plain, ensure_ascii=False) + "\n")
         self._file.flush()

@@ -2,17 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from threading import Semaphore
+from math import inf
+from queue import SimpleQueue
 
 from py_trees.common import Status
 
+from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.run import Run
-from missions.executive.events import STATUS_WORDS, Ended, Started, Stream, Ticked
+from missions.executive.answers import Answers
+from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
 from missions.executive.guard import Guard
+from missions.executive.moment import Moment
+from missions.executive.standstill import OnMoment, Standstill
+from missions.executive.variables import Changes
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
+
+LOOK_EVERY = 1.0
+"""Seconds within which the guard looks at a base that feels nothing new, while the mission is paused."""
 
 GLANCE = 0.05
 """Seconds within which a ``stop`` is seen. It wakes nobody: a signal handler must not take the lock of an Event, which
@@ -36,6 +45,10 @@ class Executive:
     The rate is a ceiling on waiting: ticks keep to an absolute schedule, and ``Run.wake`` brings the next one forward.
     ``tick`` may also be called by hand, with no loop and no waiting: for tests, simulated time and single steps.
     The ``guard`` looks before each tick: once it says why the mission must end, the tree is halted, and has failed.
+
+    Within a tick, a look of the guard while the mission is paused, and each part of the halting at the end, time stands
+    still, and the robot's parts, which must have been ``asked`` through ``answers``, say each thing once. ``on_moment``
+    is told of each of these moments; from what it was told, ``repeat`` decides over again as it was decided then.
     """
 
     def __init__(
@@ -47,6 +60,8 @@ class Executive:
         rate: float = 20.0,
         mission: str = "",
         guard: Guard | None = None,
+        answers: Answers | None = None,
+        on_moment: OnMoment | None = None,
     ) -> None:
         self.root = root
         self.run = run
@@ -54,14 +69,17 @@ class Executive:
         self.mission = mission
         self.overruns = 0
         self._guard = guard
+        self._looked_at = -inf
+        self._standstill = Standstill(run, answers or Answers(), Changes(root, run, stream), on_moment)
         self._alarm = ""  # why the guard has the tree halted
         self._halt_by: float | None = None
         self._period = 1.0 / rate
         self._woken = run.woken
         self._stop_reason: str | None = None
         self._paused = False
-        self._steps = Semaphore(0)  # counts: no step is lost, from however many threads they come
+        self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
         run.observer = stream
+        run.notify = self._notify
 
     # --- called from any thread ---------------------------------------------------------------------------------------
 
@@ -81,7 +99,7 @@ class Executive:
 
     def step(self) -> None:
         """Tick once while paused."""
-        self._steps.release()
+        self._steps.put(None)
         self._woken.set()
 
     def resume(self) -> None:
@@ -96,14 +114,17 @@ class Executive:
         self.stream.emit(
             Started(self.time(), self.mission, file, robot, {name: str(value) for name, value in params.items()})
         )
+        self._standstill.tell_changes()
 
     def loop(self) -> Result:
         """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
         due = self.run.now()
         held = False
         while self._stop_reason is None:
-            step = self._steps.acquire(blocking=False)
-            if self._paused and not step:
+            step = not self._steps.empty()
+            if step:
+                self._steps.get()
+            elif self._paused:
                 if not held:
                     self.run.settle(self.root.claims - {"voice"})  # a sentence is not broken off for a pause
                     held = True
@@ -111,14 +132,13 @@ class Executive:
                 self._woken.clear()
                 due = self.run.now()
                 self.run.beat()
-                self._look()
+                self._keep_watch(due)
                 if self._alarm:
                     self._paused = False  # the next tick ends the mission
                 continue
             held = False
             self._woken.clear()
-            late = self.run.now() - due
-            if self.tick(late=late if late > self._period else None) is not Status.RUNNING:
+            if self.tick(late=max(0.0, self.run.now() - due)) is not Status.RUNNING:
                 break
             due = self._wait(due)
         return self._end()
@@ -141,31 +161,83 @@ class Executive:
                 break
         return due
 
-    def tick(self, *, late: float | None = None) -> Status:
-        """Tick the tree once and return its status."""
+    def tick(self, *, late: float = 0.0) -> Status:
+        """Tick the tree once, which was due ``late`` seconds ago, and return its status."""
         self.run.tick += 1
-        self._look()
-        status = self._give_up() if self._alarm else self.root.advance()
-        self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], late))
+        self._standstill.begin()
+        try:
+            self._look()
+            status = self._give_up() if self._alarm else self.root.advance()
+        finally:
+            self._standstill.end("tick", late)
+        if self.stream.wanted:
+            told = late if late > self._period else None
+            self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], told))
         self.run.beat()
         return status
+
+    def _keep_watch(self, now: float) -> None:
+        """Have the guard look while the mission is paused: at once when the base feels something, or now and then."""
+        if self._guard is not None and (now - self._looked_at >= LOOK_EVERY or self._guard.stirred()):
+            self._looked_at = now
+            self._look_on()
+
+    def _look_on(self) -> None:
+        self._standstill.begin()
+        try:
+            self._look()
+        finally:
+            self._standstill.end("look")
 
     def _look(self) -> None:
         if self._guard is not None:
             self._alarm = self._alarm or self._guard.look()
 
     def _give_up(self) -> Status:
-        """Halt the tree because of the alarm, in as many ticks as it needs within HALT_TIME; then it has failed."""
+        """Halt the tree because of the alarm, in as many ticks as it needs; then it has failed."""
+        if not self._at_rest():
+            return Status.RUNNING
+        self.root.feedback_message, self._alarm = self._alarm, ""
+        self.root.publish(Status.FAILURE)
+        return Status.FAILURE
+
+    def halt(self) -> bool:
+        """Halt the tree; True once it is at rest. Leaves may need several ticks: they are given up after HALT_TIME."""
+        self._standstill.begin()
+        try:
+            return self._at_rest()
+        finally:
+            self._standstill.end("halt")
+
+    def _at_rest(self) -> bool:
         now = self.run.now()
         if self._halt_by is None:
             self._halt_by = now + HALT_TIME
         if not self.root.halt():
             if now < self._halt_by:
-                return Status.RUNNING
+                return False
             self.root.stop()
-        self.root.feedback_message, self._alarm, self._halt_by = self._alarm, "", None
-        self.root.publish(Status.FAILURE)
-        return Status.FAILURE
+        self._halt_by = None
+        return True
+
+    def repeat(self, moment: Moment) -> None:
+        """Do over again what was done at a ``moment``; its time must be that of the run's clock.
+
+        All that the parts of the robot are asked then is for the caller to answer as in the moment's ``answers``.
+        """
+        self.run.tick = moment.tick
+        if moment.overheld is not None:
+            key, seconds = moment.overheld
+            leaves = (node for node in self.root.iterate() if isinstance(node, Leaf) and node.key == key)
+            self.run.overheld = next(((leaf, moment.tick, self.run.wall.now() - seconds) for leaf in leaves), None)
+        match moment.kind:
+            case "tick":
+                self.run.tick -= 1
+                self.tick(late=moment.late)
+            case "look":
+                self._look_on()
+            case "halt":
+                self.halt()
 
     def pass_period(self) -> None:
         """Let the time from one tick to the next pass, whatever wakes: for ticks by hand in simulated time."""
@@ -175,26 +247,24 @@ class Executive:
             self.run.let_pass(left)
 
     def time(self) -> float:
-        """Seconds since the start of the run."""
-        return self.run.now()
+        """Seconds since the start of the run; from any thread."""
+        return self.run.clock.now()
+
+    def _notify(self, text: str) -> None:
+        self.stream.emit(Notified(self.run.now(), self.run.tick, text))
 
     def _end(self) -> Result:
         status = self.root.status
         if self._stop_reason is not None and status not in (Status.SUCCESS, Status.FAILURE):
             outcome, reason = "interrupted", self._stop_reason
-            self._halt()
+            self._halt_all()
         else:
             outcome = "success" if status is Status.SUCCESS else "failure"
             reason = self.root.reason if status is Status.FAILURE else ""
         return Result(self.mission, outcome, reason, self.time(), self.run.tick)
 
-    def _halt(self) -> None:
-        """Halt the tree; leaves that need several ticks get them, and are given up after HALT_TIME."""
-        deadline = self.run.now() + HALT_TIME
-        while not self.root.halt():
-            if self.run.now() >= deadline:
-                self.root.stop()
-                return
+    def _halt_all(self) -> None:
+        while not self.halt():
             self.run.tick += 1
             self._woken.clear()
             self.run.let_pass(self._period)

@@ -28,6 +28,7 @@ class Guard:
         self._stream = stream
         self._felt = _NOTHING
         self._latched = ""
+        self._weak = False, False  # whether the battery was low, and critical
 
     def look(self) -> str:
         """Look once; return why the mission must end, or nothing. What is not reported afresh is as it was."""
@@ -39,11 +40,19 @@ class Guard:
         state = reading.value
         if state is None or not reading.good:
             return ""
-        felt = (state.bumper, state.cliff, state.wheel_drop, state.buttons, state.docked, state.charging)
+        felt = _felt(state)
         if felt != self._felt:
             before, self._felt = self._felt, felt
             self._tell_felt(before, felt)
         return self._weigh(state)
+
+    def stirred(self) -> bool:
+        """True while it feels or says something else than when it was looked at last: worth a look at once."""
+        reading = self._base.state()
+        state = reading.value
+        if self._base.latched != self._latched:
+            return True
+        return state is not None and reading.good and _felt(state) != self._felt
 
     def _tell_felt(self, before: _Felt, felt: _Felt) -> None:
         """Tell what is new of all that the base feels."""
@@ -62,9 +71,10 @@ class Guard:
     def _weigh(self, state: BaseState) -> str:
         """Take in how full the battery is; return why the mission must end."""
         battery, percent = self.battery, state.battery_percent
-        before = battery.low, battery.critical
-        battery.update(percent, self._run.now(), charging=state.charging)
-        after = battery.low, battery.critical
+        before = self._weak
+        if not battery.update(percent, self._run.now(), charging=state.charging):
+            return ""
+        self._weak = after = battery.low, battery.critical
         if after != before:
             for what, was, now in zip(("battery_low", "battery_critical"), before, after, strict=True):
                 if now != was:
@@ -72,4 +82,8 @@ class Guard:
         return f"battery critical: {percent:.0f} %" if battery.critical else ""
 
     def _tell(self, what: str, where: str, *, on: bool) -> None:
-        self._stream.emit(ReflexFired(self._run.now(), self._run.tick, what, where, on))
+        self._stream.emit(ReflexFired(self._run.clock.now(), self._run.tick, what, where, on))
+
+
+def _felt(state: BaseState) -> _Felt:
+    return (state.bumper, state.cliff, state.wheel_drop, state.buttons, state.docked, state.charging)

@@ -46,6 +46,16 @@ class FaceState:
         return None if self._face is None else self._face.id
 
     @property
+    def name(self) -> str | None:
+        """Whose it is: a name, `unknown` for a stranger, an empty text while that is not decided."""
+        return None if self._face is None else self._face.name
+
+    @property
+    def undecided(self) -> bool:
+        """True while a face is seen of which it is not decided whose it is."""
+        return any(not face.name for face in self._fresh())
+
+    @property
     def distance(self) -> float | None:
         """How far away it is, in metres, guessed from its size."""
         return None if self._face is None else self._face.distance

@@ -46,6 +46,7 @@ class Submission(Parent, Decorator):
             return f"with: {error}"
         self.inner.clear()
         self.inner.update(self._lasting, **given)
+        self.run.stored = True
         return ""
 
     def go_on(self) -> Status:
@@ -62,4 +63,5 @@ class Submission(Parent, Decorator):
             self.feedback_message = f"returns: {error}"
             return FAILURE
         self.scope.update(results if self.keep_as is None else {self.keep_as: results})
+        self.run.stored = True
         return SUCCESS

@@ -9,7 +9,7 @@ from math import isfinite
 from behaviours.run import Run, log
 from drivers.api import Notice, Source, Steering
 from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen, Stream
-from perception.api import Marker, Percept, Thing, View
+from perception.api import Face, Marker, Percept, Thing, View
 
 OVERRIDES = frozenset({Source.SAFETY, Source.TELEOP})
 """Who commands the base before a mission does, and is named as the source of such a command."""
@@ -25,7 +25,7 @@ class Teller:
 
     def noticed(self, notice: Notice) -> None:
         """Tell what a device says of itself."""
-        self._stream.emit(FaultRaised(self._run.now(), notice.device, notice.kind, notice.what, notice.hint))
+        self._stream.emit(FaultRaised(self._run.clock.now(), notice.device, notice.kind, notice.what, notice.hint))
         self._run.wake()
 
     def logged(self, record: logging.LogRecord) -> None:
@@ -33,15 +33,15 @@ class Teller:
         text = record.getMessage()
         if record.exc_info is not None:
             text += "\n" + "".join(traceback.format_exception(record.exc_info[1])).rstrip()
-        self._stream.emit(Logged(self._run.now(), record.levelname.lower(), text))
+        self._stream.emit(Logged(self._run.clock.now(), record.levelname.lower(), text))
 
     def said(self, text: str) -> None:
         """Tell what the robot says aloud."""
-        self._stream.emit(Logged(self._run.now(), "voice", text))
+        self._stream.emit(Logged(self._run.clock.now(), "voice", text))
 
     def answered(self, who: str, text: str) -> None:
         """Tell what somebody in a simulated world says."""
-        self._stream.emit(Logged(self._run.now(), "person", f"{who}: {text}"))
+        self._stream.emit(Logged(self._run.clock.now(), "person", f"{who}: {text}"))
 
     def seen(self, view: View) -> None:
         """Tell what was found in a picture."""
@@ -49,12 +49,12 @@ class Teller:
             tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
         )
         stamp = 0.0 if view.looked is None else view.looked
-        self._stream.emit(PerceptSeen(self._run.now(), stamp, faces, things or None, markers or None))
+        self._stream.emit(PerceptSeen(self._run.clock.now(), stamp, faces, things or None, markers or None))
         self._run.wake()
 
     def commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
         """Tell what a part was commanded."""
-        self._stream.emit(CommandSent(self._run.now(), self._run.tick, to, source, values))
+        self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
 
     def steered(self, steering: Steering) -> None:
         """Tell what somebody else than a mission commands the base; a mission's behaviours tell that themselves.
@@ -117,5 +117,7 @@ def _told(percept: Percept) -> Mapping[str, object]:
             return told | {"name": percept.name, "colour": percept.colour, "shape": percept.shape}
         case Marker():
             return told | {"name": percept.name, "number": percept.number, "heading": round(percept.heading, 4)}
+        case Face() if percept.name:
+            return told | {"name": percept.name}
         case _:
             return told

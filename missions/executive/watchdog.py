@@ -176,7 +176,7 @@ class Watchdog:
         self._abandon(result, reason)
 
     def _fault(self, detail: str, hint: str = "") -> None:
-        self._stream.emit(FaultRaised(self._run.now(), "executive", "fault", detail, hint))
+        self._stream.emit(FaultRaised(self._run.clock.now(), "executive", "fault", detail, hint))
 
     @staticmethod
     def _culprit(leaf: Leaf | None) -> str:

@@ -14,7 +14,8 @@ from missions.cli.run import EXIT_CODES
 from missions.cli.servo.target import Target
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 
 NOTHING: Mapping[str, Lookup] = MappingProxyType({})
 

@@ -10,7 +10,7 @@ import click
 
 from config.library import find
 from config.robot import RobotConfig, load_robot
-from missions.runner import DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,156 @@
+"""``mission hear``: what the robot understands, as somebody speaks or from a recording: to try it out."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from math import ceil
+from pathlib import Path
+from threading import Event
+
+import click
+
+from config.library import find
+from config.microphone import MicrophoneConfig
+from config.robot import load_robot
+from drivers.api import SOUND_RATE, Notice, unreported
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import NoReply, NotConnected
+from drivers.microphone.wav import WavMicrophone, load
+from missions.assembly.hearing import Hearing, hearing, microphone
+from missions.cli.root import SUCCESS
+from missions.cli.status_line import show_over
+from missions.language.phrases import phrases_of
+from missions.library import load_mission
+from missions.runner import CONNECT_TIME
+from perception.api import Words
+from perception.hearing.grammar import fault_of
+
+PAUSE = 0.05
+"""Seconds between two looks at what was heard."""
+
+QUIET, BAR = -70.0, 40
+"""The level in dBFS at which the bar is empty, and the signs that it has at 0 dBFS."""
+
+STEP, REST = 0.1, 2.0
+"""Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
+
+HINT = "`pip install 'missiontree[listen]'` installs the recogniser"
+PATIENCE = 20.0
+"""Seconds that the recogniser may take to start, or for what was said."""
+
+
+@click.command()
+@click.argument("mission", required=False)
+@click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
+@click.option("--robot", metavar="NAME", help="Whose microphone and pronunciations; else the system's microphone.")
+@click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
+@click.option("--threshold", type=float, help="How sure is sure enough, instead of what the robot file says.")
+def command(
+    mission: str | None, phrases: str | None, robot: str | None, wav: Path | None, threshold: float | None
+) -> int:
+    """Say what is heard: each phrase with its score, and whether it is sure enough.
+
+    Listens for the phrases of MISSION, or for those in --for. What is refused is shown with the nearest phrase. 0 is
+    as likely said as not. Ctrl-C ends it.
+    """
+    wanted = _wanted(mission, phrases)
+    config = MicrophoneConfig() if robot is None else load_robot(find("robots", robot)).microphone
+    if config is None:
+        raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
+    if threshold is not None:
+        config = replace(config, threshold=threshold)
+    click.echo(f"listening for: {', '.join(wanted)}")
+    if wav is None:
+        _listen(config, wanted)
+    else:
+        _play(config, wanted, wav)
+    return SUCCESS
+
+
+def _wanted(mission: str | None, phrases: str | None) -> Sequence[str]:
+    """Return what to listen for."""
+    if (mission is None) == (phrases is None):
+        raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
+    if mission is not None:
+        found = phrases_of(load_mission(mission).tree)
+        if not found:
+            raise click.UsageError(f"mission '{mission}' does not listen for anything")
+        return found
+    texts = [text.strip() for text in (phrases or "").split(",")]
+    for text in texts:
+        if fault := fault_of(text):
+            raise click.BadParameter(f"'{text}': {fault}", param_hint="--for")
+    return texts
+
+
+def _listen(config: MicrophoneConfig, phrases: Sequence[str]) -> None:
+    """Show the level of the microphone, and what is heard, until Ctrl-C."""
+    clock, pause = SystemClock(), Event()
+    ears = hearing(config, microphone(config, clock, unreported), phrases, clock, report=_complain)
+    with closing(ears):
+        ears.open()
+        while not (health := ears.health()).online:
+            if clock.now() > CONNECT_TIME:
+                raise NotConnected(health.detail, hint=health.hint)
+            pause.wait(PAUSE)
+        shown = 0
+        while True:
+            for words in _newer(ears, shown):
+                shown = words.id
+                show_over("")
+                click.echo(_told(words, config.threshold))
+            show_over(_bar(ears.level()))
+            pause.wait(PAUSE)
+
+
+def _play(config: MicrophoneConfig, phrases: Sequence[str], wav: Path) -> None:
+    """Show what is heard in a recording, as fast as it is understood."""
+    clock, pause = ManualClock(), Event()
+    seconds = len(load("microphone", wav)) / SOUND_RATE + REST
+    source = WavMicrophone(wav, clock)
+    ears = hearing(config, source, phrases, clock, report=_complain)
+    with closing(ears):
+        ears.open()
+        _wait(lambda: ears.listener.ready, pause)
+        shown = 0
+        for _ in range(ceil(seconds / STEP)):
+            clock.advance(STEP)
+            _wait(lambda: (ears.listened() or 0.0) > clock.now() - STEP and not ears.listener.pending, pause)
+            for words in _newer(ears, shown):
+                shown = words.id
+                click.echo(_told(words, config.threshold))
+
+
+def _wait(holds: Callable[[], bool], pause: Event) -> None:
+    """Wait until it holds, in real time. Raises NoReply when it takes too long."""
+    clock = SystemClock()
+    while not holds():
+        if clock.now() > PATIENCE:
+            raise NoReply(f"microphone: the recogniser has said nothing for {PATIENCE:g} s", hint=HINT)
+        pause.wait(PAUSE / 10)
+
+
+def _newer(ears: Hearing, shown: int) -> Iterator[Words]:
+    """Yield what was heard since, in order."""
+    heard = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
+    return (words for words in heard if words.id > shown)
+
+
+def _told(words: Words, threshold: float) -> str:
+    """Return a line about something that was said."""
+    if not words.phrase:
+        return f"{words.start:7.1f} s  refused   like none of them"
+    verdict = "accepted" if words.score >= threshold else "refused "
+    return f"{words.start:7.1f} s  {verdict}  {words.phrase}  (score {words.score:+.1f})"
+
+
+def _bar(level: float) -> str:
+    """Return a level in dBFS as a bar."""
+    signs = round(BAR * min(max(1 - level / QUIET, 0.0), 1.0))
+    return f"{level:6.1f} dB  {'#' * signs}"
+
+
+def _complain(notice: Notice) -> None:
+    """Tell what goes wrong."""
+    if notice.kind == "fault":
+        click.echo(f"mission: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

@@ -1,0 +1,73 @@
+"""What binds a run to the server that has started it: its leash, and the notices that it sends home."""
+
+import json
+import os
+import select
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Thread
+
+import click
+
+from missions.executive.events import Event, Notified, Stream
+from missions.executive.executive import Executive
+
+GONE = "the server has gone"
+
+PATIENCE = 5.0
+"""Seconds that a run has to stop once its leash is loose; then it gets a SIGTERM, which its watchdog hears as well."""
+
+
+def _pipe(ctx: click.Context, option: click.Parameter, number: int | None) -> int | None:
+    try:
+        if number is not None:
+            os.fstat(number)
+    except OSError as error:
+        raise click.BadParameter(
+            f"{number} is no open file: only a server gives this", ctx=ctx, param=option
+        ) from error
+    return number
+
+
+leash_option = click.option("--leash", type=int, callback=_pipe, hidden=True, help="The end of a server's pipe.")
+"""Adds ``--leash FD`` to a command: the run stops when that pipe ends, and tells its notices on stdout."""
+
+
+@contextmanager
+def leashed(leash: int | None, executive: Executive, stream: Stream) -> Iterator[None]:
+    """Stop ``executive`` when the pipe ``leash`` ends, and write notices as lines of JSON; nothing without a leash."""
+    if leash is None:
+        yield
+        return
+    stream.listeners.append(tell_home)
+    with _watched(leash, executive.stop):
+        yield
+
+
+def tell_home(event: Event) -> None:
+    """Write what the mission wants to be told, as a line of JSON for the server."""
+    if isinstance(event, Notified):
+        click.echo(json.dumps({"notice": event.text}))
+
+
+@contextmanager
+def _watched(leash: int, stop: Callable[[str], None]) -> Iterator[None]:
+    over, end = os.pipe()
+
+    def watch() -> None:
+        ready, _, _ = select.select([leash, over], [], [])
+        if over in ready:
+            return
+        stop(GONE)
+        if not select.select([over], [], [], PATIENCE)[0]:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    thread = Thread(target=watch, name="leash", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        os.close(end)
+        thread.join()
+        os.close(over)

@@ -1,0 +1,19 @@
+"""``mission person``: the people whom a robot knows by their faces."""
+
+import click
+
+from missions.cli.person.add import add
+from missions.cli.person.list import list_people
+from missions.cli.person.remove import remove
+
+
+@click.group()
+def command() -> None:
+    """Let a robot know people by their faces, list them, and forget them.
+
+    Their pictures stay on this machine, where only you can read them.
+    """
+
+
+for each in (add, list_people, remove):
+    command.add_command(each)

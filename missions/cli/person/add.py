@@ -1,0 +1,131 @@
+"""``mission person add``: let the robot know somebody, from pictures or guided before the camera."""
+
+from collections.abc import Sequence
+from contextlib import closing
+
+import click
+
+from config.robot import CameraConfig
+from drivers.api import Notice
+from drivers.camera.choose import open_source
+from drivers.camera.pictures import pictures
+from drivers.camera.source import Kind, kind_of
+from drivers.clock import SystemClock
+from drivers.errors import BadRequest, NotConnected
+from missions.assembly.detectors import face_detector
+from missions.cli.person.asked import camera_of, people_for, robot_option, saying_why
+from missions.cli.person.taking import TOO_SOON, Taking
+from missions.cli.root import SUCCESS
+from missions.people import People, PeopleError
+from perception.api import Image
+from perception.crops import face_in
+from perception.finder import FaceDetector
+from perception.people import FEWEST, NotOneFace, enrol, fisher_people
+
+PATIENCE = 5.0
+"""Seconds in which a camera must show something."""
+
+
+@click.command()
+@click.argument("name")
+@click.argument("files", nargs=-1, metavar="[PICTURES...]")
+@click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
+@click.option("--count", default=12, show_default=True, type=click.IntRange(FEWEST, 100), help="Pictures to take.")
+@click.option("--seconds", default=120.0, show_default=True, help="How long to look through a camera at most.")
+@robot_option
+@saying_why
+def add(name: str, files: tuple[str, ...], source: str | None, count: int, seconds: float, robot: str | None) -> int:
+    """Let a robot know somebody by their face.
+
+    From PICTURES of them alone, all of which must show one face; or guided, before the camera. Only the face is kept,
+    in a folder that nobody else may read. Ask them first.
+    """
+    people, camera = people_for(robot), camera_of(robot)
+    people.find(name)  # what cannot be a name is said before anybody poses
+    detector = face_detector(camera)
+    try:
+        if files:
+            portraits = _from_pictures(files, detector)
+        else:
+            place = source or ("0" if camera is None else camera.source)
+            portraits = _from_camera(place, camera, Taking(detector, count), seconds)
+    except (BadRequest, FileNotFoundError, ValueError) as error:
+        hint = error.hint if isinstance(error, BadRequest) else ""
+        raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
+    before = people.find(name)
+    there = 0 if before is None else len(people.portraits(before))
+    if len(portraits) + there < FEWEST:
+        raise PeopleError(f"{len(portraits)} pictures of {name} are too few", hint=f"it takes {FEWEST} at least")
+    alike = _who_is_like(people, name, portraits)
+    kept = people.add(name, portraits)
+    click.echo(f"{kept}: {len(portraits)} pictures kept in {people.where / kept}" + f", {there} before" * bool(there))
+    if alike:
+        click.echo(f"{kept} looks like {alike}: the robot may take one for the other", err=True)
+        click.echo("  try: more pictures of both, in other light and from other sides", err=True)
+    return SUCCESS
+
+
+def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
+    """Return a portrait from each picture. Raises PeopleError with all those that do not show one face."""
+    found, faults = list[Image](), list[str]()
+    hints = dict[str, None]()
+    for path, number, image in pictures(files):
+        try:
+            found.append(enrol(image, detector))
+        except NotOneFace as error:
+            film = kind_of(path) is not Kind.PICTURE
+            faults.append(f"{path}" + f" frame {number}" * film + f": {error}")
+            hints[error.hint] = None
+    if faults:
+        raise PeopleError("nothing was kept:\n  " + "\n  ".join(faults), hint="\n       ".join(hints))
+    return found
+
+
+def _from_camera(source: str, camera: CameraConfig | None, taking: Taking, seconds: float) -> list[Image]:
+    """Return portraits of who stands before a camera, telling them what to do.
+
+    Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.
+    """
+    clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
+    seen, guide, why = False, "", ""
+    with closing(open_source(source, clock, size=size, loop=False, report=_report)) as eye:
+        eye.open()
+        while not taking.done and clock.now() < seconds:
+            if taking.guide != guide:
+                guide = taking.guide
+                click.echo(f"{guide[:1].upper()}{guide[1:]}.", err=True)
+            frame = eye.read(0.2)
+            if frame is None:
+                if not seen and clock.now() > PATIENCE:
+                    health = eye.health()
+                    raise NotConnected(health.detail, hint=health.hint)
+                if seen and not eye.health().online:
+                    break  # a film is over
+                continue
+            seen, before = True, why
+            why = taking.offer(frame.image, frame.stamp)
+            if not why:
+                click.echo(f"  picture {len(taking.portraits)}", err=True)
+            elif why not in (before, TOO_SOON):
+                click.echo(f"  waiting: {why}", err=True)
+    if len(taking.portraits) < FEWEST:
+        hint = why or "more time: --seconds 300"
+        raise PeopleError(f"nothing was kept: {len(taking.portraits)} good pictures, and it takes {FEWEST}", hint=hint)
+    return taking.portraits
+
+
+def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:
+    """Return the name of somebody for whom the new one would be taken; nothing for nobody."""
+    own = people.find(name)
+    others = {other: theirs for other, theirs in people.all_portraits().items() if other != own}
+    if not others:
+        return ""
+    gallery = fisher_people(others)
+    looks = [look for each in portraits if (look := gallery.look(each, face_in(each))) is not None]
+    taken = [look.name for look in looks if look.margin > 0]
+    return max(set(taken), key=taken.count) if 2 * len(taken) > len(looks) else ""
+
+
+def _report(notice: Notice) -> None:
+    if notice.kind != "online":
+        click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

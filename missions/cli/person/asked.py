@@ -1,0 +1,50 @@
+"""What the commands of ``mission person`` share: whose people are meant, and saying what cannot be done."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from config.library import find
+from config.robot import CameraConfig, load_robot
+from missions.assembly.gallery import people_of
+from missions.cli.root import FAILURE
+from missions.people import People, PeopleError, folder
+
+
+def robot_option(command: Any) -> Any:
+    """Add ``--robot NAME`` to a command, which gets it as ``robot``."""
+    return click.option(
+        "--robot", metavar="NAME", help="Whose people: those in the folder that its file names. Without it: yours."
+    )(command)
+
+
+def camera_of(robot: str | None) -> CameraConfig | None:
+    """Return the camera section of a robot's file; None without a robot. Raises click.UsageError for a blind one."""
+    if robot is None:
+        return None
+    camera = load_robot(find("robots", robot)).camera
+    if camera is None:
+        raise click.UsageError(f"{robot} has no camera")
+    return camera
+
+
+def people_for(robot: str | None) -> People:
+    """Return the people whom a robot knows, the user's own without one."""
+    camera = camera_of(robot)
+    return People(folder()) if camera is None else people_of(camera)
+
+
+def saying_why(command: Callable[..., int]) -> Callable[..., int]:
+    """Make a command say what cannot be done with pictures of people, and fail."""
+
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, **named: Any) -> int:
+        try:
+            return command(*arguments, **named)
+        except PeopleError as error:
+            click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+            return FAILURE
+
+    return wrapped

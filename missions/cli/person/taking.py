@@ -1,0 +1,68 @@
+"""Taking pictures of somebody who stands before a camera: which of them are good enough, and what to do next."""
+
+import cv2
+
+from perception.api import Image
+from perception.crops import crop, face_in
+from perception.finder import FaceDetector
+from perception.people import NotOneFace, enrol
+from perception.pupils import EyeFinder
+
+GUIDE = (
+    "look straight into the camera",
+    "turn your head a little to the left",
+    "turn your head a little to the right",
+    "look up a little",
+    "look down a little",
+    "take two steps back, and look into the camera",
+)
+"""What somebody is asked to do, one after another: who is known from one side only is not known."""
+
+SHARP = 8.0
+"""Variance of the Laplacian of a face of 96 pixels: of faces up to 3 m away it was 8 to 110, of blurred ones 2 to 5."""
+
+EVERY = 0.8
+"""Seconds from one picture to the next: time to move."""
+
+
+TOO_SOON = "it is too soon after the one before"
+
+
+class Taking:
+    """Takes ``count`` pictures that are worth it: ``portraits``."""
+
+    def __init__(self, detector: FaceDetector, count: int) -> None:
+        self.portraits: list[Image] = []
+        self._detector = detector
+        self._count = count
+        self._eyes = EyeFinder()
+        self._taken_at: float | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether there are enough."""
+        return len(self.portraits) >= self._count
+
+    @property
+    def guide(self) -> str:
+        """What to do for the next one."""
+        return GUIDE[min(len(self.portraits) * len(GUIDE) // self._count, len(GUIDE) - 1)]
+
+    def offer(self, image: Image, stamp: float) -> str:
+        """Take the picture of ``stamp`` (s) if it is good and not too soon; else say why it is not.
+
+        Raises ValueError for what is no picture.
+        """
+        if self._taken_at is not None and stamp - self._taken_at < EVERY:
+            return TOO_SOON
+        try:
+            portrait = enrol(image, self._detector)
+        except NotOneFace as error:
+            return str(error)
+        face = face_in(portrait)
+        shown = crop(portrait, face, self._eyes.find(portrait, face))
+        if float(cv2.Laplacian(shown, cv2.CV_64F).var()) < SHARP:
+            return "it is blurred: hold still, with more light"
+        self._taken_at = stamp
+        self.portraits.append(portrait)
+        return ""

@@ -1,0 +1,124 @@
+"""``mission record``: what a record holds, mending one that was not closed, pieces of it, and files made of it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from missions.cli.options import SECONDS
+from missions.recording.export import to_csv, to_folder, to_jsonl
+from missions.recording.faults import InvalidRecordError
+from missions.recording.info import lines_about
+from missions.recording.outputs import ExistsError
+from missions.recording.read import open_record
+
+RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
+FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
+
+
+@click.group()
+def command() -> None:
+    """Look into records of runs, mend them, and take things out of them.
+
+    `mission run MISSION --record FILE.mcap` makes one.
+    """
+
+
+@contextmanager
+def _in_words() -> Iterator[None]:
+    """Tell what goes wrong with a record or a file."""
+    try:
+        yield
+    except (InvalidRecordError, ExistsError) as error:
+        raise click.ClickException(str(error)) from error
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise click.ClickException(f"{error.filename or 'the file'}: {error.strerror or error}") from error
+
+
+@command.command()
+@RECORD
+def info(path: Path) -> None:
+    """Say what a record is of, what is in it, what is missing, and what can be done with it."""
+    with _in_words():
+        for line in lines_about(open_record(path)):
+            click.echo(line)
+
+
+@command.command()
+@RECORD
+def mend(path: Path) -> None:
+    """Close a record whose run was killed, in place, so that every program opens it.
+
+    It may be stopped at any moment, and done again: nothing that can be read is lost.
+    """
+    with _in_words():
+        open_record(path)  # says in words what is none of ours
+        from missions.recording.mend import mend as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
+
+        mended = mend_file(path)
+        until = open_record(path).until
+    if mended.already:
+        click.echo(f"{path} was closed properly: there is nothing to mend")
+        return
+    skipped = f", without {mended.skipped} damaged stretches" if mended.skipped else ""
+    click.echo(f"mended {path}: it is whole up to {until:.2f} s{skipped}\n  try: mission record info {path}")
+
+
+@command.command()
+@RECORD
+@click.option(
+    "--csv", "tables", type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER", help="A table per topic."
+)
+@click.option(
+    "--jsonl", "lines", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="A line per message."
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
+    help="The pictures, the files of the run, and a table per topic.",
+)
+@FORCE
+def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | None, force: bool) -> None:
+    """Write a record for other programs: as tables, as lines of JSON, or as a folder of files."""
+    if tables is lines is folder is None:
+        raise click.UsageError(f"say what to write, such as --csv FOLDER: mission record export {path} --csv tables")
+    with _in_words():
+        record = open_record(path)
+        if tables is not None:
+            click.echo(f"wrote {len(to_csv(record, tables, force=force))} tables to {tables}")
+        if lines is not None:
+            click.echo(f"wrote {to_jsonl(record, lines, force=force)} lines to {lines}")
+        if folder is not None:
+            pictures, files, made = to_folder(record, folder, force=force)
+            click.echo(f"wrote {pictures} pictures, {files} files and {made} tables to {folder}")
+
+
+@command.command()
+@RECORD
+@click.argument("start", metavar="FROM", type=SECONDS)
+@click.argument("end", metavar="TO", type=SECONDS)
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", required=True, help="Where to."
+)
+@FORCE
+def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None:
+    """Cut a piece out of a record, such as from 10s to 20s, with what held when it begins.
+
+    What cuts off the beginning cannot be run again by `mission replay --rerun`: a tree remembers.
+    """
+    with _in_words():
+        record = open_record(path)
+        if not start < end:
+            raise click.UsageError(f"the piece ends before it begins: from {start:g} s to {end:g} s")
+        if start > record.until:
+            raise click.UsageError(f"{path} ends at {record.until:.2f} s, before {start:g} s")
+        if output.exists() and output.samefile(path):
+            raise click.UsageError(f"{output} is the record itself: name another file with -o")
+        from missions.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
+
+        count = cut_piece(record, start, end, output, force=force)
+    click.echo(f"wrote {count} messages to {output}\n  try: mission record info {output}")

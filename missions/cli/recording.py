@@ -1,0 +1,139 @@
+"""``mission run --record``: a run kept in a file, from before its beginning to its end."""
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import click
+
+from config.reading import files_read
+from drivers.api import Notice
+from drivers.clock import time_of_day
+from missions.cli.options import SIZE
+from missions.executive.events import FaultRaised, Listener
+from missions.executive.executive import Result
+from missions.order import Order
+from missions.recording.gather import contents_of
+from missions.recording.outlet import CannotRecordError
+from missions.recording.recorder import FRAMES, LIMIT, Recorder
+from missions.runner import Runner
+
+ENDING = ".mcap"
+"""What the name of a record ends in."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWish:
+    """What a user asks of a record: where (a file or a folder), how large at most (bytes), and pictures a second."""
+
+    path: Path
+    limit: float = LIMIT
+    frames: float = FRAMES
+    overwrite: bool = False
+
+
+def record_options(command: Any) -> Any:
+    """Add ``--record`` and what belongs to it to a command."""
+    for option in (
+        click.option("--overwrite", is_flag=True, help="Let the record take the place of the file that is there."),
+        click.option(
+            "--record-frames",
+            type=click.FloatRange(min=0, max=100),
+            metavar="RATE",
+            help=f"Keep so many of the camera's pictures a second: {FRAMES:g} unless you say otherwise, 0 for none.",
+        ),
+        click.option(
+            "--record-limit",
+            type=SIZE,
+            metavar="SIZE",
+            help=f"How large the record may grow: {LIMIT / 1e9:g} GB unless you say otherwise. Before that, pictures "
+            "become rarer.",
+        ),
+        click.option(
+            "--record",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help=f"Keep all that happens in FILE{ENDING}, for `mission replay`, `report` and `stats`; in a folder, "
+            "under the mission's name and the time of day.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def record_wish(
+    record: Path | None, limit: float | None, frames: float | None, *, overwrite: bool, mission: str
+) -> RecordWish | None:
+    """Return what the options ask for. Raises click.UsageError for options that could only be ignored."""
+    if record is None:
+        if limit is not None or frames is not None or overwrite:
+            raise click.UsageError(f"--record-limit, --record-frames and --overwrite go with --record FILE{ENDING}")
+        return None
+    if record.is_dir():
+        record /= f"{Path(mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}{ENDING}"
+    elif record.suffix != ENDING:
+        raise click.BadParameter(f"{record}: a record's name ends in {ENDING}", param_hint="--record")
+    wish = RecordWish(record, overwrite=overwrite)
+    return RecordWish(record, limit or wish.limit, wish.frames if frames is None else frames, overwrite)
+
+
+class Recording:
+    """Records the run of an order: it makes the ``runner``, and is a context around the run.
+
+    What is missing from the record in the end is said on stderr. ``__enter__``, which begins the record before anything
+    has moved, raises click.BadParameter where that cannot be.
+    """
+
+    def __init__(
+        self, wish: RecordWish, order: Order, *, listeners: Sequence[Listener], give_up: Callable[[Result], None]
+    ) -> None:
+        self._wish = wish
+        self._order = order
+        self._recorder = recorder = Recorder(
+            wish.path,
+            limit=wish.limit,
+            frames=wish.frames,
+            patient=order.simulation == "fast",
+            overwrite=wish.overwrite,
+        )
+        with files_read() as self._files:
+            self.runner = Runner(
+                order,
+                listeners=[*listeners, recorder],
+                give_up=give_up,
+                on_moment=recorder.moment,
+                on_view=recorder.view,
+                on_frame=recorder.frame,
+            )
+
+    def __enter__(self) -> Self:
+        wish, runner = self._wish, self.runner
+        if wish.path.resolve() in self._files:
+            raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
+        started = time_of_day() - timedelta(seconds=runner.clock.now())
+        contents = contents_of(
+            self._order, runner.plan, runner.config, self._files, started=started, command=("mission", *sys.argv[1:])
+        )
+        try:
+            self._recorder.open(contents, runner.clock, report=self._report, check=runner.assembled.health)
+        except CannotRecordError as error:
+            hint = f"\n  try: {error.hint}" if error.hint else ""
+            raise click.BadParameter(f"{error}{hint}", param_hint="--record") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        loss = self._recorder.close()
+        if loss:
+            with suppress(OSError):
+                click.echo(f"mission: {self._wish.path}: {loss}", err=True)
+
+    def _report(self, notice: Notice) -> None:
+        stream, now = self.runner.stream, self.runner.clock.now()
+        stream.emit(FaultRaised(now, notice.device, notice.kind, notice.what, notice.hint))

@@ -1,0 +1,63 @@
+"""``mission report``: a record as one page for people who were not there, and as pictures for papers."""
+
+from pathlib import Path
+
+import click
+
+from missions.recording.read import open_record
+from missions.report.page import page
+from missions.report.study import Study, study
+
+MOST_PICTURES = 60
+"""Pictures of 320 pixels: about a megabyte."""
+
+
+@click.command()
+@click.argument("file", metavar="RECORD", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the page there, instead of beside the record.",
+)
+@click.option(
+    "--pictures",
+    type=click.IntRange(min=0),
+    default=MOST_PICTURES,
+    show_default=True,
+    metavar="N",
+    help="At most so many pictures of the camera: before failures, and evenly.",
+)
+@click.option(
+    "--plots",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Write the plots there, as PNG for papers; the page only with -o.",
+)
+def command(file: Path, output: Path | None, pictures: int, plots: Path | None) -> None:
+    """Write a report of a record: one page, which needs nothing beside it.
+
+    It has a summary in words, the tree with a slider for time, a timeline of its nodes, variables, pictures with what
+    was seen in them, how head and base moved, the tracking error, and faults.
+    """
+    if output is None and plots is None:
+        output = file.with_suffix(".html")
+    found = study(open_record(file), most_pictures=pictures if output is not None else 0)
+    try:
+        if output is not None:
+            output.write_text(page(found), encoding="utf-8")
+            click.echo(f"wrote {output}")
+        if plots is not None:
+            _plot(found, plots)
+    except OSError as error:
+        raise click.UsageError(f"{error.filename or output or plots}: {error.strerror or error}") from error
+
+
+def _plot(found: Study, folder: Path) -> None:
+    try:
+        from missions.report.papers import draw  # noqa: PLC0415 - needs an extra
+    except ImportError as error:
+        raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
+    for path in draw(found, folder):
+        click.echo(f"wrote {path}")

@@ -1,0 +1,97 @@
+"""One run of a mission from a command: shown while it goes on, and what it leaves behind written."""
+
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import click
+
+from missions.cli.film import Film
+from missions.cli.live import Watcher
+from missions.cli.orders import check_events, check_film, check_order, check_pad
+from missions.cli.recording import Recording, RecordWish
+from missions.cli.viewing import LiveView
+from missions.executive.events import JsonLines
+from missions.executive.executive import Result
+from missions.executive.watchdog import attempt_all
+from missions.order import Order
+from missions.runner import Runner, end_process
+from missions.view.terminal import unviewable
+
+LAST_WORDS_TIME = 3.0
+"""Seconds in which a run that hangs for good may say how it ended: a view needs half a second to leave."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What comes of a run, as far as it was asked for: its events as lines, a film, a record, a live ``view``."""
+
+    events: Path | None = None
+    film: Path | None = None
+    record: RecordWish | None = None
+    view: bool = False
+
+
+def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Result], None]) -> Result:
+    """Run ``order``, show on ``out`` what happens, and write what it leaves behind.
+
+    ``last_words`` are said where a run that hangs for good ends the process.
+    """
+    check_order(order)
+    if outputs.film is not None:
+        check_film(outputs.film, order)
+    if outputs.view and (why := unviewable(out)):
+        raise click.UsageError(why)
+    watcher = Watcher(out)
+    shown: Watcher | LiveView = watcher
+
+    def give_up(result: Result) -> None:
+        def say() -> None:
+            shown.__exit__(None, None, None)
+            last_words(result)
+
+        # What hangs may hang on stdout: nothing here waits for that for ever.
+        attempt_all({"last words": say}, LAST_WORDS_TIME)
+        end_process(result)
+
+    # Reads and checks everything; nothing has been opened or written yet.
+    wish = outputs.record
+    recording = None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up)
+    runner = Runner(order, listeners=[watcher], give_up=give_up) if recording is None else recording.runner
+    check_pad(order, runner.plan)
+    watcher.watch(runner.root)
+    with ExitStack() as closing:
+        _write(outputs, runner, closing)
+        if recording is not None:
+            closing.enter_context(recording)
+        if outputs.view:
+            shown = LiveView(runner, watcher)
+            runner.stream.listeners[0] = shown  # in the watcher's place
+        with shown:
+            result = runner.run()
+    for lost in runner.stream.lost:
+        with suppress(OSError):
+            click.echo(f"mission: not all events were told: {lost}", err=True)
+    return result
+
+
+def _write(outputs: Outputs, runner: Runner, closing: ExitStack) -> None:
+    """Have events and a film written until ``closing`` ends."""
+    if outputs.events is not None:
+        check_events(outputs.events, runner.plan)
+        try:
+            file = outputs.events.open("w", encoding="utf-8")
+        except OSError as error:
+            raise click.BadParameter(f"{outputs.events}: {error.strerror}", param_hint="--events") from error
+        closing.callback(_close, file)
+        runner.stream.listeners.append(JsonLines(file))
+    if outputs.film is not None and runner.twins is not None:
+        closing.enter_context(Film(outputs.film, runner.twins))
+
+
+def _close(file: TextIO) -> None:
+    """Close a file that may be on a full disk: what could not be written has been told already."""
+    with suppress(OSError):
+        file.close()

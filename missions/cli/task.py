@@ -1,0 +1,224 @@
+"""``mission task``: missions that are to be run later, in turn, or again and again; ``mission serve`` runs them."""
+
+import json
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from config.library import find, shipped
+from missions.cli.options import SECONDS, behaviours_option, params_option
+from missions.cli.orders import check_order
+from missions.cli.root import SUCCESS
+from missions.cli.serve import now, queue_file, server_lock
+from missions.columns import in_columns
+from missions.library import find_mission, shipped_missions
+from missions.order import Order, Simulate
+from missions.tasks.channels import channels_of
+from missions.tasks.lock import is_locked
+from missions.tasks.outbox import Letter, Outbox
+from missions.tasks.queue import Queue
+from missions.tasks.schema import folder, open_db
+from missions.tasks.task import Attempt, Interrupted, NewTask, Policy, Task, TaskError
+from missions.tasks.times import first_time, local_zone, read_at, read_every
+
+LATE = 3600.0
+"""Seconds after which a task that has a time is missed, unless somebody says otherwise."""
+
+NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+
+
+@click.group()
+def command() -> None:
+    """Queue missions, to be run in turn, at a time, or again and again; `mission serve` runs them.
+
+    The queue survives crashes and power cuts.
+    """
+
+
+@contextmanager
+def _queue() -> Iterator[tuple[Queue, Outbox]]:
+    """Open the user's queue, and tell in words what goes wrong with it."""
+    try:
+        with closing(open_db(queue_file(folder()))) as connection:
+            yield Queue(connection, channels_of, local_zone()), Outbox(connection)
+    except TaskError as error:
+        hint = f"\n  try: {error.hint}" if error.hint else ""
+        raise click.ClickException(f"{error}{hint}") from error
+
+
+@command.command()
+@click.argument("mission")
+@params_option
+@behaviours_option
+@click.option("--at", metavar="TIME", help='When: "18:00", the next such time, or "2026-12-24 18:00". Else at once.')
+@click.option("--every", metavar="TIME", help='Again and again: "30 min", day, monday, or "day 18:00".')
+@click.option(
+    "--late", type=SECONDS, metavar="TIME", help="Miss it, and say so, where it is later than this; else 1 h."
+)
+@click.option("--retry", type=click.IntRange(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option(
+    "--if-interrupted",
+    "interrupted",
+    type=click.Choice(["retry", "give-up"]),
+    default="retry",
+    show_default=True,
+    help="What to do where nobody knows how far it came: after a power cut, say.",
+)
+@click.option("--robot", metavar="NAME", help="The robot to run on; it moves, unless --simulate.")
+@click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
+@click.option("--world", metavar="NAME", help="What a simulated robot stands in.")
+@click.option("--eyes", type=click.Choice(["pixels", "truth"]), default="pixels", help="As for `mission run`.")
+def add(
+    mission: str,
+    params: dict[str, str],
+    files: tuple[Path, ...],
+    at: str | None,
+    every: str | None,
+    late: float | None,
+    retry: int,
+    interrupted: Interrupted,
+    robot: str | None,
+    simulate: Simulate | None,
+    world: str | None,
+    eyes: Literal["pixels", "truth"],
+) -> int:
+    """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission serve`."""
+    order = Order(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
+    _check(order)
+    time = now()
+    due, repetition = _when(at, every, time)
+    new = NewTask(
+        mission=_kept(mission, shipped_missions(), find_mission(mission)),
+        params=params,
+        robot="" if robot is None else _kept(robot, shipped("robots"), find("robots", robot)),
+        options=tuple(_options(order)),
+        due=due,
+        late=LATE if late is None and (at or every) else late,
+        every=repetition,
+        policy=Policy(interrupted, retries=retry),
+    )
+    with _queue() as (queue, _):
+        number = queue.add(new, time)
+    when = f"at {_clock(due)}" if due > time else "as soon as its turn comes"
+    click.echo(f"task {number}: {mission} {when}" + (f", then every {repetition}" if repetition else ""))
+    if not is_locked(server_lock(folder())):
+        click.echo("nobody does tasks at the moment: mission serve", err=True)
+    return SUCCESS
+
+
+def _check(order: Order) -> None:
+    """Raise what `mission run` would raise for this order, before anything moves."""
+    from missions.runner import load  # noqa: PLC0415 - the other subcommands need none of what it imports
+
+    check_order(order)
+    load(order, order.robot_file())
+    if order.simulation is not None:
+        order.world_file()
+
+
+def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
+    """Return when a task is due for the first time, and its repetition."""
+    zone = local_zone()
+    try:
+        due = time if at is None else read_at(at, time, zone)
+        if every is None:
+            return due, ""
+        repetition = read_every(every, due, zone)
+        return first_time(repetition, due, zone), str(repetition)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _options(order: Order) -> Iterator[str]:
+    """Yield what `mission run` is to be told beside the mission, its params and the robot."""
+    if order.simulate is not None:
+        yield f"--simulate={order.simulate}"
+    if isinstance(order.world, str):
+        yield f"--world={_kept(order.world, shipped('worlds'), find('worlds', order.world))}"
+    if order.eyes != "pixels":
+        yield f"--eyes={order.eyes}"
+    for file in order.behaviours:
+        yield f"--behaviours={file.resolve()}"
+
+
+def _kept(name: str, library: dict[str, Path], path: Path) -> str:
+    """Return a name as the server understands it, wherever that runs: one in the library, or a whole path."""
+    return name if path in library.values() else str(path.resolve())
+
+
+@command.command(name="list")
+@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
+@AS_JSON
+def list_command(everything: bool, as_json: bool) -> None:
+    """List the tasks that wait or run, in the order in which they are due."""
+    with _queue() as (queue, _):
+        tasks = queue.tasks(ended=everything)
+    if as_json:
+        click.echo(json.dumps([asdict(task) for task in tasks], indent=2))
+    elif not tasks:
+        click.echo("no tasks" if everything else "no tasks wait; --all shows those that have ended")
+    else:
+        headings = ("task", "state", "due", "every", "mission", "params", "reason")
+        click.echo(in_columns(headings, [_row(task) for task in tasks], left=frozenset(headings[1:])))
+
+
+def _row(task: Task) -> tuple[str, ...]:
+    params = " ".join(f"{name}={value}" for name, value in task.params.items())
+    state = "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " ")
+    return (str(task.id), state, _clock(task.due), task.every or "-", task.mission, params or "-", task.reason)
+
+
+@command.command()
+@NUMBER
+def cancel(number: int) -> None:
+    """Cancel a task, and its repetition; one that runs is stopped safely."""
+    with _queue() as (queue, _):
+        state = queue.cancel(number, now())
+    running = is_locked(server_lock(folder()))
+    stopping = "is being stopped" if running else "is cancelled as soon as `mission serve` runs again"
+    click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
+
+
+@command.command()
+@NUMBER
+@AS_JSON
+def log(number: int, as_json: bool) -> None:
+    """Say what became of a task: every attempt, and every notice with its delivery."""
+    with _queue() as (queue, outbox):
+        task, attempts, letters = queue.task(number), queue.attempts(number), outbox.of(number)
+    if as_json:
+        told = {"task": asdict(task), "attempts": [asdict(each) for each in attempts]}
+        click.echo(json.dumps(told | {"notices": [asdict(each) for each in letters]}, indent=2))
+        return
+    reason = f": {task.reason}" if task.reason else ""
+    click.echo(f"task {number}: {task.mission}, {task.state.replace('_', ' ')}{reason}")
+    click.echo(f"{_clock(task.added)}  added, due at {_clock(task.due)}")
+    for attempt in attempts:
+        click.echo(_about_attempt(attempt))
+    for letter in letters:
+        click.echo(_about_letter(letter))
+
+
+def _about_attempt(attempt: Attempt) -> str:
+    if attempt.ended is None:
+        return f"{_clock(attempt.began)}  attempt {attempt.number} begins"
+    reason = f": {attempt.reason}" if attempt.reason else ""
+    seconds = attempt.ended - attempt.began
+    return f"{_clock(attempt.began)}  attempt {attempt.number}: {attempt.how} after {seconds:.0f} s{reason}"
+
+
+def _about_letter(letter: Letter) -> str:
+    if letter.delivered is not None:
+        return f"{_clock(letter.delivered)}  delivered to {letter.channel}: {letter.notice.text}"
+    why = f" ({letter.tries} tries; {letter.last_error})" if letter.tries else ""
+    return f"{_clock(letter.added)}  not delivered yet to {letter.channel}{why}: {letter.notice.text}"
+
+
+def _clock(time: float) -> str:
+    return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"

@@ -1,0 +1,56 @@
+"""What a user asks to be run: a mission, on a robot, in a world, by their names."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Literal
+
+from config.library import find
+from config.robot import RobotConfig, load_robot
+from config.world import WorldConfig, load_world
+
+DEFAULT_ROBOT = "turtlebot2_arm"
+DEFAULT_WORLD = "living_room"
+
+Simulate = Literal["wire", "fast"]
+"""How a robot is simulated: real drivers over virtual devices in real time, or twins in simulated time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
+
+    In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
+    pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
+    ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
+    wheels, in real time only.
+    """
+
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    robot: str | None = None
+    simulate: Simulate | None = None
+    world: str | WorldConfig | None = None
+    camera: str | None = None
+    ports: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
+    behaviours: Sequence[Path] = ()
+    eyes: Literal["pixels", "truth"] = "pixels"
+    speed: float = inf
+    pad: str | None = None
+
+    @property
+    def simulation(self) -> Simulate | None:
+        """How the robot is simulated, None when the real one moves."""
+        return "wire" if self.simulate is None and self.robot is None else self.simulate
+
+    def robot_file(self) -> RobotConfig:
+        """Read the robot's file. Raises InvalidFileError or UnknownNameError."""
+        return load_robot(find("robots", self.robot or DEFAULT_ROBOT))
+
+    def world_file(self) -> WorldConfig:
+        """Read the world's file, unless it was handed over as it is. Raises InvalidFileError or UnknownNameError."""
+        if isinstance(self.world, WorldConfig):
+            return self.world
+        return load_world(find("worlds", self.world or DEFAULT_WORLD))

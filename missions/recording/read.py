@@ -1,0 +1,220 @@
+"""A record, read back: the one door through which everything else looks at what a run did."""
+
+import base64
+import json
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from missions.executive import events
+from missions.executive.events import Ended, Event, Logged, NodeChanged, Ticked
+from missions.executive.moment import Moment
+from missions.pictures.drawing import Drawing
+from missions.pictures.tree_json import from_json as drawing_from_json
+from missions.recording.codec import from_json
+from missions.recording.faults import InvalidRecordError, understanding
+from missions.recording.head import TREE, Head
+from missions.recording.identify import head_in, no_mcap
+from missions.recording.moments import Restored
+from missions.recording.topics import EVENTS
+from perception.api import View
+
+if TYPE_CHECKING:  # what needs mcap is imported when a record is opened, so that its lack can be told in words
+    from missions.recording.container import Container
+
+__all__ = ["SERIES", "InvalidRecordError", "Record", "open_record"]
+
+CUT = "cut"
+"""The name of the metadata that say which piece of a record this is."""
+
+SERIES: Mapping[str, tuple[str, str]] = {
+    **{
+        f"base.{name}": ("/state/base", name)
+        for name in ("x", "y", "heading", "speed", "turn", "wanted_speed", "wanted_turn")
+    },
+    **{f"head.{name}": ("/state/head", name) for name in ("pan", "tilt", "wanted_pan", "wanted_tilt")},
+    "battery.percent": ("/state/base", "battery_percent"),
+}
+"""What can be drawn over time, in SI units (the battery in percent): in which messages it stands, by which name."""
+
+ROOT = "1"
+"""The key of the tree's root."""
+
+_KINDS: Mapping[str, type[Event]] = {topic: getattr(events, name) for name, topic in EVENTS.items()}
+
+T = TypeVar("T")
+
+
+def open_record(path: Path) -> "Record":
+    """Return the record in ``path``, of which only its beginning is read now. Raises InvalidRecordError."""
+    try:
+        from missions.recording.survey import survey  # noqa: PLC0415 - see above
+    except ImportError as error:
+        raise InvalidRecordError(
+            f"reading records needs mcap ({error})\n  try: pip install 'missiontree[records]'"
+        ) from error
+    try:
+        container = survey(path)
+        if container is None:
+            raise no_mcap(path)
+        tables = container.metadata()
+        head = head_in(container, tables)
+        files = {each.name: each.data for each in container.attachments()}
+        last = container.last_time()
+    except OSError as error:
+        raise InvalidRecordError(f"{path}: cannot be read: {error.strerror or error}") from error
+    with understanding(path):
+        began = began_at(head)
+    return Record(container, head, files, 0.0 if last is None else (last - began) / 1e9, _cut_from(tables.get(CUT)))
+
+
+def began_at(head: Head) -> int:
+    """Return the time of day at which the run's clock showed 0, in ns since 1970, as times of messages are."""
+    return round(datetime.fromisoformat(head.started).timestamp() * 1e6) * 1000
+
+
+def _cut_from(table: Mapping[str, str] | None) -> float | None:
+    try:
+        start = 0.0 if table is None else float(table["from"])
+    except (KeyError, ValueError):  # damaged: no other beginning is said to be the true one
+        return float("nan")
+    return start if start > 0 else None
+
+
+class Record:
+    """What a run did. Made by ``open_record``; keeps no file open. Times are in seconds of the run.
+
+    ``files`` are those that the run was made of, by their names in the record. ``whole`` says that it was closed
+    properly; ``until`` is the time of its last message. ``cut_from`` is where a piece begins that was cut out of
+    another record, and None for a record from its beginning. ``container`` is the file itself, for what works on it.
+
+    What is asked for is read when it is asked for, and kept; pictures and percepts are not. InvalidRecordError is
+    raised for messages that are not what this program writes; messages in a damaged stretch are just not there.
+    """
+
+    def __init__(
+        self,
+        container: "Container",
+        head: Head,
+        files: Mapping[str, bytes],
+        until: float,
+        cut_from: float | None,
+    ) -> None:
+        self.container = container
+        self.path: Path = container.path
+        self.head = head
+        self.files = files
+        self.whole = container.whole
+        self.until = until
+        self.cut_from = cut_from
+
+    @cached_property
+    def events(self) -> Sequence[Event]:
+        """All that happened, in order of time: what nodes did, commands, faults and so on, ticks, and the end.
+
+        In a piece that was cut out, the newest changes of before its beginning come first.
+        """
+        found = [event for event in self._read(_event, *EVENTS.values(), "/moments") if event is not None]
+        found.sort(key=_order)
+        status = "running"
+        for event in found:  # a tick's result is what the root came to in it
+            if isinstance(event, NodeChanged) and event.node == ROOT:
+                status = event.status
+            elif isinstance(event, Ticked):
+                event.status = status
+                if event.late is not None and event.late * self.head.rate <= 1:
+                    event.late = None  # less than a tick: that is not late
+        return found
+
+    @cached_property
+    def moments(self) -> Sequence[Moment]:
+        """Every moment of the executive, with the answers that it got then."""
+        restored = Restored()
+        return list(self._read(lambda _, data: restored.read(data), "/moments"))
+
+    def views(self) -> Iterator[tuple[float, View]]:
+        """Yield what perception found, and when it said so."""
+        return self._read(lambda _, data: (data["t"], from_json(data, View)), "/percepts")
+
+    def frames(self) -> Iterator[tuple[float, bytes]]:
+        """Yield when each picture was taken, and the picture as JPEG."""
+        return self._read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
+
+    def series(self, name: str) -> tuple[list[float], list[float]]:
+        """Return the times and values of one of ``SERIES``, where they are known. Raises KeyError for another name."""
+        topic, field = SERIES[name]
+        found = [pair for pair in self._read(lambda _, data: _figure(data, field), topic) if isfinite(pair[1])]
+        return [time for time, _ in found], [value for _, value in found]
+
+    def statuses(self, time: float) -> Mapping[str, NodeChanged]:
+        """Return the newest change of each node up to ``time``, by key."""
+        changes = self._changes
+        return {change.node: change for change in changes[: bisect_right(changes, time, key=lambda it: it.t)]}
+
+    def failures(self) -> Sequence[NodeChanged]:
+        """Return every change of a node to failure, in order."""
+        return [change for change in self._changes if change.status == "failure"]
+
+    def search(self, text: str) -> Sequence[Event]:
+        """Return the events that say ``text`` somewhere, in capitals or not; ticks say nothing."""
+        wanted = text.casefold()
+        return [event for event in self.events if not isinstance(event, Ticked) and wanted in _words(event)]
+
+    def drawing(self) -> Drawing:
+        """Return the mission's tree as it was when the run began. Raises InvalidRecordError where it is not there."""
+        if TREE not in self.files:
+            raise InvalidRecordError(f"{self.path}: the drawing of the mission's tree is missing or damaged")
+        with understanding(self.path):
+            return drawing_from_json(json.loads(self.files[TREE]))
+
+    def lost(self) -> Mapping[str, int]:
+        """Return how many messages were lost while the run went on, by topic."""
+        counts: Counter[str] = Counter()
+        for found in self._read(lambda _, data: data["counts"], "/lost"):
+            counts.update(found)
+        return counts
+
+    def end(self) -> Ended | None:
+        """Return how the run ended; None where the record does not tell."""
+        last = self.events[-1] if self.events else None
+        return last if isinstance(last, Ended) else None
+
+    @cached_property
+    def _changes(self) -> list[NodeChanged]:
+        return [event for event in self.events if isinstance(event, NodeChanged)]
+
+    def _read(self, read: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
+        """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
+        for topic, _, data in self.container.messages(frozenset(topics)):
+            with understanding(self.path):
+                found = read(topic, json.loads(data))
+            yield found
+
+
+def _event(topic: str, data: Any) -> Event | None:
+    """Return the event that a message tells of; of a tick, its status is not known here."""
+    if topic == "/moments":
+        return Ticked(data["t"], data["tick"], "", float(data["late"])) if data["kind"] == "tick" else None
+    if topic == EVENTS["Logged"]:
+        return Logged(data["t"], data["kind"], data["message"])
+    return from_json(data, _KINDS[topic])
+
+
+def _figure(data: Any, field: str) -> tuple[float, float]:
+    """Return when a figure was told, and its value: not a number where it was not known."""
+    value = data[field] if data["quality"] == "good" else None
+    return data["t"], float("nan" if value is None else value)
+
+
+def _order(event: Event) -> tuple[float, int]:
+    """Put a tick behind all that came of it, and the end of the mission behind everything."""
+    return event.t, isinstance(event, Ticked) + 2 * isinstance(event, Ended)
+
+
+def _words(event: Event) -> str:
+    return " ".join(map(str, event.as_dict().values())).casefold()

@@ -1,0 +1,141 @@
+"""The files that a record is decided again with: today's where they are still there, else those that it holds."""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+from config.library import UnknownNameError, find
+from config.robot import RobotConfig, load_robot
+from missions.assembly.target import target_of
+from missions.assembly.things import THINGS
+from missions.language.document import load_plan
+from missions.language.notes import Lookup
+from missions.language.plan import Plan
+from missions.library import find_mission
+from missions.moves.keep import NewMove
+from missions.recording.head import Head
+from missions.vocabulary import vocabulary
+
+UNASKED = ("world/", "test/")
+"""What the decisions do not depend on: a record knows what the robot was told, not why."""
+
+NEW = "new"
+"""The folder for what is written when a mission is decided again."""
+
+HOLDERS: Mapping[str, tuple[str, ...]] = {
+    "gesture": ("gesture/", "move/"),
+    "move": ("move/", "gesture/"),
+    "controller": ("controller/",),
+    "object": ("object/",),
+}
+"""Where the files of each kind of thing are among those of a record."""
+
+
+class Sources:
+    """The files of a record, unpacked into ``folder``, beside those of today.
+
+    ``recorded`` takes them all from the record. What a mission writes when it is decided again goes into ``folder``.
+    """
+
+    def __init__(self, head: Head, files: Mapping[str, bytes], folder: Path, *, recorded: bool = False) -> None:
+        self._head = head
+        self._files = files
+        self._folder = folder
+        self._recorded = recorded
+
+    def unpack(self) -> None:
+        """Write the record's files, and make room for what missions write."""
+        (self._folder / NEW).mkdir(parents=True, exist_ok=True)
+        for name, data in self._files.items():
+            path = self._unpacked(name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+
+    def changed(self) -> Iterator[str]:
+        """Say of each file that is another today, or gone, what has become of it."""
+        for name, data in self._files.items():
+            path = self._head.paths.get(name)
+            if path is None or name.startswith(UNASKED):
+                continue
+            today = _content(Path(path))
+            if today != data:
+                yield f"{path} {'is gone' if today is None else 'has changed'} since"
+
+    def robot(self) -> RobotConfig:
+        """Return the robot. Raises InvalidFileError, or UnknownNameError where neither file nor name helps."""
+        name = next((name for name in self._files if name.startswith("robot/")), None)
+        return load_robot(find("robots", self._head.robot) if name is None else self._path(name))
+
+    def plan(self, robot: RobotConfig, mission: str | None = None) -> Plan:
+        """Return the mission, or another one, with the params of the record.
+
+        Raises InvalidFileError with all that is wrong with it, or UnknownNameError.
+        """
+        path = self._path(self._head.file) if mission is None else find_mission(mission)
+        return load_plan(
+            path,
+            vocabulary(self._path(name) for name in self._head.behaviours),
+            self._things(),
+            find_mission=self._find_mission,
+            params=self._head.params,
+            complete=True,
+            robot=target_of(robot),
+        )
+
+    def shown(self, file: str) -> str:
+        """Return the name of a file that a mission was read from, for people."""
+        path = Path(file)
+        return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
+
+    def _path(self, name: str) -> Path:
+        """Return where a file of the record is to be read: today's place of it, unless it is not there."""
+        today = Path(self._head.paths.get(name, ""))
+        if not today.is_file() or self._recorded:
+            return self._unpacked(name)
+        return today
+
+    def _unpacked(self, name: str) -> Path:
+        """Return where a file of the record is unpacked; nothing in a name leads out of the folder."""
+        return self._folder.joinpath(*(part for part in PurePosixPath(name).parts if part not in ("/", "..")))
+
+    def _find_mission(self, name: str, beside: Path) -> Path:
+        found = self._held(("mission/",), name)
+        if found is not None and self._recorded:
+            return found
+        try:
+            return find_mission(name, beside)
+        except UnknownNameError:
+            if found is None:
+                raise
+            return found
+
+    def _things(self) -> Mapping[str, Lookup]:
+        """Return how things are found; what is recorded anew is not written over what was recorded then."""
+        held = {kind: partial(self._find_thing, THINGS[kind], holders) for kind, holders in HOLDERS.items()}
+        new = {"new move": lambda name: NewMove(str(self._folder / NEW / Path(name).name))}
+        return {**THINGS, **held, **new, "file": Path}  # files are only handed on
+
+    def _find_thing(self, look_up: Lookup, holders: tuple[str, ...], name: str) -> object:
+        found = self._held(holders, name)
+        if found is not None and self._recorded:
+            return look_up(str(found))
+        try:
+            return look_up(name)
+        except LookupError:
+            if found is None:
+                raise
+            return look_up(str(found))
+
+    def _held(self, holders: tuple[str, ...], name: str) -> Path | None:
+        """Return the file of the record that a mission means by ``name``, which may be that of the file or its stem."""
+        held = [PurePosixPath(each) for holder in holders for each in self._files if each.startswith(holder)]
+        wanted = PurePosixPath(name).name
+        fitting = [each for each in held if each.name == wanted] + [each for each in held if each.stem == wanted]
+        return self._unpacked(str(fitting[0])) if fitting else None
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None

@@ -1,0 +1,162 @@
+"use strict";
+/*
+ * Moves a report through time: the slider sets its place, and tree, variables, picture, charts and route follow.
+ *
+ * A place is a number from 0 on. Whatever has data-place goes there when it is clicked, data-node shows a node of the
+ * tree; a click into what is drawn over time (.over-time) goes to that time.
+ */
+(() => {
+  const { data, showStates, showNode } = missiontree;
+  const root = document.documentElement;
+  const slider = document.querySelector("#slider");
+  const clock = document.querySelector("#clock");
+  const note = document.querySelector("#note");
+  const begin = data.times[0];
+  const span = Math.max(data.times.at(-1) - begin, 1e-3);
+  const cells = [...document.querySelectorAll("[data-variable]")];
+  const values = [...document.querySelectorAll("[data-line]")];
+  const shots = [...document.querySelectorAll(".shot")];
+  const seen = document.querySelector("#seen");
+  const robot = document.querySelector(".robot");
+  const lanes = [...document.querySelectorAll("[data-row]")];
+
+  /** How many of some rows, which begin with their place, hold at a place. */
+  function reached(rows, place, placeOf = (row) => row[0]) {
+    let low = 0;
+    let high = rows.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (placeOf(rows[middle]) <= place) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  const newest = (rows, place, placeOf) => rows[reached(rows, place, placeOf) - 1];
+  const placeOf = (element) => Number(element.dataset.place);
+  const write = (element, text) => {
+    if (element.textContent !== text) element.textContent = text;
+  };
+
+  // Show a place
+
+  function showTime(place) {
+    const time = `${data.times[place].toFixed(2)} s`;
+    const tick = `tick ${data.ticks[place]}`;
+    slider.setAttribute("aria-valuetext", `${time}, ${tick}`);
+    write(clock.firstElementChild, time);
+    write(clock.lastElementChild, tick);
+    root.style.setProperty("--at", (data.times[place] - begin) / span);
+  }
+
+  function showTree(place) {
+    const states = {};
+    for (const [key, rows] of Object.entries(data.changes)) {
+      const row = newest(rows, place);
+      if (!row) continue;
+      const age = `${(data.times[place] - data.times[row[0]]).toFixed(1)} s`;
+      states[key] = [data.statuses[row[1]], data.texts[row[2]], age];
+    }
+    showStates(states);
+  }
+
+  function showValues(place) {
+    for (const cell of cells) {
+      const row = newest(data.variables[cell.dataset.variable], place);
+      write(cell, row ? data.texts[row[1]] : "");
+      cell.parentElement.classList.toggle("unset", !row);
+    }
+    for (const value of values) {
+      const row = newest(data.lines[value.dataset.line], place);
+      write(value, row ? String(row[1]) : "");
+    }
+  }
+
+  function showPicture(place) {
+    if (!seen) return;
+    const shot = newest(shots, place, placeOf);
+    for (const each of shots) each.classList.toggle("current", each === shot);
+    seen.hidden = !shot;
+    if (!shot) return;
+    const picture = shot.querySelector("img");
+    seen.querySelector("img").src = picture.src;
+    seen.querySelector("img").alt = picture.alt;
+    write(seen.querySelector("figcaption"), shot.title);
+    const strip = shot.parentElement;
+    strip.scrollLeft = shot.offsetLeft - (strip.clientWidth - shot.offsetWidth) / 2;
+  }
+
+  function showRobot(place) {
+    const row = robot && (newest(data.route, place) ?? data.route[0]);
+    if (row) robot.setAttribute("transform", `translate(${row[1]} ${row[2]}) rotate(${row[3]})`);
+  }
+
+  let waiting = false;
+
+  /** Show where the slider is, at most once for each picture that the screen draws. */
+  function follow() {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => {
+      waiting = false;
+      const place = Number(slider.value);
+      for (const show of [showTree, showValues, showPicture, showRobot]) show(place);
+    });
+  }
+
+  function go(place) {
+    slider.value = place;
+    showTime(Number(slider.value));
+    say("");
+    follow();
+  }
+
+  /** Say something below the slider; what is said of a node goes there when it is clicked. */
+  function say(text, key = "") {
+    const [link, plain] = note.children;
+    link.dataset.node = key;
+    write(link, key ? text : "");
+    write(plain, key ? "" : text);
+  }
+
+  // Whatever moves it
+
+  slider.addEventListener("input", () => go(slider.value));
+
+  const jumps = {
+    next: (place) => data.failures[reached(data.failures, place)],
+    previous: (place) => data.failures[reached(data.failures, place - 1) - 1],
+  };
+
+  function jump(which) {
+    const failure = jumps[which](Number(slider.value));
+    if (!failure) return say(which === "next" ? "No failure after this." : "No failure before this.");
+    go(failure[0]);
+    say(failure[2], failure[1]);
+  }
+
+  document.addEventListener("click", (event) => {
+    const { target } = event;
+    const jumping = target.closest("[data-jump]");
+    const placed = target.closest("[data-place]");
+    const node = target.closest("[data-node]");
+    const drawn = target.closest(".over-time");
+    if (jumping) jump(jumping.dataset.jump);
+    else if (placed) go(placeOf(placed));
+    else if (node) showNode(node.dataset.node);
+    else if (drawn) {
+      const { left, width } = drawn.getBoundingClientRect();
+      go(reached(data.times, begin + (span * (event.clientX - left)) / width, (time) => time) - 1);
+    }
+  });
+
+  document.addEventListener("node", (event) => {
+    for (const lane of lanes) lane.classList.toggle("current", lane.dataset.row === event.detail.key);
+  });
+
+  const view = document.querySelector(".window");
+  const spread = view.querySelector(".spread");
+  if (spread && view.scrollWidth > view.clientWidth) document.querySelector("[data-outline]").click();
+  document.querySelector(".timebar").hidden = false;
+  go(slider.value);
+})();

@@ -1,0 +1,139 @@
+"""A run in words: how it went and why, what took long, what failed, and what is not in the record."""
+
+from collections.abc import Iterator, Sequence
+from math import degrees
+
+from missions.executive.events import FaultRaised, Ticked
+from missions.pictures.drawing import Drawing
+from missions.recording.read import Record
+from missions.report.following import rms
+from missions.report.study import Study
+from missions.report.timeline import Lane
+from missions.report.words import Named, counted, in_seconds, names_in
+
+STILL = 0.01
+"""Metres and radians together that are no movement: reports tremble."""
+
+MOST_NAMES = 4
+"""As many things that were seen are named."""
+
+
+def verdict(record: Record) -> tuple[str, str]:
+    """Return the result in a word, empty where it is not recorded, and all of it in a sentence."""
+    end = record.end()
+    if end is None:
+        piece = f"This is a piece of a record, from {in_seconds(record.cut_from)} on" if record.cut_from else ""
+        cut_off = f"The record ends at {in_seconds(record.until)}, before the mission did"
+        return "", f"{piece or cut_off}: how the mission ended is not in it."
+    why = f": {end.reason}" if end.reason else ""
+    did = {"success": "It succeeded", "failure": "It failed"}.get(end.result, f"It ended ({end.result})")
+    return end.result, f"{did} after {in_seconds(end.seconds)} and {counted(end.ticks, 'tick')}{why}."
+
+
+def sentences(found: Study) -> Iterator[str]:
+    """Yield what there is to say of a record, the most important first."""
+    record = found.record
+    yield verdict(record)[1]
+    yield from _failures(record, found.drawing)
+    yield from _busiest(found.lanes, found.drawing)
+    yield _faults(record)
+    yield from _lateness(record)
+    yield from _moved(found)
+    yield from _battery(record)
+    yield from _seen(found)
+    yield from _missing(record)
+
+
+def faults(record: Record) -> list[FaultRaised]:
+    """Return what parts of the robot had to say of themselves, without their coming up when all began."""
+    told = [event for event in record.events if isinstance(event, FaultRaised)]
+    gone: set[str] = set()
+    kept = []
+    for event in told:
+        if event.what != "online" or event.part in gone:
+            kept.append(event)
+        if event.what == "offline":
+            gone.add(event.part)
+    return kept
+
+
+def _failures(record: Record, drawing: Drawing) -> Iterator[str]:
+    found = record.failures()
+    if not found:
+        yield "No node failed."
+        return
+    first, more = found[0], len({change.t for change in found}) - 1
+    node = names_in(drawing).get(first.node, Named(first.name, f"line {first.line}"))
+    why = f": {first.reason}" if first.reason else ""
+    others = f"; nodes failed at {counted(more, 'more moment')}" if more else ""
+    yield f"The first failure was at {in_seconds(first.t)}, of {node.title} ({node.place}){why}{others}."
+
+
+def _busiest(lanes: Sequence[Lane], drawing: Drawing) -> Iterator[str]:
+    lane = max(lanes, key=lambda each: each.busy, default=None)
+    if lane is not None and lane.busy > 0:
+        node = names_in(drawing)[lane.box.key]
+        times = f" in {len(lane.bars)} goes" if len(lane.bars) > 1 else ""
+        yield f"Most of the time went into {node.title}: {in_seconds(lane.busy)}{times} ({node.place})."
+
+
+def _faults(record: Record) -> str:
+    found = faults(record)
+    if not found:
+        return "No part of the robot reported a fault."
+    first = found[0]
+    detail = f": {first.detail}" if first.detail else ""
+    return f"{counted(len(found), 'fault report')}, first at {in_seconds(first.t)}: {first.part} {first.what}{detail}."
+
+
+def _lateness(record: Record) -> Iterator[str]:
+    ticks = [event for event in record.events if isinstance(event, Ticked)]
+    late = [(event.late, event.t) for event in ticks if event.late]
+    if late:
+        worst, time = max(late)
+        yield (
+            f"{len(late)} of {counted(len(ticks), 'tick')} came more than a tick late, "
+            f"worst by {1000 * worst:.0f} ms at {in_seconds(time)}."
+        )
+    elif ticks:
+        yield f"No tick was late: all {len(ticks)} came in time."
+
+
+def _moved(found: Study) -> Iterator[str]:
+    if found.route.length + found.route.turned > STILL:
+        yield f"The base drove {found.route.length:.1f} m and turned {degrees(found.route.turned):.0f}° in all."
+    if found.misses:
+        worst = max(found.misses, key=lambda miss: miss.most)
+        yield (
+            f"What it followed was {rms(found.misses):.1f}° from the middle of the picture (root mean square), "
+            f"and {worst.most:.1f}° at most, at {in_seconds(worst.time)}."
+        )
+
+
+def _battery(record: Record) -> Iterator[str]:
+    _, levels = record.series("battery.percent")
+    if levels:
+        first, last = (f"{level:.0f} %" for level in (levels[0], levels[-1]))
+        yield f"The battery stayed at {first}." if first == last else f"The battery went from {first} to {last}."
+
+
+def _seen(found: Study) -> Iterator[str]:
+    if found.sightings:
+        names = [each.name for each in found.sightings[:MOST_NAMES]]
+        more = len(found.sightings) - len(names)
+        names += [f"{more} more"] if more else []
+        yield f"It saw {', '.join(names)}, first at {in_seconds(found.sightings[0].first)}."
+    elif found.views:
+        yield "It saw nobody and nothing that it knows."
+    else:
+        eyes = found.record.head.eyes
+        yield "What it saw is not in this record." if eyes else "There is no camera in this record."
+
+
+def _missing(record: Record) -> Iterator[str]:
+    lost = record.lost()
+    if lost:
+        told = ", ".join(f"{count} on {topic}" for topic, count in sorted(lost.items()))
+        yield f"Not all of it was recorded: {counted(sum(lost.values()), 'message')} lost ({told})."
+    if not record.whole:
+        yield "The record was not closed properly: what came after its last message is lost."

@@ -1,0 +1,83 @@
+"""How long things take on a device's wire, as its health has it."""
+
+import pytest
+
+from drivers.api import Source, Velocity
+from drivers.delays import Delays
+from drivers.dynamixel.bus import At
+from drivers.errors import NoReply
+from drivers.kobuki.helm import Helm
+from drivers.kobuki.limits import Limits
+from drivers.virtual.kobuki import VirtualKobuki
+from tests.drivers.chains import chain
+from tests.drivers.lines import direct_bus
+from tests.drivers.test_kobuki_driver import Bench
+
+
+def test_times_are_added_up_in_microseconds() -> None:
+    delays = Delays()
+    for seconds in (0.001, 0.003, 0.0005):
+        delays.add(seconds)
+    assert delays.counters("exchange") == {"exchanges": 3, "exchange_us": 4500, "longest_exchange_us": 3000}
+
+
+def helm() -> Helm:
+    return Helm(Limits(0.5, 1.9, 0.5, 3.5))
+
+
+def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
+    waiting = helm()
+    waiting.steer(Velocity(0.1, 0.0), 1.0, None)
+    for now in (1.015, 1.035):
+        waiting.velocity(now, None)
+    waiting.steer(Velocity(0.1, 0.0), 1.04, None)
+    waiting.velocity(1.045, None)
+    assert waiting.waits.counters("command") == {
+        "commands": 2,
+        "command_us": pytest.approx(20_000),
+        "longest_command_us": pytest.approx(15_000),
+    }
+
+
+def test_a_command_that_was_never_obeyed_did_not_wait() -> None:
+    stopped, overruled = helm(), helm()
+    stopped.steer(Velocity(0.1, 0.0), 1.0, None)
+    stopped.halt()
+    stopped.velocity(1.02, None)
+    overruled.steer(Velocity(0.1, 0.0), 1.0, None, Source.TELEOP)
+    overruled.velocity(1.02, None)
+    overruled.steer(Velocity(0.2, 0.0), 1.03, None)
+    overruled.velocity(1.04, None)
+    assert stopped.waits.counters("command")["commands"] == 0
+    assert overruled.waits.counters("command")["commands"] == 1
+
+
+def test_a_base_tells_how_far_apart_its_reports_come_and_how_long_commands_wait() -> None:
+    bench = Bench(VirtualKobuki())
+    bench.drive(2.0, 0.1)
+    counters = bench.base.health().counters
+    assert counters["report_gap_us"] / counters["report_gaps"] == pytest.approx(20_000, rel=0.1)
+    assert counters["longest_report_gap_us"] >= 19_000
+    assert counters["commands"] > 50
+    assert counters["longest_command_us"] <= 45_000
+
+
+def test_time_without_a_connection_is_no_gap_between_reports() -> None:
+    bench = Bench(VirtualKobuki())
+    bench.link.run(1.0)
+    bench.clock.advance(60.0)
+    bench.base.connected()
+    bench.link.run(1.0)
+    assert bench.base.health().counters["longest_report_gap_us"] < 100_000
+
+
+def test_a_bus_tells_how_long_its_exchanges_take_without_those_that_nobody_answered() -> None:
+    bus, _, _ = direct_bus(chain(1, paced=True))
+    for _ in range(3):
+        bus.read_block(At(1), 36, 11)
+    with pytest.raises(NoReply):
+        bus.read_block(At(9), 36, 11, tries=1)
+    counters = bus.exchanges.counters("exchange")
+    assert counters["exchanges"] == 3
+    assert counters["exchange_us"] / 3 == pytest.approx(250 + 500, rel=0.01)  # 25 bytes, and the servo's delay
+    assert counters["longest_exchange_us"] == pytest.approx(250 + 500, rel=0.01)

@@ -1,0 +1,365 @@
+"""The moments of a run: time stands still in each, and from what was told in them all can be decided over again."""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.driving.straight import Drive
+from behaviours.leaf import Leaf
+from behaviours.robot import Robot
+from behaviours.run import Run
+from drivers.api import BaseState, Pose2D, Reading, Reflexes, Sides, Steering, Velocity
+from drivers.clock import ManualClock
+from drivers.errors import DriverError
+from missions.executive.answers import Answers
+from missions.executive.asked import asked
+from missions.executive.events import Event, NodeChanged, ReflexFired, Stream, Ticked
+from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, Executive
+from missions.executive.guard import Guard
+from missions.executive.moment import Answer, Moment
+from missions.order import Order
+from missions.runner import Runner
+from missions.testing.recorders import Bench, good
+from missions.testing.recorders.base import RecordedBase
+
+REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0)
+PERIOD = 0.05
+
+
+class Slow(Drive):
+    """A drive that takes ``ticks`` ticks to stop."""
+
+    word = "slow_drive"
+    ticks = 3
+    halt_limit = 2 * HALT_TIME
+
+    def halting(self) -> bool:
+        self.ticks -= 1
+        return self.ticks > 0
+
+
+class Dawdle(Leaf):
+    """A leaf that takes ``takes`` seconds of each tick, and keeps the times that it reads."""
+
+    word = "dawdle"
+    takes = 0.03
+
+    def update(self) -> Status:
+        clock = self.run.clock
+        assert isinstance(clock, ManualClock)
+        self.read = [self.run.now()]
+        clock.advance(self.takes)
+        self.read.append(self.run.now())
+        return Status.RUNNING
+
+
+class Interrupted(Leaf):
+    """A leaf in which somebody presses Ctrl-C."""
+
+    def update(self) -> Status:
+        raise KeyboardInterrupt
+
+
+class Scene:
+    """An executive with one leaf and a base, all of whose moments and events are kept."""
+
+    def __init__(self, leaf: Leaf, base: RecordedBase | None = None, clock: ManualClock | None = None) -> None:
+        self.bench = Bench(clock)
+        self.base = self.bench.base if base is None else base
+        self.base.reading = good(REST)
+        self.leaf = leaf
+        self.moments: list[Moment] = []
+        self.events: list[Event] = []
+        stream, answers, run = Stream([self.events.append]), Answers(), self.bench.run
+        robot = asked(Robot(base_part=self.base), answers)
+        self.bench.put(leaf)
+        leaf.robot, leaf.key, leaf.line = robot, "1", 3
+        guard = Guard(robot.base, Reflexes(), run, stream)
+        self.executive = Executive(leaf, run, stream, guard=guard, answers=answers, on_moment=self.moments.append)
+        run.let_pass = lambda seconds: bool(self.bench.clock.advance(seconds))
+
+    def feel(self, **felt: Any) -> None:
+        self.base.reading = good(replace(REST, **felt))
+
+    def tick(self, *, late: float = 0.0) -> Status:
+        self.bench.clock.advance(PERIOD)
+        return self.executive.tick(late=late)
+
+    @property
+    def run(self) -> Run:
+        return self.bench.run
+
+    @property
+    def changes(self) -> list[tuple[int, str, str]]:
+        return [(event.tick, event.status, event.reason) for event in self.events if isinstance(event, NodeChanged)]
+
+
+@pytest.fixture
+def driving() -> Scene:
+    return Scene(_drive(Drive("drive")))
+
+
+# --- time stands still ------------------------------------------------------------------------------------------------
+
+
+def test_within_a_tick_the_time_is_that_of_its_beginning_and_after_it_goes_on() -> None:
+    leaf = Dawdle("dawdle")
+    scene = Scene(leaf)
+    scene.tick()
+    assert leaf.read == [100.05, 100.05]
+    assert leaf.since == 100.05
+    assert scene.run.now() == scene.run.clock.now() == pytest.approx(100.08)
+    assert scene.moments[0].t == 100.05
+
+
+def test_changes_are_told_with_the_time_at_which_they_came() -> None:
+    scene = Scene(Dawdle("dawdle"))
+    scene.tick()
+    assert [event.t for event in scene.events if isinstance(event, NodeChanged | Ticked)] == [pytest.approx(100.08)] * 2
+
+
+def test_time_goes_on_after_a_tick_that_was_broken_off() -> None:
+    scene = Scene(Interrupted("interrupted"))
+    with pytest.raises(KeyboardInterrupt):
+        scene.tick()
+    scene.bench.clock.advance(1.0)
+    assert scene.run.now() == pytest.approx(101.05)
+
+
+# --- what a moment holds ----------------------------------------------------------------------------------------------
+
+
+def test_a_tick_is_told_with_its_answers_in_order_and_how_late_it_was(driving: Scene) -> None:
+    driving.tick(late=0.01)
+    (moment,) = driving.moments
+    assert (moment.kind, moment.tick, moment.t, moment.late, moment.overheld) == ("tick", 1, 100.05, 0.01, None)
+    questions = [f"{part}.{what}" for part, what, _, _ in moment.answers]
+    assert questions[:2] == ["base.latched", "base.state"]
+    assert "base.drive" in questions
+
+
+def test_the_time_spent_is_that_of_the_clock_on_the_wall() -> None:
+    scene = Scene(Dawdle("dawdle"))
+    scene.tick()
+    assert scene.moments[0].spent == pytest.approx(0.03)
+
+
+def test_lateness_is_an_event_only_beyond_a_period(driving: Scene) -> None:
+    driving.tick(late=0.04)
+    driving.tick(late=0.06)
+    assert [event.late for event in driving.events if isinstance(event, Ticked)] == [None, 0.06]
+    assert [moment.late for moment in driving.moments] == [0.04, 0.06]
+
+
+def test_the_parts_that_a_mission_does_not_ask_are_looked_at_every_fifth_tick() -> None:
+    scene = Scene(Dawdle("dawdle"))
+    for _ in range(11):
+        scene.tick()
+    asked_for = [{what for _, what, _, _ in moment.answers} for moment in scene.moments]
+    assert [number for number, questions in enumerate(asked_for, 1) if "steering" in questions] == [1, 6, 11]
+
+
+def test_without_anybody_who_listens_nothing_is_kept(driving: Scene) -> None:
+    stream, answers = Stream(), Answers()
+    robot = asked(Robot(base_part=driving.base), answers)
+    driving.leaf.robot = robot
+    executive = Executive(driving.leaf, driving.run, stream, answers=answers)
+    executive.tick()
+    assert (answers.kept, answers.said, answers.open) == (False, [], False)
+
+
+def test_while_paused_the_guard_looks_once_a_second_and_at_once_when_the_base_feels_something(driving: Scene) -> None:
+    clock, woken = driving.bench.clock, driving.run.woken
+    looks = iter(range(1000))
+
+    def wait(timeout: float | None = None) -> bool:
+        clock.advance(GLANCE if timeout is None else timeout)
+        number = next(looks)
+        if number == 50:
+            driving.feel(bumper=Sides(left=True))
+        if number == 52:
+            driving.base.latched = "a person said so"
+        if number == 70:
+            driving.executive.stop("enough")
+        return False
+
+    woken.wait = wait  # type: ignore[method-assign] # so that no time passes but the clock's
+    driving.tick()
+    driving.executive.pause()
+    driving.executive.loop()
+    *quiet, bumped, latched = [moment.t for moment in driving.moments if moment.kind == "look"]
+    gaps = [after - before for before, after in pairwise(quiet)]
+    assert gaps == pytest.approx([LOOK_EVERY] * 2, abs=1.1 * GLANCE)
+    assert (bumped - quiet[0], latched - bumped) == pytest.approx((50 * GLANCE, 2 * GLANCE))
+    assert [event.what for event in driving.events if isinstance(event, ReflexFired)] == ["bumper", "latched"]
+    assert driving.moments[-1].kind == "halt"
+
+
+def test_each_part_of_the_halting_is_a_moment() -> None:
+    scene = Scene(_drive(Slow("slow")))
+    scene.tick()
+    scene.executive.stop("enough")
+    scene.executive.loop()
+    assert [(moment.kind, moment.tick) for moment in scene.moments] == [
+        ("tick", 1),
+        ("halt", 1),
+        ("halt", 2),
+        ("halt", 3),
+    ]
+
+
+def test_a_leaf_that_has_failed_because_it_held_the_tick_is_named() -> None:
+    leaf = Dawdle("dawdle")
+    scene = Scene(leaf)
+    scene.run.overheld = leaf, 1, 97.08
+    assert scene.tick() is Status.FAILURE
+    assert scene.moments[0].overheld == ("1", 3.0)
+    scene.tick()
+    assert scene.moments[1].overheld is None
+
+
+# --- to decide over again ---------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Answering(RecordedBase):
+    """A base that only knows what was answered in a moment."""
+
+    left: list[Answer] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__(ManualClock())
+        del self.latched, self.limits
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("latched", "limits"):
+            return self.answer(name)
+        raise AttributeError(name)
+
+    def answer(self, what: str) -> Any:
+        place = next(place for place, (_, each, _, _) in enumerate(self.left) if each == what)
+        value = self.left.pop(place)[3]
+        if isinstance(value, DriverError):
+            raise value
+        return value
+
+    def state(self) -> Reading[BaseState]:
+        found: Reading[BaseState] = self.answer("state")
+        return found
+
+    def steering(self) -> Steering:
+        found: Steering = self.answer("steering")
+        return found
+
+    def drive(self, velocity: Velocity, **named: object) -> Velocity:
+        del velocity, named
+        found: Velocity = self.answer("drive")
+        return found
+
+
+def repeated(scene: Scene, leaf: Leaf) -> Scene:
+    """Return a scene in which all that happened in another was decided over again."""
+    base, clock = Answering(), ManualClock()
+    again = Scene(leaf, base, clock)
+    for moment in scene.moments:
+        base.left = [*moment.answers]
+        clock.reach(moment.t)
+        again.executive.repeat(moment)
+    return again
+
+
+def assert_alike(scene: Scene, again: Scene) -> None:
+    assert again.changes == scene.changes
+    assert [(moment.kind, moment.tick, moment.t) for moment in again.moments] == [
+        (moment.kind, moment.tick, moment.t) for moment in scene.moments
+    ]
+
+
+def test_a_drive_is_decided_over_again() -> None:
+    scene = Scene(_drive(Drive("drive")))
+    for number in range(40):
+        scene.feel(pose=Pose2D(min(1.0, 0.1 * number), 0.0, 0.0))
+        if scene.tick() is not Status.RUNNING:
+            break
+    assert scene.changes[-1][1] == "success"
+    assert_alike(scene, repeated(scene, _drive(Drive("drive"))))
+
+
+def test_an_alarm_and_the_halting_after_it_are_decided_over_again() -> None:
+    scene = Scene(_drive(Slow("slow")))
+    scene.tick()
+    scene.feel(battery_percent=5.0)
+    while scene.tick() is Status.RUNNING:
+        pass
+    assert scene.changes[-1][1:] == ("failure", "battery critical: 5 %")
+    assert_alike(scene, repeated(scene, _drive(Slow("slow"))))
+
+
+def test_a_halt_that_never_ends_is_given_up_over_again() -> None:
+    endless = Slow("slow")
+    endless.ticks = 1000
+    scene = Scene(_drive(endless))
+    scene.tick()
+    scene.executive.stop("enough")
+    scene.executive.loop()
+    assert scene.moments[-1].t - scene.moments[1].t >= HALT_TIME
+    again = Slow("slow")
+    again.ticks = 1000
+    assert_alike(scene, repeated(scene, _drive(again)))
+
+
+def test_a_leaf_that_was_failed_for_holding_the_tick_fails_over_again() -> None:
+    leaf = Dawdle("dawdle")
+    scene = Scene(leaf)
+    scene.tick()
+    scene.run.overheld = leaf, 2, 97.04
+    scene.tick()
+    reason = scene.changes[-1][2]
+    assert reason == "dawdle (line 3): held the tick for 3.1 s"
+    quick = Dawdle("dawdle")
+    quick.takes = 0.0
+    assert_alike(scene, repeated(scene, quick))
+
+
+def test_a_refused_command_is_refused_over_again() -> None:
+    scene = Scene(_drive(Drive("drive")))
+    scene.base.trouble = DriverError("the wheels are stuck")
+    assert scene.tick() is Status.FAILURE
+    assert scene.changes[-1][2] == "the wheels are stuck"
+    assert_alike(scene, repeated(scene, _drive(Drive("drive"))))
+
+
+def _drive(leaf: Drive) -> Drive:
+    leaf.distance = 1.0
+    return leaf
+
+
+# --- a whole run ------------------------------------------------------------------------------------------------------
+
+
+def _played(*, recorded: bool) -> tuple[list[NodeChanged], list[Moment], list[Ticked]]:
+    events: list[Event] = []
+    moments: list[Moment] = []
+    order = Order("greet", simulate="fast", eyes="truth")
+    runner = Runner(order, listeners=[events.append], on_moment=moments.append if recorded else None)
+    runner.run()
+    changes = [event for event in events if isinstance(event, NodeChanged)]
+    return changes, moments, [event for event in events if isinstance(event, Ticked)]
+
+
+def test_who_listens_to_the_moments_changes_nothing() -> None:
+    without, none, _ = _played(recorded=False)
+    changes, moments, ticks = _played(recorded=True)
+    assert changes == without
+    assert none == []
+    assert [(moment.kind, moment.tick) for moment in moments] == [("tick", event.tick) for event in ticks]
+    assert {part for moment in moments for part, _, _, _ in moment.answers} == {"base", "head", "arm", "sight", "voice"}
+
+
+def test_in_simulated_time_no_tick_is_late() -> None:
+    _, moments, _ = _played(recorded=True)
+    assert max(moment.late for moment in moments) < 1e-9
+    assert min(moment.spent for moment in moments) > 0.0
