@@ -1,32 +1,88 @@
-"""Leaves that speak."""
+"""Leaves that speak and play sounds."""
+
+from abc import abstractmethod
+from pathlib import Path
 
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
-from drivers.api import Utterance
+from drivers.api import Manner, Priority, Utterance
+
+PRIORITIES = tuple(each.name.lower() for each in Priority)
+SLOWEST, QUICKEST = 80, 450
+"""Words a minute that synthesisers can speak."""
 
 
-class Say(Leaf):
-    """Speak.
+class Uttering(Leaf):
+    """Something that is heard: running until it was, silent when it is halted."""
 
-    Running until it is spoken, then succeeds. Falls silent when it is halted.
-    """
-
-    word = "say"
     needs = frozenset({"voice"})
     drives = frozenset({"voice"})
-    text: str = argument("text", "what to say", principal=True)
+    priority: str = "normal"
     _utterance: Utterance | None = None
+
+    @abstractmethod
+    def utter(self, priority: Priority) -> Utterance:
+        """Begin."""
+
+    @property
+    @abstractmethod
+    def doing(self) -> str:
+        """What it does, in words."""
 
     def initialise(self) -> None:
         self._utterance = None
-        self._utterance = self.robot.voice.say(self.text)
+        self._utterance = self.utter(Priority[self.priority.upper()])
 
     def update(self) -> Status:
         if self._utterance is not None and self._utterance.done():
             return SUCCESS
-        return self.wait(f'saying "{self.text}"')
+        return self.wait(self.doing)
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._utterance is not None:
             self._utterance.cancel()
+
+
+class Say(Uttering):
+    """Speak.
+
+    Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
+    once; what it breaks off is said again from its beginning afterwards.
+    """
+
+    word = "say"
+    text: str = argument("text", "what to say", principal=True)
+    voice: str | None = argument("text", "whose voice, such as en-us+f2; else as the robot file says", default=None)
+    speed: float | None = argument(
+        "number", "words per minute; else as the robot file says", default=None, low=SLOWEST, high=QUICKEST
+    )
+    language: str | None = argument("text", "such as de; else as the robot file says", default=None)
+    priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
+
+    def utter(self, priority: Priority) -> Utterance:
+        manner = Manner(self.voice or "", self.speed or 0.0, self.language or "")
+        return self.robot.voice.say(self.text, manner, priority)
+
+    @property
+    def doing(self) -> str:
+        return f'saying "{self.text}"'
+
+
+class PlaySound(Uttering):
+    """Play a sound.
+
+    Running until it was heard, then succeeds; fails when the file is no sound. Silent when it is halted. It takes
+    turns with what is said.
+    """
+
+    word = "play_sound"
+    sound: Path = argument("file", "a .wav, .mp3, .flac or .ogg; from the folder of the mission", principal=True)
+    priority: str = argument("choice", "what it goes before", default="normal", choices=PRIORITIES)
+
+    def utter(self, priority: Priority) -> Utterance:
+        return self.robot.voice.play(self.sound, priority)
+
+    @property
+    def doing(self) -> str:
+        return f"playing {self.sound.name}"

@@ -16,14 +16,18 @@ from drivers.api.camera import Camera, CameraFrame, Image
 from drivers.api.device import Device, Health, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
+from drivers.api.microphone import SOUND_RATE, Microphone, Samples, Sound
 from drivers.api.ranging import Angles, Ranger, Ranges, RangeScan, wrapped
+from drivers.api.screen import Mood, Screen, Shown
 from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity, unsteered
-from drivers.api.voice import Utterance, Voice
+from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice
 
 __all__ = [
+    "AS_USUAL",
     "BASE_RADIUS",
     "COMMAND_LIFE",
     "HEAD_ACCELERATION",
+    "SOUND_RATE",
     "STILL",
     "Angles",
     "Base",
@@ -46,8 +50,14 @@ __all__ = [
     "Joints",
     "Keyframe",
     "Lamp",
+    "Manner",
+    "Microphone",
+    "Mood",
+    "Mouth",
+    "MouthShape",
     "Notice",
     "Pose2D",
+    "Priority",
     "Quality",
     "RangeScan",
     "Ranger",
@@ -55,7 +65,11 @@ __all__ = [
     "Reading",
     "Reflexes",
     "Report",
+    "Samples",
+    "Screen",
+    "Shown",
     "Sides",
+    "Sound",
     "Source",
     "Steered",
     "Steering",

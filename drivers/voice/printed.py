@@ -1,33 +1,40 @@
 """The voice of a machine without one: it prints the words, and takes as long as they would."""
 
-from collections import deque
-from collections.abc import Callable
+from bisect import insort
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from threading import RLock
 
-from drivers.api import Health, Utterance, unheard
+from drivers.api import AS_USUAL, Health, Manner, MouthShape, Priority, Utterance, unheard
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-
-WORDS_PER_MINUTE = 150
-"""How fast people talk, and synthesisers by default."""
+from drivers.voice.manner import filled, seconds_of
+from drivers.voice.sounds import checked, length_of
 
 
 class PrintedVoice:
-    """A ``drivers.api.Voice`` that hands each text to ``out`` and is then busy for as long as speaking would take.
+    """A ``drivers.api.Voice`` that hands each text to ``out`` in its turn, and is then busy as long as it would take.
 
-    It has no thread: whether something has ended shows when somebody asks, and ``changed`` is called then.
+    It has no thread: whether something has ended shows when somebody asks, and ``changed`` is called then. ``usual``
+    has the speed; of a file, the name is printed.
     """
 
     def __init__(
-        self, clock: Clock, out: Callable[[str], None], *, changed: Callable[[], None] = unheard, name: str = "voice"
+        self,
+        clock: Clock,
+        out: Callable[[str], None],
+        *,
+        usual: Manner = AS_USUAL,
+        changed: Callable[[], None] = unheard,
+        name: str = "voice",
     ) -> None:
         self.name = name
         self._clock = clock
         self._out = out
+        self._usual = usual
         self._changed = changed
         self._lock = RLock()
-        self._queue: deque[PrintedWords] = deque()
-        self._begun = 0.0  # when the first of the queue had its turn
+        self._queue: list[PrintedWords] = []  # the first is being said
         self._said = 0
         self._open = False
 
@@ -38,7 +45,7 @@ class PrintedVoice:
     def rest(self) -> None:
         """Fall silent: cancel all that is being said or waiting."""
         with self._lock:
-            for words in tuple(self._queue):
+            for words in reversed(self._queue.copy()):  # so that nobody's turn comes
                 words.cancel()
 
     def close(self) -> None:
@@ -50,52 +57,81 @@ class PrintedVoice:
         """Say that words are printed here, not spoken."""
         return Health(self._open, "" if self._open else f"{self.name}: not opened yet", counters={"said": self._said})
 
-    def say(self, text: str) -> Utterance:
-        """Print ``text`` now; its time runs after that of whatever is being said. Raises NotConnected before open."""
-        if not self._open:
-            raise NotConnected(f"{self.name}: not open, cannot say {text!r}")
-        words = PrintedWords(self, len(text.split()) * 60 / WORDS_PER_MINUTE)
-        if not words.duration:
-            words.ended = True
-            return words
-        self._out(text)
+    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+        """Print ``text`` in its turn; it lasts as its speed says. Raises NotConnected before open."""
+        return self._queued(text, seconds_of(text, filled(manner, self._usual).speed), priority)
+
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
+        """Print the name of a file in its turn; it lasts as long as the sound. Raises BadRequest, NotConnected."""
+        return self._queued(f"[{checked(self.name, path).name}]", length_of(path), priority)
+
+    def speaking(self) -> Utterance | None:
+        """Return what is being said now."""
         with self._lock:
             self.settle()
+            return self._queue[0] if self._queue else None
+
+    def _queued(self, text: str, duration: float, priority: Priority) -> Utterance:
+        if not self._open:
+            raise NotConnected(f"{self.name}: not open, cannot say {text!r}")
+        words = PrintedWords(self, text, duration, priority)
+        if not duration:
+            words.ended = True
+            return words
+        with self._lock:
+            self.settle()
+            insort(self._queue, words, key=lambda each: -each.priority)
             self._said += 1
-            if not self._queue:
-                self._begun = self._clock.now()
-            self._queue.append(words)
+            self._begin(self._clock.now())
         return words
 
     def settle(self) -> None:
-        """Take out of the queue what has ended by now."""
+        """Take out of the queue what has ended by now; what follows has had its turn from then on."""
         with self._lock:
             before = len(self._queue)
-            while self._queue and self._clock.now() >= self._begun + self._queue[0].duration:
-                self._begun += self._queue[0].duration
-                self._queue.popleft().ended = True
-            ended = len(self._queue) < before
-        if ended:
+            while self._queue and self._clock.now() >= self._queue[0].end:
+                ended = self._queue.pop(0)
+                ended.ended = True
+                self._begin(ended.end)
+            changed = len(self._queue) < before
+        if changed:
             self._changed()
 
     def drop(self, words: "PrintedWords") -> None:
         """Take ``words`` out of the queue before their time; those behind them move up."""
         with self._lock:
             self.settle()
-            if words in self._queue:
-                if words is self._queue[0]:
-                    self._begun = self._clock.now()
-                self._queue.remove(words)
             words.ended = True
+            if words in self._queue:
+                self._queue.remove(words)
+                self._begin(self._clock.now())
+
+    def _begin(self, now: float) -> None:
+        """Print the first of the queue, if it has not begun; what it breaks off begins anew afterwards."""
+        for words in self._queue[1:]:
+            words.started = None
+        if self._queue and self._queue[0].started is None:
+            self._queue[0].started = now
+            self._out(self._queue[0].text)
 
 
 class PrintedWords:
-    """A ``drivers.api.Utterance`` that was printed and lasts ``duration`` seconds from its turn on."""
+    """A ``drivers.api.Utterance`` that is printed and lasts ``duration`` seconds from its turn on."""
 
-    def __init__(self, voice: PrintedVoice, duration: float) -> None:
+    mouth: Sequence[MouthShape] = ()
+
+    def __init__(self, voice: PrintedVoice, text: str, duration: float, priority: Priority) -> None:
+        self.text = text
         self.duration = duration
+        self.priority = priority
+        self.started: float | None = None
         self.ended = False
         self._voice = voice
+
+    @property
+    def end(self) -> float:
+        """When it will have been said, if nothing breaks it off; its turn has come."""
+        return (self.started or 0.0) + self.duration
 
     def done(self) -> bool:
         """True once as much time has passed as the words take."""

@@ -8,6 +8,7 @@ from tests.benchmarks import (
     noticing,
     perceiving,
     reacting,
+    recording,
     serving_base,
     servoing,
     simulating,
@@ -38,6 +39,7 @@ def main() -> None:
         reacting,
         wandering,
         servoing,
+        recording,
     ):
         for row in module.rows():
             found.append(row.as_dict())

@@ -42,7 +42,7 @@ from missions.executive.commands import Tell, robot_for
 from missions.executive.events import Stream
 from missions.executive.executive import Executive
 from missions.language.document import check_plan
-from missions.runner import DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT
 from perception.api import Gaze, Image, View
 from perception.eyes import Eyes, Vision
 from perception.faces import HaarFaces

@@ -6,7 +6,8 @@ from typing import Literal
 
 import cv2
 
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.benchmarks.table import Row
 
 ROUNDS = 5

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from config.library import find
 from config.marked import read_source
-from missions.runner import DEFAULT_WORLD
+from missions.order import DEFAULT_WORLD
 from missions.sweep.processes import run_here
 from missions.sweep.sweep import Sweep
 from missions.sweep.variation import Span, Variation

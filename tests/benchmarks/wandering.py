@@ -15,7 +15,8 @@ from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.world import World
 from missions.assembly.worlds import build_world
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.benchmarks.table import Row
 
 CELL = 0.1

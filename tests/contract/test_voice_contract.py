@@ -1,15 +1,20 @@
-"""What ``drivers.api.Voice`` promises, kept by a synthesiser's speaker, by printed words and by the twin."""
+"""What ``drivers.api.Voice`` promises, kept by espeak-ng and a player, by a program, by printed words and the twin."""
 
 import sys
+import wave
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from drivers.api import Voice
-from drivers.errors import NotConnected
+from drivers.api import Manner, Priority, Voice
+from drivers.errors import BadRequest, NotConnected
 from drivers.sim.twins.voice import VoiceTwin
+from drivers.voice.engines import Espeak
+from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
+from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
 
@@ -33,8 +38,17 @@ class VoiceRig(Rig):
 class SpokenVoice(InRealTime, VoiceRig):
     def __init__(self) -> None:
         super().__init__()
-        synthesiser = Synthesiser(sys.executable, ("-S", "-c", PROGRAM))
-        self.device = Speaker(synthesiser, print, report=self.notices.append, changed=self.changed)
+        engine = Speaker(Synthesiser(sys.executable, ("-S", "-c", PROGRAM)))
+        self.device = SpeechVoice(self.clock, engine, Player(self.clock, backend="null"), print, changed=self.changed)
+
+
+class EspeakVoice(InRealTime, VoiceRig):
+    """Plays into nothing, in real time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        engine = Espeak(self.clock, usual=Manner())
+        self.device = SpeechVoice(self.clock, engine, Player(self.clock, backend="null"), print, changed=self.changed)
 
 
 class PrintedWordsVoice(InSimulatedTime, VoiceRig):
@@ -51,7 +65,14 @@ class TwinVoice(InSimulatedTime, VoiceRig):
         self.timeline.every(twin.PERIOD, twin.step)
 
 
-@pytest.fixture(params=[real(SpokenVoice, "spoken"), pytest.param(PrintedWordsVoice, id="printed"), twin(TwinVoice)])
+@pytest.fixture(
+    params=[
+        real(EspeakVoice, "espeak"),
+        real(SpokenVoice, "program"),
+        pytest.param(PrintedWordsVoice, id="printed"),
+        twin(TwinVoice),
+    ]
+)
 def rig(request: pytest.FixtureRequest) -> Iterator[VoiceRig]:
     rig: VoiceRig = request.param()
     yield rig
@@ -129,3 +150,85 @@ def test_closed_it_is_silent_and_opened_again_it_speaks(voice: VoiceRig) -> None
         voice.device.say("no")
     voice.device.open()
     voice.until(voice.device.say("yes").done)
+
+
+def test_it_says_what_is_heard_now_and_since_when(voice: VoiceRig) -> None:
+    assert voice.device.speaking() is None
+    first, second = voice.device.say("hello there"), voice.device.say("you")
+    began = voice.clock.now()
+    voice.until(lambda: voice.device.speaking() is first)
+    assert first.started is not None
+    assert began <= first.started <= voice.clock.now()
+    assert (second.started, list(second.mouth)) == (None, [])
+    voice.until(lambda: voice.device.speaking() is second)
+    assert first.done()
+    voice.until(lambda: second.done() and voice.device.speaking() is None)
+
+
+def test_what_is_more_important_is_heard_at_once_and_the_other_again_afterwards(voice: VoiceRig) -> None:
+    low, usual = voice.device.say("one two", priority=Priority.LOW), voice.device.say("three four")
+    voice.until(lambda: voice.device.speaking() is usual)
+    assert low.started is None
+    began = usual.started
+    high = voice.device.say("stop", priority=Priority.HIGH)
+    voice.until(high.done)
+    assert not usual.done()
+    voice.until(lambda: voice.device.speaking() is usual)
+    assert usual.started is not None
+    assert began is not None
+    assert usual.started > began
+    voice.until(low.done)
+    assert usual.done()
+    voice.until(lambda: voice.changes == 3)
+
+
+def test_what_was_broken_off_can_be_cancelled_while_it_waits(voice: VoiceRig) -> None:
+    usual = voice.device.say("much " * 300)
+    voice.until(lambda: voice.device.speaking() is usual)
+    high = voice.device.say("stop", priority=Priority.HIGH)
+    voice.until(lambda: voice.device.speaking() is high)
+    usual.cancel()
+    assert usual.done()
+    voice.until(high.done)
+    voice.until(lambda: voice.device.speaking() is None)
+
+
+@pytest.fixture
+def bell(tmp_path: Path) -> Path:
+    """A sound of 0.4 s."""
+    path = tmp_path / "bell.wav"
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(bytes(4 * 3200))
+    return path
+
+
+def test_a_sound_is_played_in_its_turn_and_takes_its_time(voice: VoiceRig, bell: Path) -> None:
+    first, second, third = voice.device.say("you"), voice.device.play(bell), voice.device.say("you")
+    voice.until(lambda: voice.device.speaking() is second)
+    assert first.done()
+    began = second.started
+    voice.until(second.done)
+    assert began is not None
+    assert voice.clock.now() - began >= 0.39
+    assert not third.done()
+    voice.until(third.done)
+
+
+def test_a_sound_that_is_cancelled_is_silent(voice: VoiceRig, bell: Path) -> None:
+    sound = voice.device.play(bell)
+    voice.until(lambda: voice.device.speaking() is sound)
+    sound.cancel()
+    assert sound.done()
+    voice.until(lambda: voice.device.speaking() is None)
+
+
+def test_what_is_no_sound_is_refused(voice: VoiceRig, tmp_path: Path) -> None:
+    with pytest.raises(BadRequest, match="no such file") as raised:
+        voice.device.play(tmp_path / "none.wav")
+    assert raised.value.hint
+    (tmp_path / "words.wav").write_text("these are words")
+    with pytest.raises(BadRequest, match="is no WAV"):
+        voice.device.play(tmp_path / "words.wav")

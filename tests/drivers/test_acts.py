@@ -21,7 +21,7 @@ def test_somebody_answers_what_they_listen_for_whatever_its_capitals() -> None:
     world = World(people=(Person("Anna", acts=(Act(hears="hello", say="Hello, robot!"),)),))
     assert world.hear("Hello there", 2.0) == (Reply("Anna", "Hello, robot!", 2.0 + REACTION),)
     assert world.hear("Goodbye", 5.0) == ()
-    assert world.heard == (Heard("Hello there", 2.0), Heard("Goodbye", 5.0))
+    assert world.heard == (Heard("Hello there", 2.0, ("Anna",)), Heard("Goodbye", 5.0, ("Anna",)))
 
 
 def test_answers_of_several_come_in_the_order_of_time() -> None:

@@ -2,17 +2,19 @@
 
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from drivers.api import Notice, Voice
-from drivers.clock import ManualClock
+from drivers.api import Manner, Notice, Priority, Voice, unheard
+from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
+from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
+from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser, find_synthesiser
 from tests.waiting import wait_until
 
@@ -46,7 +48,7 @@ class Booth:
     """A speaker, and what is known of it."""
 
     folder: Path
-    speaker: Speaker
+    speaker: SpeechVoice
     printed: list[str] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
     changes: list[None] = field(default_factory=list)
@@ -64,6 +66,22 @@ class Booth:
         return [line for line in book.read_text().split("\n") if line] if book.exists() else []
 
 
+def speech(
+    synthesiser: Synthesiser, printed: list[str], notices: list[Notice], changed: Callable[[], None] = unheard
+) -> SpeechVoice:
+    """A voice that speaks with a program; words that it prints are quick."""
+    clock = SystemClock()
+    return SpeechVoice(
+        clock,
+        Speaker(synthesiser),
+        Player(clock, backend="null"),
+        printed.append,
+        usual=Manner(speed=1200),
+        report=notices.append,
+        changed=changed,
+    )
+
+
 @pytest.fixture
 def booth(tmp_path: Path) -> Iterator[Booth]:
     program = tmp_path / "synthesiser.py"
@@ -71,11 +89,8 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
     printed: list[str] = []
     notices: list[Notice] = []
     changes: list[None] = []
-    speaker = Speaker(
-        Synthesiser(sys.executable, (str(program), str(tmp_path))),
-        printed.append,
-        report=notices.append,
-        changed=lambda: changes.append(None),
+    speaker = speech(
+        Synthesiser(sys.executable, (str(program), str(tmp_path))), printed, notices, lambda: changes.append(None)
     )
     speaker.open()
     booth = Booth(tmp_path, speaker, printed, notices, changes)
@@ -190,6 +205,8 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
     assert notice.hint.startswith("echo hello | ")
     health = booth.speaker.health()
     assert (health.online, health.detail, health.counters["failed"]) == (True, notice.what, 1)
+    wait_until(booth.speaker.say("this will fail").done)
+    assert len(booth.notices) == 1  # the same again is no news
     wait_until(booth.speaker.say("this works").done)
     assert booth.speaker.health().detail == ""
 
@@ -197,7 +214,7 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
 def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_path: Path) -> None:
     printed: list[str] = []
     notices: list[Notice] = []
-    speaker = Speaker(Synthesiser(str(tmp_path / "gone")), printed.append, report=notices.append)
+    speaker = speech(Synthesiser(str(tmp_path / "gone")), printed, notices)
     speaker.open()
     wait_until(speaker.say("hello").done)
     speaker.close()
@@ -210,13 +227,15 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
 
 def test_the_best_synthesiser_on_the_path_is_found(tmp_path: Path) -> None:
     assert find_synthesiser(str(tmp_path)) is None
-    for name, arguments in (("say", ["-f", "-"]), ("espeak", ["--stdin"]), ("espeak-ng", ["--stdin"])):
+    manner = Manner(speed=150)
+    espeak = ["--stdin", "-s150", "-a100"]
+    for name, arguments in (("say", ["-r150", "-f", "-"]), ("espeak", espeak), ("espeak-ng", espeak)):
         program = tmp_path / name
         program.write_text("#!/bin/sh\n")
         program.chmod(0o755)
         found = find_synthesiser(str(tmp_path))
         assert found is not None
-        assert found.command == [str(program), *arguments]
+        assert found.command(manner) == [str(program), *arguments]
 
 
 def test_a_file_that_is_no_program_is_not_taken_for_one(tmp_path: Path) -> None:
@@ -229,12 +248,20 @@ def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
     synthesiser = find_synthesiser()
     assert synthesiser is not None
     printed: list[str] = []
-    speaker = Speaker(synthesiser, printed.append)
+    speaker = speech(synthesiser, printed, [])
     speaker.open()
     wait_until(speaker.say("one two").done)
     speaker.close()
     counters = speaker.health().counters
     assert (counters["said"], counters["failed"]) == (1, 0) or printed == ["one two"]  # no sound card: it may fail
+
+
+def test_an_argument_of_which_nothing_is_known_is_left_out() -> None:
+    synthesiser = Synthesiser("my_tts", ("--as", "-v{voice}", "-l{language}", "--pace={speed}", "{name}", "{x}"), 0.8)
+    assert synthesiser.command(Manner()) == ["my_tts", "--as", "{x}"]
+    spoken = synthesiser.command(Manner("+f2", 120, "de"))
+    assert spoken == ["my_tts", "--as", "-v+f2", "-lde", "--pace=120", "de+f2", "{x}"]
+    assert Synthesiser("my_tts", ("-a{volume}",), 0.8).command(Manner()) == ["my_tts", "-a80"]
 
 
 # --- printed words ----------------------------------------------------------------------------------------------------
@@ -310,3 +337,32 @@ def test_a_printed_voice_that_is_not_open_refuses_and_closing_ends_all(clock: Ma
     voice.close()
     voice.close()
     assert all(one.done() for one in words)
+
+
+def test_printed_words_last_as_their_speed_says(clock: ManualClock) -> None:
+    voice = PrintedVoice(clock, lambda _: None, usual=Manner(speed=100))
+    voice.open()
+    slow = voice.say("one two three four five")
+    clock.advance(2.9)
+    assert not slow.done()
+    clock.advance(0.2)
+    assert slow.done()
+    quick = voice.say("one two three four five", Manner(speed=300))
+    clock.advance(1.05)
+    assert quick.done()
+
+
+def test_printed_words_that_are_broken_off_are_printed_again(clock: ManualClock) -> None:
+    printed: list[str] = []
+    voice = PrintedVoice(clock, printed.append)
+    voice.open()
+    usual, low = voice.say("one two three four five"), voice.say("six", priority=Priority.LOW)
+    clock.advance(1.0)
+    high = voice.say("seven eight nine ten eleven", priority=Priority.HIGH)
+    assert (usual.started, high.started) == (None, 51.0)
+    clock.advance(2.1)
+    assert high.done()
+    assert usual.started == 53.0
+    clock.advance(10.0)
+    assert low.done()
+    assert printed == ["one two three four five", "seven eight nine ten eleven", "one two three four five", "six"]

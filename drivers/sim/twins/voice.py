@@ -1,8 +1,9 @@
 """The twin of a voice: printed words with a plug."""
 
 from collections.abc import Callable
+from pathlib import Path
 
-from drivers.api import Health, Report, Utterance, unheard, unreported
+from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, unheard, unreported
 from drivers.clock import Clock
 from drivers.sim.twins.plug import Plug
 from drivers.voice.printed import PrintedVoice
@@ -18,11 +19,12 @@ class VoiceTwin(PrintedVoice):
         clock: Clock,
         out: Callable[[str], None],
         *,
+        usual: Manner = AS_USUAL,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "voice",
     ) -> None:
-        super().__init__(clock, out, changed=changed, name=name)
+        super().__init__(clock, out, usual=usual, changed=changed, name=name)
         self.plug = Plug(name, report, gone=self.rest)
 
     def open(self) -> None:
@@ -39,10 +41,15 @@ class VoiceTwin(PrintedVoice):
         """Say whether it is there."""
         return self.plug.health(super().health().counters)
 
-    def say(self, text: str) -> Utterance:
-        """Print ``text`` now; its time runs after that of whatever is being said. Raises NotConnected if unplugged."""
+    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+        """Print ``text`` in its turn; it lasts as its speed says. Raises NotConnected if unplugged."""
         self.plug.require()
-        return super().say(text)
+        return super().say(text, manner, priority)
+
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
+        """Print the name of a file in its turn. Raises BadRequest; NotConnected if unplugged."""
+        self.plug.require()
+        return super().play(path, priority)
 
     def step(self) -> None:
         """Take note of what has been said to its end."""

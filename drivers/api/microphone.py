@@ -1,0 +1,41 @@
+"""What perception sees of a microphone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.api.device import Device
+
+SOUND_RATE = 16_000
+"""Samples a second that every microphone gives, whatever its hardware does."""
+
+Samples = npt.NDArray[np.int16]
+"""Sound: shape (n,), dtype int16, one channel, ``SOUND_RATE`` samples a second."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sound:
+    """A piece of sound: ``number`` counts the pieces of a microphone, so that a gap shows.
+
+    ``stamp`` is the time of its first sample, in seconds on the driver's clock.
+    """
+
+    number: int
+    stamp: float
+    samples: Samples
+
+    @property
+    def end(self) -> float:
+        """The time at which it ends."""
+        return self.stamp + len(self.samples) / SOUND_RATE
+
+
+class Microphone(Device, Protocol):
+    """What the robot hears with. It keeps what it has heard for a few seconds, and drops what nobody fetches."""
+
+    def read(self, after: int) -> Sequence[Sound]:
+        """Return the pieces with a larger number than ``after``, oldest first; at most the last 5 s are kept."""
+        ...

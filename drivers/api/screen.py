@@ -1,0 +1,48 @@
+"""What a behaviour sees of a screen that shows the robot's face."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from drivers.api.device import Device
+
+
+class Mood(StrEnum):
+    """How a face looks."""
+
+    NEUTRAL = "neutral"
+    HAPPY = "happy"
+    SAD = "sad"
+    SURPRISED = "surprised"
+    ASLEEP = "asleep"
+    LISTENING = "listening"
+    SPEAKING = "speaking"
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What the screen shows: a mood, words below the face (empty for none), and how far the mouth is open, 0..1."""
+
+    mood: Mood = Mood.NEUTRAL
+    text: str = ""
+    mouth: float = 0.0
+
+
+class Screen(Device, Protocol):
+    """A face, on the robot's own display. All calls return at once, from any thread, and raise nothing when offline."""
+
+    def mood(self, mood: Mood) -> None:
+        """Look like this from now on."""
+        ...
+
+    def show(self, text: str) -> None:
+        """Show words below the face; an empty text takes them away."""
+        ...
+
+    def mouth(self, opening: float) -> None:
+        """Open the mouth so far, 0..1, whatever the mood; it shuts by itself when nothing newer comes for 0.3 s."""
+        ...
+
+    def shown(self) -> Shown:
+        """Return what is to be seen now."""
+        ...

@@ -1,0 +1,72 @@
+"""The program that records from the sound card with miniaudio, in a process of its own: ALSA complains from C.
+
+``capture_worker.py DEVICE BACKEND``: part of a device's name, empty for the system's own choice; and a backend of
+miniaudio's such as ``null``, empty for any. It says ``{"ready": BACKEND}``, then again and again ``{"bytes": N}`` with
+N bytes of sound behind: 16-bit mono at 16 kHz, 20 ms at a time. It imports nothing of ours, and ends with its input.
+"""
+
+import json
+import sys
+from collections.abc import Generator
+
+import miniaudio
+
+RATE = 16_000
+"""Samples a second."""
+
+PIECE_MS = 20
+"""Milliseconds of sound in a message, about: sound cards have their own ideas."""
+
+
+def tell(message: dict[str, object], body: bytes = b"") -> None:
+    """Say something to the robot."""
+    sys.stdout.buffer.write(json.dumps(message).encode() + b"\n" + body)
+    sys.stdout.buffer.flush()
+
+
+def passing() -> Generator[None, bytes, None]:
+    """Pass on what the sound card gives; primed as miniaudio wants it."""
+    while True:
+        sound = bytes((yield))
+        tell({"bytes": len(sound)}, sound)
+
+
+def chosen(name: str, backends: list[miniaudio.Backend]) -> object | None:
+    """Return the first device whose name holds ``name``, None for the system's choice. Ends the program without one."""
+    if not name:
+        return None
+    found = miniaudio.Devices(backends).get_captures()
+    for device in found:
+        if name.casefold() in device["name"].casefold():
+            identity: object = device["id"]
+            return identity
+    names = ", ".join(repr(device["name"]) for device in found)
+    sys.exit(f"no microphone is called {name!r}; there are: {names or 'none'}")
+
+
+def main() -> None:
+    """Record until the input ends."""
+    name, backend = [*sys.argv[1:], "", ""][:2]
+    backends = [miniaudio.Backend[backend.upper()]] if backend else []
+    try:
+        device = miniaudio.CaptureDevice(
+            input_format=miniaudio.SampleFormat.SIGNED16,
+            nchannels=1,
+            sample_rate=RATE,
+            buffersize_msec=PIECE_MS,
+            device_id=chosen(name, backends),
+            backends=backends or None,
+            app_name="missiontree",
+        )
+    except miniaudio.MiniaudioError as error:
+        sys.exit(f"no sound card that records: {error}")
+    tell({"ready": device.backend})
+    taking = passing()
+    next(taking)
+    device.start(taking)
+    sys.stdin.buffer.read()
+    device.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""A recording that stands in for a microphone."""
+
+import wave
+from pathlib import Path
+
+import numpy as np
+
+from drivers.api import Health, Notice, Report, unreported
+from drivers.api.microphone import SOUND_RATE, Samples, Sound
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.guard import guarded
+
+PIECE = 320
+"""Samples in a piece: 20 ms."""
+
+KEPT = 250
+"""Pieces that are kept: 5 s."""
+
+
+class WavMicrophone:
+    """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from the moment when it is opened.
+
+    Any rate and number of channels, 16 bits a sample. It plays on the clock; behind the end, and with ``loop`` never,
+    it is silent.
+    """
+
+    def __init__(
+        self, path: Path, clock: Clock, *, loop: bool = False, report: Report = unreported, name: str = "microphone"
+    ) -> None:
+        self.name = name
+        self._path = path
+        self._clock = clock
+        self._loop = loop
+        self._report = guarded(report)
+        self._sound: Samples | None = None
+        self._trouble = NotConnected(f"{name}: {path}: not opened yet", hint="open it first")
+        self._began = 0.0
+
+    def open(self) -> None:
+        """Read the file, and begin to play it. A file that cannot be read is told by ``health`` and a notice."""
+        if self._sound is not None:
+            return
+        try:
+            self._sound = load(self.name, self._path)
+        except NotConnected as error:
+            self._trouble = error
+            self._report(Notice(self.name, "offline", str(error), error.hint))
+        else:
+            self._began = self._clock.now()
+            self._report(Notice(self.name, "online", f"{self._path} plays"))
+
+    def rest(self) -> None:
+        """Do nothing: a microphone moves nothing."""
+
+    def close(self) -> None:
+        """End the playing; opened again, it begins from the beginning."""
+        self._sound = None
+        self._trouble = NotConnected(f"{self.name}: {self._path}: not opened yet", hint="open it first")
+
+    def health(self) -> Health:
+        """Say whether the file could be read."""
+        if self._sound is not None:
+            return Health(online=True, counters={"pieces": self._played()})
+        return Health(online=False, detail=str(self._trouble), hint=self._trouble.hint)
+
+    def read(self, after: int) -> list[Sound]:
+        """Return the pieces that have been played by now, with a larger number than ``after``, of the last 5 s."""
+        sound, played = self._sound, self._played()
+        if sound is None:
+            return []
+        wanted = range(max(after + 1, played - KEPT, 0), played)
+        return [Sound(each, self._began + each * PIECE / SOUND_RATE, self._piece(sound, each)) for each in wanted]
+
+    def _played(self) -> int:
+        return int((self._clock.now() - self._began) * SOUND_RATE / PIECE + 1e-6)
+
+    def _piece(self, sound: Samples, number: int) -> Samples:
+        begin = number * PIECE
+        if self._loop and len(sound):
+            return np.take(sound, range(begin, begin + PIECE), mode="wrap")
+        piece = sound[begin : begin + PIECE]
+        return np.pad(piece, (0, PIECE - len(piece)))
+
+
+def load(name: str, path: Path) -> Samples:
+    """Return the sound in a WAV file at the rate of microphones; ``name`` wants it. Raises NotConnected for no WAV."""
+    hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
+    try:
+        with wave.open(str(path), "rb") as file:
+            width, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
+            data = file.readframes(file.getnframes())
+    except FileNotFoundError:
+        raise NotConnected(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there") from None
+    except (OSError, EOFError, wave.Error) as error:
+        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {error}", hint=hint) from error
+    if width != 2:
+        raise NotConnected(f"{name}: {path}: has {8 * width} bits a sample, not 16", hint=hint)
+    whole = np.frombuffer(data[: len(data) // (2 * channels) * 2 * channels], "<i2").reshape(-1, channels)
+    return resampled(whole.mean(axis=1), rate)
+
+
+def resampled(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:
+    """Return a sound of ``rate`` samples a second at ``SOUND_RATE``; what is too high for that is left out.
+
+    By its spectrum: exact for a recording as a whole, and too slow for a stream.
+    """
+    if rate != SOUND_RATE and len(sound):
+        count = round(len(sound) * SOUND_RATE / rate)
+        sound = np.fft.irfft(np.fft.rfft(sound)[: count // 2 + 1], count) * (count / len(sound))
+    return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)

@@ -1,0 +1,126 @@
+"""What turns words into sound: espeak-ng in a process of ours, or the user's Piper."""
+
+import json
+from pathlib import Path
+from typing import Protocol
+
+from drivers.api import Manner, Notice, Report, unreported
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, NoReply
+from drivers.pipe import Message, Worker
+from drivers.voice.cut import Cut
+from drivers.voice.manner import WORDS_PER_MINUTE, espeak_name
+from drivers.voice.partner import Partner
+from drivers.voice.program import run
+from drivers.voice.protocol import Speech, request, speech
+
+PROGRAM = Path(__file__).with_name("espeak_worker.py")
+HINT = "`pip install 'missiontree[speak]'` installs espeak-ng; `driver: print` speaks without"
+
+THINKING = 20.0
+"""Seconds that the synthesiser may take for a text: ten minutes of speech take about three."""
+
+
+class Engine(Protocol):
+    """Turns words into sound; one that ``speaks_itself`` plays it too."""
+
+    @property
+    def speaks_itself(self) -> bool:
+        """Whether it needs no player."""
+        ...
+
+    @property
+    def broken(self) -> str:
+        """Why there is no hope for it, else ""."""
+        ...
+
+    def open(self) -> None:
+        """Start what it needs; returns at once."""
+        ...
+
+    def close(self) -> None:
+        """End that. Safe from any state, more than once."""
+        ...
+
+    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+        """Return a text as sound; None when it was broken off, or has been spoken. Raises DriverError.
+
+        ``manner`` has everything that the robot file or the mission says.
+        """
+        ...
+
+
+class Espeak(Partner):
+    """espeak-ng through the wheel ``espeakng-loader``. ``usual`` is the voice where a mission's does not exist."""
+
+    speaks_itself = False
+
+    def __init__(self, clock: Clock, *, usual: Manner, report: Report = unreported, name: str = "voice") -> None:
+        worker = Worker(name, PROGRAM, clock, hint=HINT, report=report)
+        super().__init__(worker, clock, report=report, hint=HINT)
+        self._usual = espeak_name(usual)
+        self._number = 0
+        self._answer: Speech | None = None
+
+    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+        """See Engine. Raises NotConnected or NoReply."""
+        if not self._be_ready(cut):
+            return None
+        with self._news:
+            self._number += 1
+            self._answer = None
+        self._worker.send(request(self._number, text, espeak_name(manner), self._usual, manner.speed))
+        if self._until(lambda: self._answer is not None, cut, THINKING) or cut.made:
+            return None if cut.made else self._answer
+        self._worker.kill()
+        raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text:.40!r}", hint=self._hint)
+
+    def _take(self, message: Message, body: bytes) -> Notice | None:
+        if message.get("id") != self._number:
+            return None
+        self._answer = speech(message, body)
+        if not self._answer.trouble:
+            return None
+        name = self._worker.name
+        what = f"{name}: {self._answer.trouble}: it speaks with {self._usual or 'en'!r} instead"
+        return Notice(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
+
+
+class Piper:
+    """The user's program ``piper`` with the voice in the file ``model``; what the voice is, its MODEL.json says."""
+
+    speaks_itself = False
+    broken = ""
+
+    def __init__(self, model: Path, *, program: str = "piper", name: str = "voice") -> None:
+        self._model = model
+        self._program = program
+        self._name = name
+
+    def open(self) -> None:
+        """Do nothing: it is run for each text."""
+
+    def close(self) -> None:
+        """Do nothing: what runs is broken off with the words that it says."""
+
+    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+        """See Engine. Raises DeviceFault."""
+        rate = self._sample_rate()
+        pace = WORDS_PER_MINUTE / manner.speed
+        command = [self._program, "--model", str(self._model), "--output-raw", "--length-scale", f"{pace:.3f}"]
+        # It takes each line for a text of its own.
+        samples = run(self._name, command, " ".join(text.split()), cut, wanted=True)
+        return None if samples is None else Speech(samples[: len(samples) & ~1], rate)
+
+    def _sample_rate(self) -> int:
+        about = self._model.with_name(f"{self._model.name}.json")
+        try:
+            rate = int(json.loads(about.read_text(encoding="utf-8"))["audio"]["sample_rate"])
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            hint = (
+                "a voice of Piper's is two files: `model: voice.onnx` in the robot file, and voice.onnx.json beside it"
+            )
+            raise DeviceFault(f"{self._name}: {about}: cannot be read: {error}", hint=hint) from error
+        if rate <= 0:
+            raise DeviceFault(f"{self._name}: {about}: not a rate of samples: {rate}")
+        return rate

@@ -1,0 +1,150 @@
+"""The program that speaks with espeak-ng (GPL-3), in a process of its own; it imports nothing of ours.
+
+Messages as in ``protocol``. The calls, numbers and the structures are those of espeak-ng's ``speak_lib.h``.
+"""
+
+import ctypes
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+SYNCHRONOUS = 2
+PHONEME_EVENTS = 1  # option of espeak_Initialize
+PHONEME = 7  # type of an event
+RATE_PARAMETER = 1
+UTF8 = 1
+BUFFER_MS = 200
+SLOWEST, QUICKEST = 80, 450
+"""Words a minute that espeak can speak."""
+
+
+class Identity(ctypes.Union):
+    """What an event is about."""
+
+    _fields_ = (("number", ctypes.c_int), ("name", ctypes.c_char_p), ("string", ctypes.c_char * 8))
+
+
+class EspeakEvent(ctypes.Structure):
+    """Something that begins at a place in the sound."""
+
+    _fields_ = (
+        ("type", ctypes.c_int),
+        ("unique_identifier", ctypes.c_uint),
+        ("text_position", ctypes.c_int),
+        ("length", ctypes.c_int),
+        ("audio_position", ctypes.c_int),  # ms
+        ("sample", ctypes.c_int),
+        ("user_data", ctypes.c_void_p),
+        ("id", Identity),
+    )
+
+
+class EspeakVoice(ctypes.Structure):
+    """One of its voices; ``languages`` are a byte of priority and a name, again and again."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("languages", ctypes.c_char_p),
+        ("identifier", ctypes.c_char_p),
+        ("gender", ctypes.c_ubyte),
+        ("age", ctypes.c_ubyte),
+        ("variant", ctypes.c_ubyte),
+        ("reserved", ctypes.c_ubyte),
+        ("score", ctypes.c_int),
+        ("spare", ctypes.c_void_p),
+    )
+
+
+Callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(EspeakEvent))
+
+
+class Espeak:
+    """The library. One text at a time: ``sound`` and ``phonemes`` are those of the last."""
+
+    def __init__(self, library: str, data: str) -> None:
+        self.sound = bytearray()
+        self.phonemes: list[tuple[int, str]] = []
+        self._library = ctypes.CDLL(library)
+        self._library.espeak_ListVoices.restype = ctypes.POINTER(ctypes.POINTER(EspeakVoice))
+        self.rate = self._library.espeak_Initialize(SYNCHRONOUS, BUFFER_MS, data.encode(), PHONEME_EVENTS)
+        if self.rate <= 0:
+            sys.exit(f"espeak-ng does not find its data in {data}")
+        self._callback = Callback(self._keep)  # which must live as long as the library
+        self._library.espeak_SetSynthCallback(self._callback)
+        self._variants = {path.name for path in Path(data, "voices", "!v").iterdir()}
+        self._languages = self._by_language()
+
+    def choose(self, voice: str) -> bool:
+        """Speak in a voice from now on; False where there is none of this name. Variants it would not check itself."""
+        base, plus, variant = voice.partition("+")
+        if plus and variant not in self._variants:
+            return False
+        name = self._languages.get(base.lower(), base) + plus + variant
+        return int(self._library.espeak_SetVoiceByName(name.encode())) == 0
+
+    def speak(self, text: str, speed: int) -> None:
+        """Make sound of a text."""
+        self.sound.clear()
+        self.phonemes.clear()
+        self._library.espeak_SetParameter(RATE_PARAMETER, min(max(speed, SLOWEST), QUICKEST), 0)
+        data = text.replace("\0", " ").encode()
+        self._library.espeak_Synth(data, len(data) + 1, 0, 1, 0, UTF8, None, None)
+
+    def _keep(self, samples: int | None, count: int, events: Any) -> int:
+        if samples is not None and count:
+            self.sound.extend(ctypes.string_at(samples, 2 * count))
+        number = 0
+        while events[number].type:
+            event = events[number]
+            if event.type == PHONEME:
+                self.phonemes.append((event.audio_position, event.id.string.decode("utf-8", "replace")))
+            number += 1
+        return 0
+
+    def _by_language(self) -> dict[str, str]:
+        """Return the voices by their languages: "en-gb" is none of their names."""
+        found: dict[str, str] = {}
+        voices, number = self._library.espeak_ListVoices(None), 0
+        while voices[number]:
+            voice = voices[number].contents
+            found.setdefault(voice.languages[1:].decode().lower(), voice.identifier.decode())
+            number += 1
+        return found
+
+
+def tell(message: dict[str, object], body: bytes = b"") -> None:
+    """Say something to the robot."""
+    head = {**message, "bytes": len(body)} if body else message
+    sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + body)
+    sys.stdout.buffer.flush()
+
+
+def answer(espeak: Espeak, request: dict[str, Any]) -> None:
+    """Answer one request."""
+    trouble = ""
+    if not espeak.choose(request["voice"] or "en"):
+        trouble = f"espeak-ng has no voice that is called {request['voice']!r}"
+        if not espeak.choose(request["instead"] or "en"):
+            espeak.choose("en")
+    espeak.speak(request["text"], request["speed"])
+    head = {"id": request["id"], "rate": espeak.rate, "phonemes": espeak.phonemes, "trouble": trouble}
+    tell(head, bytes(espeak.sound))
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    try:
+        import espeakng_loader  # noqa: PLC0415 - that it is missing is something to tell
+    except ImportError as error:
+        tell({"absent": str(error)})
+        sys.stdin.buffer.read()
+        return
+    espeak = Espeak(espeakng_loader.get_library_path(), espeakng_loader.get_data_path())
+    tell({"ready": "espeak-ng"})
+    for line in sys.stdin.buffer:
+        answer(espeak, json.loads(line))
+
+
+if __name__ == "__main__":
+    main()

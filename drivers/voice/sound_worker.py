@@ -1,0 +1,214 @@
+"""The program that plays sound with miniaudio, in a process of its own: ALSA complains from C.
+
+``sound_worker.py DEVICE BACKEND VOLUME``: part of a device's name, empty for the system's own choice; a backend of
+miniaudio's such as ``null``, empty for any; how loud, 1 as it comes. Messages as in ``protocol``. Without a sound
+card it plays into nothing, in the time that it takes. It imports nothing of ours, and ends with its input.
+"""
+
+import json
+import sys
+from array import array
+from collections import deque
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+PERIOD_MS = 20
+"""Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
+
+USUAL_RATE = 22_050
+"""That of espeak-ng: so the sound card is ready when the first words come."""
+
+
+@dataclass(slots=True)
+class Sound:
+    """Something to play: its samples so far, whether they are all, and the byte that is next."""
+
+    number: int
+    rate: int
+    samples: bytearray = field(default_factory=bytearray)
+    whole: bool = False
+    at: int = 0
+
+
+class Pipe:
+    """The way to the robot; two threads speak."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+
+    def tell(self, **message: object) -> None:
+        """Say something."""
+        with self._lock:
+            sys.stdout.buffer.write(json.dumps(message).encode() + b"\n")
+            sys.stdout.buffer.flush()
+
+
+class Queue:
+    """What is to be played, first things first. The device's thread takes, the main thread puts in."""
+
+    def __init__(self, pipe: Pipe) -> None:
+        self._pipe = pipe
+        self._lock = Lock()
+        self._sounds: deque[Sound] = deque()
+        self._over: Sound | None = None  # the device has the last of it, and not yet played that
+
+    def add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
+        """Add samples to a sound, which may be new."""
+        with self._lock:
+            sound = next((sound for sound in self._sounds if sound.number == number), None)
+            if sound is None:
+                sound = Sound(number, rate)
+                self._sounds.append(sound)
+            sound.samples += samples
+            sound.whole = whole
+
+    def drop(self, number: int) -> None:
+        """Take a sound out."""
+        with self._lock:
+            sounds = [*self._sounds] if self._over is None else [self._over, *self._sounds]
+            for sound in sounds:
+                if sound.number == number:
+                    self._sounds = deque(other for other in self._sounds if other is not sound)
+                    self._over = None if self._over is sound else self._over
+                    self._end(sound)
+
+    def playing(self) -> Generator[bytes, int, None]:
+        """Give the device the samples that it asks for; primed as miniaudio wants it."""
+        wanted = yield b""
+        while True:
+            wanted = yield self._take(2 * wanted)
+
+    def _take(self, size: int) -> bytes:
+        taken = bytearray()
+        with self._lock:
+            if self._over is not None:
+                self._end(self._over)
+                self._over = None
+            while self._sounds and len(taken) < size and self._over is None:
+                sound = self._sounds[0]
+                if sound.at == 0:
+                    self._pipe.tell(started=sound.number, seconds=len(sound.samples) / 2 / sound.rate)
+                more = sound.samples[sound.at : sound.at + size - len(taken)]
+                taken += more
+                sound.at += len(more)
+                if sound.at < len(sound.samples) or not sound.whole:
+                    break
+                self._over = self._sounds.popleft()
+        return bytes(taken.ljust(size, b"\0"))
+
+    def _end(self, sound: Sound) -> None:
+        self._pipe.tell(ended=sound.number, seconds=sound.at / 2 / sound.rate)
+
+
+class Player:
+    """The sound card, at the rate of what it plays."""
+
+    def __init__(self, name: str, backend: str, volume: float, pipe: Pipe) -> None:
+        self._name = name
+        self._backends = [miniaudio.Backend[backend.upper()]] if backend else None
+        self._volume = volume
+        self._pipe = pipe
+        self._queue = Queue(pipe)
+        self._device = self._opened(USUAL_RATE)
+
+    def obey(self, message: dict[str, Any], body: bytes) -> None:
+        """Do what the robot says."""
+        match message:
+            case {"play": number, "rate": rate, "last": last}:
+                self._tune(rate)
+                self._queue.add(number, rate, self._louder(body), whole=last)
+                self._pipe.tell(taken=number)
+            case {"file": number, "path": path}:
+                self._decode(number, path)
+            case {"stop": number}:
+                self._queue.drop(number)
+
+    def _decode(self, number: int, path: str) -> None:
+        rate = self._device.sample_rate
+        try:
+            sound = miniaudio.decode_file(path, miniaudio.SampleFormat.SIGNED16, nchannels=1, sample_rate=rate)
+        except miniaudio.MiniaudioError as error:
+            self._pipe.tell(refused=number, why=str(error.args[0]))
+        else:
+            self._queue.add(number, rate, self._louder(sound.samples.tobytes()), whole=True)
+
+    def _louder(self, samples: bytes) -> bytes:
+        if self._volume == 1.0:
+            return samples
+        values = array("h", samples)
+        return array("h", (min(max(int(value * self._volume), -32768), 32767) for value in values)).tobytes()
+
+    def _tune(self, rate: int) -> None:
+        if rate != self._device.sample_rate:
+            self._device.close()
+            self._device = self._opened(rate)
+
+    def _opened(self, rate: int) -> "miniaudio.PlaybackDevice":
+        """Return the device, playing; where there is none, say why and return one that plays into nothing."""
+        try:
+            device = self._device_of(rate, self._backends)
+            if device.backend == "Null" and self._backends is None:
+                self._pipe.tell(mute="no sound card that plays")
+        except (miniaudio.MiniaudioError, LookupError) as error:
+            self._pipe.tell(mute=f"no sound card that plays: {error.args[0]}")
+            self._name = ""
+            device = self._device_of(rate, [miniaudio.Backend.NULL])
+        playing = self._queue.playing()
+        next(playing)
+        device.start(playing)
+        return device
+
+    def _device_of(self, rate: int, backends: "list[miniaudio.Backend] | None") -> "miniaudio.PlaybackDevice":
+        return miniaudio.PlaybackDevice(
+            output_format=miniaudio.SampleFormat.SIGNED16,
+            nchannels=1,
+            sample_rate=rate,
+            buffersize_msec=PERIOD_MS,
+            device_id=self._chosen(),
+            backends=backends,
+            app_name="missiontree",
+        )
+
+    def _chosen(self) -> Any:
+        """Return the first device whose name holds ours, None for the system's choice. Raises LookupError."""
+        if not self._name:
+            return None
+        found = miniaudio.Devices(self._backends).get_playbacks()
+        for device in found:
+            if self._name.casefold() in device["name"].casefold():
+                return device["id"]
+        names = ", ".join(repr(device["name"]) for device in found)
+        raise LookupError(f"no loudspeaker is called {self._name!r}; there are: {names or 'none'}")
+
+    @property
+    def backend(self) -> str:
+        """What plays: ``PulseAudio``, ``ALSA`` .. ``Null``."""
+        return str(self._device.backend)
+
+    def close(self) -> None:
+        """Let the device go."""
+        self._device.close()
+
+
+def main() -> None:
+    """Play until the input ends."""
+    name, backend, volume = sys.argv[1:]
+    pipe, orders = Pipe(), sys.stdin.buffer
+    player = Player(name, backend, float(volume), pipe)
+    pipe.tell(ready=player.backend)
+    for line in orders:
+        message = json.loads(line)
+        player.obey(message, orders.read(message.get("bytes", 0)))
+    player.close()
+
+
+if __name__ == "__main__":
+    try:
+        import miniaudio
+    except ImportError as missing:
+        Pipe().tell(absent=str(missing))
+        sys.stdin.buffer.read()
+    else:
+        main()

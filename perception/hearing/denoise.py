@@ -1,0 +1,74 @@
+"""Speech made clearer before it is recognised: a steady background is taken away, and the level made alike.
+
+A Wiener filter that estimates the speech in each frame by the decision-directed rule of Ephraim and Malah ("Speech
+enhancement using a minimum mean-square error short-time spectral amplitude estimator", 1984).
+"""
+
+import numpy as np
+
+from perception.hearing.sound import RATE, Floats, Samples, levels
+
+WINDOW, HOP = 512, 128
+"""Samples of which a spectrum is taken, and how many later the next one: faded so, the pieces add up to a constant."""
+
+TOO_MUCH = 1.5
+"""By how much more than was measured is taken away: what is left of noise sounds like voices."""
+
+FLOOR = 0.1
+"""What is left of a frequency at least."""
+
+MEMORY = 0.95
+"""How much of the estimate comes from the frame before."""
+
+LOUD = 66.0
+"""dB to which the loud frames of a clip are brought."""
+
+MOST = 30.0
+"""dB by which a clip is amplified at most."""
+
+DITHER = 40.0
+"""Standard deviation, in steps, of the noise under everything: the model of speech has never heard digital silence."""
+
+
+def clarified(samples: Samples, noise: Samples) -> Samples:
+    """Return ``samples`` with less of the ``noise`` that was heard before them, and at the usual level."""
+    sound = np.asarray(samples, np.float64)
+    if len(noise) >= WINDOW:
+        sound = filtered(sound, np.asarray(noise, np.float64))
+    loud = float(np.percentile(levels(sound), 95)) if len(sound) >= RATE // 10 else LOUD
+    sound *= 10 ** (min(LOUD - loud, MOST) / 20)
+    sound += np.random.default_rng(0).standard_normal(len(sound)) * DITHER
+    return np.asarray(np.clip(sound, -32768, 32767), np.int16)
+
+
+def filtered(sound: Floats, noise: Floats) -> Floats:
+    """Return ``sound``, as long as it is, without what is like ``noise`` (at least a window of it)."""
+    spectra = np.fft.rfft(_windows(np.pad(sound, (WINDOW, 2 * WINDOW))))
+    expected = TOO_MUCH * np.mean(np.abs(np.fft.rfft(_windows(noise))) ** 2, axis=0) + 1e-9
+    ratios = np.abs(spectra) ** 2 / expected
+    clean = np.zeros(ratios.shape[1])  # power of the speech in the frame before, in units of the noise
+    for number, ratio in enumerate(ratios):
+        before = MEMORY * clean + (1 - MEMORY) * np.maximum(ratio - 1, 0)
+        gain = np.maximum(before / (1 + before), FLOOR)
+        clean = gain**2 * ratio
+        spectra[number] *= gain
+    return _added(np.fft.irfft(spectra, WINDOW))[WINDOW : WINDOW + len(sound)]
+
+
+def _windows(sound: Floats) -> Floats:
+    """Return the overlapping pieces of a sound, faded in and out: shape (n, WINDOW)."""
+    pieces = np.lib.stride_tricks.sliding_window_view(sound, WINDOW)[::HOP]
+    return np.asarray(pieces * _fade(), np.float64)
+
+
+def _added(pieces: Floats) -> Floats:
+    """Lay faded pieces over each other: the sound that they are of, but for its first and last window."""
+    sound = np.zeros((len(pieces) - 1) * HOP + WINDOW)
+    for number, piece in enumerate(pieces):
+        sound[number * HOP : number * HOP + WINDOW] += piece
+    return sound / (np.sum(_fade()) / HOP)
+
+
+def _fade() -> Floats:
+    """The Hann window, of which overlapping copies add up to a constant."""
+    return np.hanning(WINDOW + 1)[:-1]

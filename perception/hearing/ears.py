@@ -1,0 +1,95 @@
+"""The robot's ears: listen to a microphone on a thread of their own."""
+
+from collections.abc import Callable, Sequence
+from threading import Event, Thread
+from typing import Protocol
+
+from perception.api import Words
+from perception.hearing.listener import Listener, Worker
+from perception.hearing.sound import Piece
+
+PERIOD = 0.05
+"""Seconds between looks at the microphone."""
+
+
+class SoundSource(Protocol):
+    """Where sound comes from: a microphone."""
+
+    def read(self, after: int) -> Sequence[Piece]:
+        """Return the pieces with a larger number than ``after``, oldest first."""
+        ...
+
+
+def unreported(trouble: Exception) -> None:
+    """Drop an error: the ``on_trouble`` of ears that nobody listens to."""
+
+
+class Ears:
+    """Gives every sound of ``source`` to ``listener``, whose ``worker`` it starts and ends; a ``Hearing``.
+
+    An error costs the sound that caused it, and goes to ``on_trouble`` unless it is the same as the last.
+    """
+
+    def __init__(
+        self,
+        source: SoundSource,
+        listener: Listener,
+        worker: Worker,
+        *,
+        on_trouble: Callable[[Exception], None] = unreported,
+    ) -> None:
+        self._source = source
+        self._listener = listener
+        self._worker = worker
+        self._on_trouble = on_trouble
+        self._trouble = ""
+        self._newest = -1
+        self._ending = Event()
+        self._thread: Thread | None = None
+
+    def open(self) -> None:
+        """Start listening; returns at once. Safe more than once."""
+        if self._thread is None:
+            self._ending.clear()
+            self._worker.open(self._listener)
+            self._thread = Thread(target=self._run, name="ears", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and the recogniser. Safe from any state, more than once, but not from a callback."""
+        self._ending.set()
+        thread, self._thread = self._thread, None
+        self._worker.close()
+        if thread is not None:
+            thread.join()
+
+    def words(self) -> tuple[Words, ...]:
+        """The phrases of the last 30 s, newest first."""
+        return self._listener.words()
+
+    def refused(self) -> tuple[Words, ...]:
+        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
+        return self._listener.refused()
+
+    def listened(self) -> float | None:
+        """The time up to which it has listened, None before it could: old while the microphone is gone."""
+        return self._listener.listened()
+
+    def level(self) -> float:
+        """How loud it is now, in dBFS."""
+        return self._listener.level()
+
+    def _run(self) -> None:
+        while not self._ending.wait(PERIOD):
+            try:
+                for piece in self._source.read(self._newest):
+                    self._newest = piece.number
+                    self._listener.take(piece)
+            except Exception as error:  # whatever it is, a robot that goes deaf for good is worse
+                self._note(error)
+
+    def _note(self, error: Exception) -> None:
+        what = f"{type(error).__name__}: {error}"
+        if what != self._trouble:
+            self._trouble = what
+            self._on_trouble(error)

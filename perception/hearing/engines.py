@@ -1,0 +1,73 @@
+"""What recognises speech: how each program is asked, and how its answers are judged."""
+
+from collections.abc import Mapping
+from math import log
+from pathlib import Path
+from typing import Any
+
+from perception.hearing.acceptance import Acceptance
+from perception.hearing.denoise import clarified
+from perception.hearing.endpoint import Clip
+from perception.hearing.features import Decoding, features
+from perception.hearing.grammar import Grammar
+from perception.hearing.lexicon import Lexicon
+
+Judgement = tuple[str, float]
+"""The nearest phrase and how surely it was said: the logarithm of the odds. No phrase at all is ``NOTHING``."""
+
+NOTHING: Judgement = ("", -99.0)
+
+
+class Sphinx:
+    """Pocketsphinx with its English model. Words of the grammar that ``lexicon`` does not know raise ValueError."""
+
+    program = Path(__file__).with_name("recogniser_worker.py")
+    hint = "`pip install 'missiontree[listen]'` installs the recogniser"
+
+    def __init__(self, grammar: Grammar, lexicon: Lexicon, acceptance: Acceptance) -> None:
+        if unknown := lexicon.unknown(grammar.words):
+            raise ValueError(f"cannot listen for {', '.join(map(repr, unknown))}: nobody says how it is pronounced")
+        self._grammar = grammar
+        self._lexicon = lexicon
+        self._acceptance = acceptance
+
+    def instructions(self) -> Mapping[str, Any]:
+        """Return what a new process must be told: how words are said, and in what order they come."""
+        words = {word: [" ".join(ways) for ways in self._lexicon.pronunciations(word)] for word in self._grammar.words}
+        return {"words": words, "arcs": self._grammar.arcs()}
+
+    def sound(self, clip: Clip) -> bytes:
+        """Return what is decoded of a clip: speech made clearer."""
+        return clarified(clip.samples, clip.noise).tobytes()
+
+    def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
+        """Return what an answer means."""
+        said = Decoding.of(answer)
+        return NOTHING if said is None else (said.phrase, self._acceptance.score(features(said, clip)))
+
+
+class Vosk:
+    """Vosk with the model in a folder of the user's. It has an "unknown" of its own, and says how sure it is."""
+
+    program = Path(__file__).with_name("vosk_worker.py")
+    hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
+
+    def __init__(self, grammar: Grammar, model: Path) -> None:
+        self._grammar = grammar
+        self._model = model
+
+    def instructions(self) -> Mapping[str, Any]:
+        """Return what a new process must be told: where the model is, and the phrases."""
+        return {"model": str(self._model), "phrases": list(self._grammar.phrases)}
+
+    def sound(self, clip: Clip) -> bytes:
+        """Return what is decoded of a clip: all of it, as it is."""
+        return clip.samples.tobytes()
+
+    def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:  # noqa: ARG002 - the answer says it all
+        """Return what an answer means: a phrase is as sure as its least sure word; others beside it are refused."""
+        phrase, words = str(answer.get("phrase", "")), answer.get("sure", ())
+        if phrase not in self._grammar.phrases or not words:
+            return NOTHING
+        sure = min(max(min(words), 0.001), 0.999)
+        return phrase, log(sure / (1 - sure))

@@ -1,0 +1,147 @@
+"""What tells a phrase that was said from other speech that was taken for it: figures of one decoding.
+
+Besides the best path through the grammar there is one through a loop over all phones, which fits whatever was said. A
+phrase that was really said fits nearly as well, phone by phone, leaves no loud sound beside its words, and has phones
+of ordinary length. Scores are logarithms to the base 1.0001, in units of 2**10; frames last 10 ms.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from perception.hearing.endpoint import Clip
+from perception.hearing.phones import KIND_OF
+from perception.hearing.sound import RATE, Floats, levels
+
+FRAME = RATE // 100
+"""Samples in a frame of the decoder."""
+
+_SMOOTH = 10  # frames over which silence that sounds is looked for
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A stretch of sound and what it was taken for: first frame, number of frames, score of all of them."""
+
+    name: str
+    start: int
+    length: int
+    score: float
+
+    @property
+    def frames(self) -> slice:
+        """Where it is."""
+        return slice(self.start, self.start + self.length)
+
+
+@dataclass(frozen=True, slots=True)
+class Decoding:
+    """What the recogniser made of a clip: words of the grammar, their phones, and the phones of the loop."""
+
+    phrase: str
+    frames: int
+    words: tuple[Segment, ...]
+    aligned: tuple[Segment, ...]
+    loop: tuple[Segment, ...]
+
+    @classmethod
+    def of(cls, answer: Mapping[str, Any]) -> "Decoding | None":
+        """Return what an answer of the worker says; None where it understood nothing, or could not align it."""
+        if not answer.get("phrase") or not answer.get("aligned") or not answer.get("loop"):
+            return None
+        words, aligned, loop = (tuple(Segment(*each) for each in answer[key]) for key in ("words", "aligned", "loop"))
+        if not any(segment.name in KIND_OF for segment in aligned):
+            return None
+        return cls(answer["phrase"], int(answer["frames"]), words, aligned, loop)
+
+
+def features(said: Decoding, clip: Clip) -> dict[str, float]:
+    """Return the figures, by name."""
+    phones = [segment for segment in said.aligned if segment.name in KIND_OF]
+    spoken = np.zeros(said.frames, bool)
+    for segment in phones:
+        spoken[segment.frames] = True
+    loop = _by_frame(said.loop, said.frames)
+    return {
+        **_fit(said, phones, loop, spoken),
+        **_lengths(phones, spoken),
+        **_likeness([each.name for each in phones], [each.name for each in said.loop if each.name in KIND_OF]),
+        **_loudness(clip, spoken),
+    }
+
+
+def _by_frame(segments: Iterable[Segment], frames: int) -> Floats:
+    """Return the score of each frame, where a segment's is spread over it evenly."""
+    scores = np.zeros(frames)
+    for segment in segments:
+        scores[segment.frames] = segment.score / segment.length
+    return scores
+
+
+def _fit(said: Decoding, phones: Sequence[Segment], loop: Floats, spoken: Floats) -> dict[str, float]:
+    """How much worse the phrase fits than the loop: all of it, its phones, the worst of them, and its silence."""
+    goodness = np.array([each.score / each.length - float(np.mean(loop[each.frames])) for each in phones])
+    difference = _by_frame(said.aligned, said.frames) - loop
+    smooth = np.convolve(difference, np.full(_SMOOTH, 1 / _SMOOTH), "same")[: said.frames]
+    silent = spoken == 0
+    whole = sum(each.score for each in said.words) - sum(each.score for each in said.loop)
+    return {
+        "ratio": whole / max(1.0, float(spoken.sum())),
+        "goodness": float(np.average(goodness, weights=[each.length for each in phones])),
+        "worst": float(goodness.min()),
+        "worst two": float(np.sort(goodness)[:2].mean()),
+        "uneven": float(goodness.std()),
+        "silence": float(difference[silent].mean()) if silent.any() else 0.0,
+        "worst silence": float(smooth[silent].min()) if silent.any() else 0.0,
+        "clearness": float(loop[~silent].mean()) if spoken.any() else 0.0,
+    }
+
+
+def _lengths(phones: Sequence[Segment], spoken: Floats) -> dict[str, float]:
+    """How long the phones are, as logarithms, and how long the pauses between them."""
+    lengths = np.array([each.length for each in phones], float)
+    where = np.flatnonzero(spoken)
+    return {
+        "phones": float(np.log(len(phones))),
+        "shortest": float(np.log(lengths.min())),
+        "middle": float(np.log(np.median(lengths))),
+        "longest": float(np.log(lengths.max())),
+        "stretched": float(np.log(lengths.max() / np.median(lengths))),
+        "pauses": float(where[-1] - where[0] + 1 - len(where)) / 10 if len(where) else 0.0,
+    }
+
+
+def _likeness(phrase: Sequence[str], heard: Sequence[str]) -> dict[str, float]:
+    """How many phones have to be changed to make the phrase of what the loop heard, for each phone of the phrase."""
+    return {
+        "changes": edits(phrase, heard) / len(phrase),
+        "changes of kind": edits([KIND_OF[each] for each in phrase], [KIND_OF[each] for each in heard]) / len(phrase),
+        "surplus": abs(len(heard) - len(phrase)) / len(phrase),
+    }
+
+
+def _loudness(clip: Clip, spoken: Floats) -> dict[str, float]:
+    """How far the speech is above the background (dB), and how much of what is loud lies in the words."""
+    level = np.convolve(levels(clip.samples, FRAME), np.full(5, 0.2), "same")[: len(spoken)]
+    noise = levels(clip.noise, FRAME)
+    low = float(np.median(noise)) if len(noise) else float(level.min())
+    high = float(np.percentile(level, 95))
+    loud = level > low + max(5.0, 0.35 * (high - low))
+    inside = spoken[: len(level)] > 0
+    return {
+        "above noise": high - low,
+        "outside": float(np.log1p((loud & ~inside).sum())),
+        "covered": float((loud & inside).sum() / max(1, loud.sum())),
+    }
+
+
+def edits(one: Sequence[str], other: Sequence[str]) -> int:
+    """Return how many insertions, deletions and replacements make ``other`` of ``one`` (Levenshtein's distance)."""
+    row = list(range(len(other) + 1))
+    for number, each in enumerate(one, 1):
+        before, row[0] = row[0], number
+        for place, against in enumerate(other, 1):
+            before, row[place] = row[place], min(row[place] + 1, row[place - 1] + 1, before + (each != against))
+    return row[-1]

@@ -1,0 +1,57 @@
+"""How words are pronounced: by the robot file, else by the dictionary that comes with the recogniser."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from perception.hearing.accents import variants
+from perception.hearing.phones import KIND_OF
+
+Phones = tuple[str, ...]
+
+
+def model_folder() -> Path | None:
+    """Return where pocketsphinx keeps its English model; None where it is not installed. Does not import it."""
+    spec = find_spec("pocketsphinx")
+    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "model" / "en-us"
+
+
+class Lexicon:
+    """Pronunciations from the text of a dictionary (``word AH B ..`` a line, ``word(2) ..`` for another), and ``own``.
+
+    ``own`` are those of the robot file, which come instead of the dictionary's. Raises ValueError for a phone in them
+    that the model has not.
+    """
+
+    def __init__(self, dictionary: str, own: Mapping[str, str] | None = None) -> None:
+        self._text = f"\n{dictionary}"
+        self._own = {word.casefold(): tuple(said.upper().split()) for word, said in (own or {}).items()}
+        for word, said in self._own.items():
+            if not said or (wrong := [phone for phone in said if phone not in KIND_OF]):
+                what = f"{wrong[0]!r} is no phone" if said else "it has no phones"
+                raise ValueError(f"pronunciation of {word!r}: {what}; phones are {' '.join(sorted(KIND_OF))}")
+
+    def pronunciations(self, word: str) -> list[Phones]:
+        """Return all the ways to say ``word``, with British ones; empty when it is unknown."""
+        own = self._own.get(word)
+        known = [own] if own is not None else list(self._listed(word))
+        return list(dict.fromkeys((*known, *(other for said in known for other in variants(said)))))
+
+    def unknown(self, words: Sequence[str]) -> list[str]:
+        """Return those of ``words`` that nobody knows how to say."""
+        return [word for word in words if not self.pronunciations(word)]
+
+    def _listed(self, word: str) -> Iterator[Phones]:
+        entry, number = word, 1
+        while (at := self._text.find(f"\n{entry} ")) >= 0:
+            begin = at + len(entry) + 2
+            end = self._text.find("\n", begin)
+            yield tuple(self._text[begin : end if end >= 0 else None].split())
+            number += 1
+            entry = f"{word}({number})"
+
+
+def english(own: Mapping[str, str] | None = None) -> Lexicon | None:
+    """Return the lexicon of the model that pocketsphinx carries; None where it is not installed."""
+    folder = model_folder()
+    return None if folder is None else Lexicon((folder / "cmudict-en-us.dict").read_text(encoding="utf-8"), own)

@@ -1,0 +1,223 @@
+"""From sound to words: cuts out what is said, has a program of its own recognise it, and keeps what it was ready."""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from threading import Lock
+from typing import Any, Protocol
+
+import numpy as np
+
+from perception.api import Words
+from perception.hearing.endpoint import Clip, EndPointer
+from perception.hearing.engines import Judgement
+from perception.hearing.sound import FULL, RATE, Piece, levels
+
+KEPT = 30.0
+"""Seconds for which words are kept."""
+
+WAITING = 8
+"""Clips that wait for the recogniser at most; it is ten times as fast as speech, unless it has died."""
+
+SILENCE = -90.0
+"""dBFS when there is no sound at all."""
+
+PATIENCE = 10.0
+"""Seconds that the recogniser may take for a clip; then it hangs, and is killed."""
+
+
+class Talker(Protocol):
+    """Who talks with a program: ``drivers.pipe.Talker``."""
+
+    def started(self) -> None:
+        """It runs, and knows nothing yet."""
+        ...
+
+    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+        """It said something."""
+        ...
+
+    def lost(self, why: str) -> None:
+        """It has died."""
+        ...
+
+
+class Worker(Protocol):
+    """A program in a process of its own: ``drivers.pipe.Worker``."""
+
+    def open(self, talker: Talker) -> None:
+        """Start it."""
+        ...
+
+    def close(self) -> None:
+        """End it. Safe more than once."""
+        ...
+
+    def kill(self) -> None:
+        """Kill it, whatever it does; another one follows."""
+        ...
+
+    def send(self, message: Mapping[str, Any], body: bytes = b"", *, timeout: float = 1.0) -> None:
+        """Tell it something. Raises OSError when it cannot be told."""
+        ...
+
+
+class Engine(Protocol):
+    """A way to recognise speech: those of ``perception.hearing.engines``."""
+
+    def instructions(self) -> Mapping[str, Any]:
+        """Return what a new process must be told."""
+        ...
+
+    def sound(self, clip: Clip) -> bytes:
+        """Return what is decoded of a clip."""
+        ...
+
+    def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
+        """Return what an answer means."""
+        ...
+
+
+def unheard() -> None:
+    """Do nothing: the ``changed`` callback of ears that nobody waits for."""
+
+
+def never(start: float, end: float) -> bool:  # noqa: ARG001 - whenever that is
+    """Say that the robot is silent: the ``deaf`` of ears without a voice beside them."""
+    return False
+
+
+class Listener:
+    """Understands the sound that it is given: a ``Hearing``, and the ``Talker`` of its ``worker``.
+
+    What scores ``threshold`` or more is accepted. ``deaf(start, end)`` tells whether sound of that time is not to be
+    listened to, since the robot itself speaks. ``changed`` is called, from the worker's thread, after words have come,
+    accepted or not; it must return at once. ``take`` is for one thread, the rest for any.
+    """
+
+    def __init__(
+        self,
+        worker: Worker,
+        engine: Engine,
+        *,
+        threshold: float = 0.0,
+        deaf: Callable[[float, float], bool] = never,
+        changed: Callable[[], None] = unheard,
+    ) -> None:
+        self._worker = worker
+        self._engine = engine
+        self._threshold = threshold
+        self._deaf = deaf
+        self._changed = changed
+        self._cutter = EndPointer()
+        self._number: int | None = None  # of the newest piece
+        self._recent = np.zeros(0, np.int16)
+        self._lock = Lock()  # over everything below
+        self._ready = False
+        self._waiting: deque[Clip] = deque(maxlen=WAITING)
+        self._asked: tuple[int, Clip] | None = None
+        self._since = 0.0  # the time up to which there was sound when it was asked
+        self._count = 0
+        self._accepted: deque[Words] = deque()
+        self._refused: deque[Words] = deque()
+        self._listened: float | None = None
+
+    # --- Hearing ------------------------------------------------------------------------------------------------------
+
+    def words(self) -> tuple[Words, ...]:
+        """The phrases of the last 30 s, newest first."""
+        return self._fresh(self._accepted)
+
+    def refused(self) -> tuple[Words, ...]:
+        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
+        return self._fresh(self._refused)
+
+    def listened(self) -> float | None:
+        """The time up to which it has listened, None before it could."""
+        return self._listened
+
+    def level(self) -> float:
+        """How loud the last 0.1 s were, in dBFS."""
+        recent = self._recent
+        return max(SILENCE, float(levels(recent, len(recent))[0] - FULL)) if len(recent) else SILENCE
+
+    @property
+    def ready(self) -> bool:
+        """True while the recogniser runs and knows what to listen for."""
+        return self._ready
+
+    @property
+    def pending(self) -> bool:
+        """True while something that was said is not understood yet."""
+        with self._lock:
+            return bool(self._waiting) or self._asked is not None
+
+    # --- sound --------------------------------------------------------------------------------------------------------
+
+    def take(self, piece: Piece) -> None:
+        """Listen to the next piece of sound."""
+        self._recent = np.concatenate([self._recent, piece.samples])[-RATE // 10 :]
+        gap = self._number is not None and piece.number != self._number + 1
+        self._number = piece.number
+        deaf = self._deaf(piece.stamp, piece.end)
+        if gap or deaf:
+            self._cutter.reset()
+        clips = [] if deaf else self._cutter.take(piece.samples, piece.stamp)
+        with self._lock:
+            self._waiting.extend(clips)
+            hangs = self._asked is not None and piece.end - self._since > PATIENCE
+            if self._ready and not hangs:
+                self._listened = piece.end
+        if hangs:
+            self._worker.kill()
+        if clips:
+            self._ask()
+
+    def _ask(self) -> None:
+        """Have the oldest clip recognised, unless another is."""
+        with self._lock:
+            if not self._ready or self._asked is not None or not self._waiting:
+                return
+            self._count += 1
+            self._since = self._listened or 0.0
+            asked = self._asked = (self._count, self._waiting.popleft())
+        try:
+            self._worker.send({"decode": asked[0]}, self._engine.sound(asked[1]), timeout=PATIENCE)
+        except OSError:  # it is dying, and ``lost`` follows
+            return
+
+    # --- the worker's thread ------------------------------------------------------------------------------------------
+
+    def started(self) -> None:
+        """Tell a new process what to listen for."""
+        self._worker.send(self._engine.instructions(), timeout=PATIENCE)
+
+    def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
+        """Forget what it was asked: nobody knows whether that was what killed it."""
+        with self._lock:
+            self._ready, self._asked = False, None
+
+    def received(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
+        """Take an answer, and ask for the next clip."""
+        with self._lock:
+            asked = self._asked
+            self._ready = self._ready or "ready" in message
+        if "decoded" in message and asked is not None and message["decoded"] == asked[0]:
+            try:
+                self._keep(*asked, *self._engine.judge(asked[1], message))
+            finally:
+                with self._lock:
+                    self._asked = None
+            self._changed()
+        self._ask()
+
+    def _keep(self, number: int, clip: Clip, phrase: str, score: float) -> None:
+        words = Words(number, phrase, clip.start, clip.end, score)
+        with self._lock:
+            kept = self._accepted if phrase and score >= self._threshold else self._refused
+            kept.appendleft(words)
+
+    def _fresh(self, kept: deque[Words]) -> tuple[Words, ...]:
+        with self._lock:
+            while kept and kept[-1].stamp < (self._listened or 0.0) - KEPT:
+                kept.pop()
+            return tuple(kept)

@@ -1,0 +1,133 @@
+"""What ``drivers.api.Screen`` promises, kept by the page, by printed moods and by the twin."""
+
+from collections.abc import Iterator
+from math import inf, nan
+from threading import Thread
+
+import pytest
+
+from drivers.api import Mood, Screen, Shown
+from drivers.screen.pages import PageScreen
+from drivers.screen.printed import PrintedScreen
+from drivers.sim.twins.screen import ScreenTwin
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+
+
+class ScreenRig(Rig):
+    device: Screen
+
+    def unplug(self) -> None:
+        raise NotImplementedError("a page has no plug")
+
+    def plug_in(self) -> None:
+        raise NotImplementedError("a page has no plug")
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class Page(InRealTime, ScreenRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.device = PageScreen(self.clock, report=self.notices.append)
+
+
+class Printed(InSimulatedTime, ScreenRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.device = PrintedScreen(self.clock, print)
+
+
+class Twin(InSimulatedTime, ScreenRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.device = ScreenTwin(self.clock, report=self.notices.append)
+
+
+@pytest.fixture(params=[real(Page, "page"), pytest.param(Printed, id="printed"), twin(Twin)])
+def rig(request: pytest.FixtureRequest) -> Iterator[ScreenRig]:
+    rig: ScreenRig = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def screen(rig: ScreenRig) -> Screen:
+    """A screen that is ready."""
+    rig.device.open()
+    return rig.device
+
+
+def test_before_it_is_opened_it_says_so_and_keeps_what_it_is_told(rig: ScreenRig) -> None:
+    health = rig.device.health()
+    assert (health.online, health.detail) == (False, "screen: not opened yet")
+    rig.device.mood(Mood.HAPPY)
+    rig.device.show("hello")
+    rig.device.open()
+    assert rig.device.shown() == Shown(Mood.HAPPY, "hello")
+    assert rig.device.health().online
+
+
+def test_it_is_awake_once_opened_and_asleep_at_rest(screen: Screen) -> None:
+    assert screen.shown() == Shown(Mood.NEUTRAL)
+    screen.mood(Mood.SAD)
+    screen.show("good night")
+    screen.mouth(0.5)
+    screen.rest()
+    screen.rest()
+    assert screen.shown() == Shown(Mood.ASLEEP)
+    screen.mood(Mood.HAPPY)
+    assert screen.shown() == Shown(Mood.HAPPY)
+
+
+@pytest.mark.parametrize("mood", Mood)
+def test_mood_and_words_stay_until_others_come(screen: Screen, mood: Mood) -> None:
+    screen.show("hello")
+    screen.mood(mood)
+    assert screen.shown() == Shown(mood, "hello")
+    screen.show("")
+    assert screen.shown() == Shown(mood)
+
+
+def test_a_mouth_that_nobody_moves_shuts(rig: ScreenRig, screen: Screen) -> None:
+    screen.mouth(0.5)
+    assert screen.shown().mouth == 0.5
+    rig.wait(0.4)
+    assert screen.shown() == Shown()
+    screen.mouth(1.0)
+    screen.mouth(0.0)
+    assert screen.shown().mouth == 0.0
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(-1.0, 0.0), (1.5, 1.0), (inf, 1.0), (-inf, 0.0), (nan, 0.0)])
+def test_a_mouth_opens_no_farther_than_it_can(screen: Screen, asked: float, kept: float) -> None:
+    screen.mouth(asked)
+    assert screen.shown().mouth == kept
+
+
+def test_closed_it_is_asleep_and_opened_again_awake(screen: Screen) -> None:
+    screen.show("hello")
+    screen.close()
+    screen.close()
+    assert screen.shown() == Shown(Mood.ASLEEP)
+    assert not screen.health().online
+    screen.open()
+    screen.open()
+    assert screen.shown() == Shown(Mood.NEUTRAL)
+    assert screen.health().online
+
+
+def test_it_may_be_told_from_many_threads(screen: Screen) -> None:
+    def tell(mood: Mood) -> None:
+        for number in range(50):
+            screen.mood(mood)
+            screen.show(f"{mood} {number}")
+            screen.mouth(number / 50)
+            screen.shown()
+
+    threads = [Thread(target=tell, args=(mood,)) for mood in Mood]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert screen.shown().text.endswith(" 49")

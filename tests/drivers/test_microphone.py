@@ -1,0 +1,214 @@
+"""Microphones: a file that stands in for one, and the sound card's."""
+
+import wave
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Notice
+from drivers.api.microphone import SOUND_RATE
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import NotConnected
+from drivers.microphone.captured import KEPT, CapturedMicrophone
+from drivers.microphone.wav import PIECE, WavMicrophone, load, resampled
+from tests.waiting import wait_until
+
+
+def write(path: Path, *channels: "np.ndarray[tuple[int], np.dtype[np.int16]]", rate: int = SOUND_RATE) -> Path:
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(len(channels))
+        file.setsampwidth(2)
+        file.setframerate(rate)
+        file.writeframes(np.column_stack(channels).astype("<i2").tobytes())
+    return path
+
+
+def ramp(count: int) -> "np.ndarray[tuple[int], np.dtype[np.int16]]":
+    return np.arange(count, dtype=np.int16)
+
+
+# --- a file -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_heard_as_it_is_in_the_time_that_it_takes(tmp_path: Path) -> None:
+    clock = ManualClock(7.0)
+    microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(1000)), clock)
+    microphone.open()
+    assert microphone.read(-1) == []
+    clock.advance(0.05)
+    first = microphone.read(-1)
+    assert [(sound.number, sound.stamp) for sound in first] == [(0, 7.0), (1, pytest.approx(7.02))]
+    clock.advance(0.05)
+    rest = microphone.read(1)
+    assert [sound.number for sound in rest] == [2, 3, 4]
+    heard = np.concatenate([sound.samples for sound in (*first, *rest)])
+    assert heard.dtype == np.int16
+    assert heard.tolist() == [*range(1000), *[0] * 600]
+    assert rest[-1].end == pytest.approx(7.1)
+
+
+def test_behind_its_end_there_is_silence_or_its_beginning_again(tmp_path: Path) -> None:
+    clock = ManualClock()
+    path = write(tmp_path / "a.wav", ramp(400))
+    once, again = WavMicrophone(path, clock), WavMicrophone(path, clock, loop=True)
+    once.open()
+    again.open()
+    clock.advance(0.06)
+    assert once.read(1)[0].samples.tolist() == [0] * PIECE
+    assert again.read(1)[0].samples.tolist() == [*range(240, 400), *range(160)]
+
+
+def test_at_most_five_seconds_are_kept(tmp_path: Path) -> None:
+    clock = ManualClock()
+    microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(10)), clock)
+    microphone.open()
+    clock.advance(60)
+    kept = microphone.read(-1)
+    assert len(kept) == 250
+    assert kept[-1].end == pytest.approx(60.0)
+
+
+def test_two_channels_become_one(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.wav", np.full(9, 100, np.int16), np.full(9, -40, np.int16))
+    assert load("microphone", path).tolist() == [30] * 9
+
+
+@given(st.sampled_from((8000, 11025, 22050, 44100, 48000)), st.integers(200, 3000))
+def test_a_tone_keeps_its_pitch_and_strength_at_any_rate(rate: int, pitch: int) -> None:
+    tone = 1000 * np.sin(2 * np.pi * pitch * np.arange(rate) / rate)
+    heard = resampled(tone, rate)
+    assert len(heard) == SOUND_RATE
+    strength = np.abs(np.fft.rfft(heard)) / (SOUND_RATE / 2)
+    assert int(strength.argmax()) == pitch
+    assert strength[pitch] == pytest.approx(1000, rel=0.01)
+
+
+def test_a_file_that_is_not_there_says_what_to_try(tmp_path: Path) -> None:
+    notices: list[Notice] = []
+    microphone = WavMicrophone(tmp_path / "none.wav", ManualClock(), report=notices.append)
+    microphone.open()
+    health = microphone.health()
+    assert (health.online, microphone.read(-1)) == (False, [])
+    assert health.detail == f"microphone: {tmp_path / 'none.wav'}: no such file"
+    assert health.hint == f"`ls {tmp_path}` lists what is there"
+    assert [notice.kind for notice in notices] == ["offline"]
+
+
+def test_what_is_no_wav_file_of_16_bits_is_refused(tmp_path: Path) -> None:
+    text = tmp_path / "text.wav"
+    text.write_text("this is no sound")
+    with pytest.raises(NotConnected, match="cannot be read as a WAV file"):
+        load("microphone", text)
+    with wave.open(str(tmp_path / "coarse.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(1)
+        file.setframerate(8000)
+        file.writeframes(bytes(100))
+    with pytest.raises(NotConnected, match="has 8 bits a sample") as raised:
+        load("microphone", tmp_path / "coarse.wav")
+    assert "ffmpeg" in raised.value.hint
+
+
+def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> None:
+    clock = ManualClock()
+    microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(400)), clock)
+    microphone.close()
+    microphone.open()
+    clock.advance(5)
+    microphone.rest()
+    microphone.close()
+    assert (microphone.read(-1), microphone.health().online) == ([], False)
+    microphone.open()
+    clock.advance(0.03)
+    assert [sound.samples.tolist() for sound in microphone.read(-1)] == [[*range(PIECE)]]
+
+
+# --- the sound card ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def notices() -> list[Notice]:
+    return []
+
+
+@pytest.fixture
+def silent(notices: list[Notice]) -> Iterator[CapturedMicrophone]:
+    """A microphone on miniaudio's null backend, which records silence in real time."""
+    pytest.importorskip("miniaudio")
+    microphone = CapturedMicrophone(SystemClock(), backend="null", report=notices.append)
+    yield microphone
+    microphone.close()
+
+
+def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
+    silent: CapturedMicrophone, notices: list[Notice]
+) -> None:
+    assert not silent.health().online
+    silent.open()
+    wait_until(lambda: silent.health().counters["pieces"] >= 20)
+    sounds = silent.read(-1)
+    assert all(len(sound.samples) > 0 and not sound.samples.any() for sound in sounds)
+    for before, after in pairwise(sounds):
+        assert after.number > before.number
+        if after.number == before.number + 1:
+            assert after.stamp == pytest.approx(before.end, abs=0.01)
+    assert silent.read(sounds[-1].number - 1)[0].number == sounds[-1].number
+    assert silent.health().online
+    assert [notice.kind for notice in notices] == ["online"]
+
+
+def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[Notice]) -> None:
+    pytest.importorskip("miniaudio")
+    microphone = CapturedMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
+    microphone.open()
+    try:
+        wait_until(lambda: notices)
+        health = microphone.health()
+    finally:
+        microphone.close()
+    assert "no microphone is called 'golden ear'; there are: 'NULL Capture Device'" in notices[0].what
+    assert (health.online, "arecord -l" in health.hint) == (False, True)
+
+
+def test_what_was_lost_on_the_way_shows_in_the_numbers() -> None:
+    clock = ManualClock()
+    microphone = CapturedMicrophone(clock)
+    piece = np.ones(PIECE, "<i2").tobytes()
+    for _ in range(3):
+        clock.advance(0.02)
+        microphone.received({}, piece)
+    clock.advance(1.0)
+    microphone.received({}, piece)
+    sounds = microphone.read(-1)
+    assert [sound.number for sound in sounds] == [0, 1, 2, 4]
+    assert [sound.stamp for sound in sounds] == [pytest.approx(each) for each in (0, 0.02, 0.04, 1.04)]
+    assert microphone.health().counters["gaps"] == 1
+
+
+@given(st.lists(st.floats(0.0, 0.03), min_size=100, max_size=100))
+def test_stamps_are_steady_though_sound_arrives_unsteadily(delays: list[float]) -> None:
+    clock = ManualClock()
+    microphone = CapturedMicrophone(clock)
+    for number, delay in enumerate(delays, 1):
+        clock.reach(number * 0.02 + delay)
+        microphone.received({}, np.ones(PIECE, "<i2").tobytes())
+    sounds = microphone.read(-1)
+    assert [sound.number for sound in sounds] == list(range(100))
+    steps = np.diff([sound.stamp for sound in sounds])
+    assert np.allclose(steps, 0.02, atol=0.001)
+
+
+def test_no_more_than_a_few_seconds_are_kept() -> None:
+    clock = ManualClock()
+    microphone = CapturedMicrophone(clock)
+    for _ in range(500):
+        clock.advance(0.02)
+        microphone.received({}, np.ones(PIECE, "<i2").tobytes())
+    sounds = microphone.read(-1)
+    assert sounds[-1].end - sounds[0].stamp == pytest.approx(KEPT, abs=0.05)
+    assert sounds[-1].number == 499

@@ -1,0 +1,193 @@
+"""Programs of ours in processes of their own."""
+
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Notice
+from drivers.clock import SystemClock
+from drivers.errors import NoReply, NotConnected
+from drivers.pipe import Unframer, Worker, frame
+from tests.waiting import wait_until
+
+ECHO = """
+import json, sys
+for line in sys.stdin.buffer:
+    message = json.loads(line)
+    body = sys.stdin.buffer.read(message.get("bytes", 0))
+    if "die" in message:
+        sys.exit(message["die"])
+    sys.stdout.buffer.write(json.dumps({**message, "heard": True}).encode() + b"\\n" + body)
+    sys.stdout.buffer.flush()
+"""
+
+messages = st.lists(
+    st.tuples(st.dictionaries(st.sampled_from("abc"), st.integers() | st.text()), st.binary(max_size=50)), max_size=8
+)
+
+
+@given(messages, st.lists(st.integers(1, 30), min_size=1))
+def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
+    sent: list[tuple[dict[str, Any], bytes]], cuts: list[int]
+) -> None:
+    data, unframer = b"".join(frame(head, body) for head, body in sent), Unframer()
+    got: list[tuple[dict[str, Any], bytes]] = []
+    while data:
+        cut = cuts[len(got) % len(cuts)]
+        got += list(unframer.feed(data[:cut]))
+        data = data[cut:]
+    assert [({key: head[key] for key in head if key != "bytes"}, body) for head, body in got] == sent
+
+
+@pytest.mark.parametrize("nonsense", [b"hello\n", b"[1]\n", b'"x"\n'])
+def test_what_is_no_message_is_refused(nonsense: bytes) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        list(Unframer().feed(nonsense))
+
+
+class Ear:
+    """A talker that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.starts = 0
+        self.got: list[tuple[Mapping[str, Any], bytes]] = []
+        self.losses: list[str] = []
+
+    def started(self) -> None:
+        self.starts += 1
+
+    def received(self, message: Mapping[str, Any], body: bytes) -> None:
+        self.got.append((message, body))
+
+    def lost(self, why: str) -> None:
+        self.losses.append(why)
+
+
+class Bench:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.ear = Ear()
+        self.notices: list[Notice] = []
+        self.workers: list[Worker] = []
+
+    def run(self, program: str, *arguments: str) -> Worker:
+        path = self.folder / "program.py"
+        path.write_text(program)
+        worker = Worker("voice", path, SystemClock(), arguments=arguments, hint="try this", report=self.notices.append)
+        self.workers.append(worker)
+        worker.open(self.ear)
+        return worker
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    yield bench
+    for worker in bench.workers:
+        worker.close()
+
+
+def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> None:
+    worker = bench.run(ECHO)
+    wait_until(lambda: bench.ear.starts)
+    body = bytes(range(256)) * 2000
+    worker.send({"a": 1})
+    worker.send({"a": 2}, body)
+    wait_until(lambda: len(bench.ear.got) == 2)
+    (first, nothing), (second, echoed) = bench.ear.got
+    assert (first["a"], first["heard"], nothing) == (1, True, b"")
+    assert (second["a"], echoed == body) == (2, True)
+    assert worker.health().online
+
+
+def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: Bench) -> None:
+    worker = bench.run(ECHO)
+    wait_until(lambda: bench.ear.starts)
+    worker.send({"die": "out of paper"})
+    wait_until(lambda: bench.ear.starts == 2)
+    (notice,) = bench.notices
+    assert (notice.device, notice.kind, notice.hint) == ("voice", "fault", "try this")
+    assert notice.what == "voice: program: ended with 1: out of paper" == bench.ear.losses[0]
+    worker.send({"a": 3})
+    wait_until(lambda: bench.ear.got)
+    assert worker.health().counters["starts"] == 2
+
+
+def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
+    bench.run("print('hello', flush=True); import sys; sys.stdin.read()")
+    wait_until(lambda: bench.ear.losses)
+    assert "ended with -9" in bench.ear.losses[0]
+
+
+def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
+    worker = bench.run(ECHO)
+    wait_until(lambda: bench.ear.starts)
+    worker.kill()
+    wait_until(lambda: bench.ear.losses)
+    with pytest.raises(NotConnected, match="ended with -9") as raised:
+        worker.send({"a": 1})
+    assert raised.value.hint == "try this"
+    wait_until(lambda: bench.ear.starts == 2)
+
+
+def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench) -> None:
+    worker = bench.run("import threading; threading.Event().wait()")
+    wait_until(lambda: bench.ear.starts)
+    with pytest.raises(NoReply, match=r"took nothing for 0\.05 s"):
+        worker.send({"a": 1}, bytes(1_000_000), timeout=0.05)
+    wait_until(lambda: bench.ear.losses)
+
+
+def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
+    worker = bench.run("raise SystemExit('no model')")
+    wait_until(lambda: bench.ear.losses)
+    health = worker.health()
+    assert (health.online, health.detail, health.hint) == (False, "voice: program: ended with 1: no model", "try this")
+    wait_until(lambda: len(bench.ear.losses) == 2)
+    assert len(bench.notices) == 1
+
+
+def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
+    class Clumsy(Ear):
+        def received(self, message: Mapping[str, Any], body: bytes) -> None:
+            super().received(message, body)
+            raise RuntimeError("oh")
+
+    bench.ear = Clumsy()
+    worker = bench.run(ECHO)
+    wait_until(lambda: bench.ear.starts)
+    for number in range(3):
+        worker.send({"a": number})
+    wait_until(lambda: len(bench.ear.got) == 3)
+    assert bench.ear.losses == []
+
+
+def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
+    worker = Worker("voice", bench.folder / "none.py", SystemClock())
+    worker.close()
+    worker.kill()
+    with pytest.raises(NotConnected, match="not started yet"):
+        worker.send({})
+    again = bench.run(ECHO)
+    again.close()
+    again.close()
+    assert not again.health().online
+    again.open(bench.ear)
+    again.open(bench.ear)
+    wait_until(lambda: again.health().online)
+    assert bench.notices == []
+
+
+def test_a_program_ends_when_nobody_can_talk_to_it_any_more(tmp_path: Path) -> None:
+    program = tmp_path / "echo.py"
+    program.write_text(ECHO)
+    with Popen([sys.executable, "-I", str(program)], stdin=PIPE, stdout=DEVNULL) as process:
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(20) == 0

@@ -1,0 +1,255 @@
+"""The robot's face: its moods from afar, blinks, words and smileys, drawn as SVG and as images alike."""
+
+from itertools import combinations
+from xml.etree import ElementTree as ET
+
+import cv2
+import numpy as np
+import pytest
+import resvg_py
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import Image, Mood, Screen, Shown
+from drivers.clock import ManualClock
+from drivers.screen.drawing import HEIGHT, WIDTH, draw
+from drivers.screen.expression import BLINK, BLINK_EVERY, expression
+from drivers.screen.frame import frame
+from drivers.screen.page import news, picture
+from drivers.screen.printed import PrintedScreen
+from drivers.screen.smileys import split
+from drivers.screen.svg import numbers, svg
+from drivers.screen.words import LINES, arranged
+from drivers.sim.twins.screen import ScreenTwin
+from missions.testing.recorders.screen import RecordedScreen
+
+CALM = 2.3
+"""A time at which nobody blinks."""
+
+SHOWN = st.builds(Shown, st.sampled_from(Mood), st.text(max_size=60), st.floats(0, 1))
+TIMES = st.floats(0, 1e6)
+
+
+def photograph(shown: Shown, size: tuple[int, int]) -> Image:
+    return frame(expression(shown, CALM), shown.text, size)
+
+
+def unlike(one: Image, other: Image) -> float:
+    """Return by how much two pictures differ, in grey levels on average."""
+    return float(np.abs(one.astype(int) - other).mean())
+
+
+@pytest.mark.parametrize(("one", "other"), list(combinations(Mood, 2)))
+def test_moods_are_told_apart_from_three_metres(one: Mood, other: Mood) -> None:
+    # A display 15 cm wide, seen from 3 m, in 48 pixels: each 3.6 minutes of arc, where a good eye resolves 1.
+    far = photograph(Shown(one), (48, 36)), photograph(Shown(other), (48, 36))
+    assert unlike(*far) > 3.0
+
+
+@pytest.mark.parametrize("mood", Mood)
+def test_films_show_the_face_of_the_page(mood: Mood) -> None:
+    face = expression(Shown(mood, mouth=0.4), CALM)
+    page = resvg_py.svg_to_bytes(svg_string=svg(face, "", (400, 300)))
+    seen = cv2.imdecode(np.frombuffer(bytes(page), np.uint8), cv2.IMREAD_COLOR)
+    assert seen is not None
+    apart = {other: unlike(seen, photograph(Shown(other, mouth=0.4), (400, 300))) for other in Mood}
+    assert apart.pop(mood) < 1.6  # where edges are soft
+    assert min(apart.values()) > 2.5
+
+
+@pytest.mark.parametrize("size", [(320, 240), (800, 480), (100, 400), (16, 12)])
+def test_a_film_has_the_size_that_is_asked_for_and_the_face_in_its_middle(size: tuple[int, int]) -> None:
+    image = photograph(Shown(Mood.SURPRISED), size)
+    assert image.shape == (size[1], size[0], 3)
+    assert image.dtype == np.uint8
+    grey = image.mean(axis=2)
+    columns = np.average(np.arange(size[0]), weights=(grey > 128).sum(axis=0))
+    assert columns == pytest.approx((size[0] - 1) / 2, abs=0.02 * size[0])
+
+
+@given(SHOWN, TIMES)
+def test_all_faces_are_of_the_same_shapes_so_that_one_can_become_another(shown: Shown, time: float) -> None:
+    usual, face = draw(expression(Shown(), 0.0)), draw(expression(shown, time), shown.text)
+    assert [len(shape.points) for shape in face.shapes] == [len(shape.points) for shape in usual.shapes]
+    assert [(shape.fill, shape.line) for shape in face.shapes] == [(shape.fill, shape.line) for shape in usual.shapes]
+    told = np.array([number for shape in face.shapes for number in numbers(shape)])
+    assert np.isfinite(told).all()
+    assert all(0 <= shape.opacity <= 1 for shape in face.shapes)
+
+
+@given(SHOWN, TIMES)
+def test_what_is_seen_of_a_face_is_on_the_sheet(shown: Shown, time: float) -> None:
+    face = draw(expression(shown, time), shown.text)
+    edges = [(shape.points, shape.width / 2) for shape in face.shapes if shape.opacity > 0.5]
+    assert all(half <= x <= WIDTH - half and half <= y <= HEIGHT - half for points, half in edges for x, y in points)
+
+
+def lids(mood: Mood, time: float) -> float:
+    return expression(Shown(mood), time).upper
+
+
+@pytest.mark.parametrize("mood", [Mood.NEUTRAL, Mood.SAD, Mood.SURPRISED, Mood.LISTENING, Mood.SPEAKING])
+def test_it_blinks_once_in_four_seconds_and_never_at_the_same_moment(mood: Mood) -> None:
+    times = np.arange(0, 100 * BLINK_EVERY, 0.02)
+    shut = np.array([lids(mood, float(time)) < lids(mood, CALM) / 2 for time in times])
+    begins = times[1:][shut[1:] & ~shut[:-1]]
+    assert len(begins) == 100
+    assert shut.mean() < BLINK / BLINK_EVERY
+    assert len(np.unique(np.round(begins % BLINK_EVERY, 1))) > 20
+
+
+@pytest.mark.parametrize("mood", [Mood.HAPPY, Mood.ASLEEP])
+def test_eyes_that_are_shut_do_not_blink(mood: Mood) -> None:
+    assert len({lids(mood, time / 50) for time in range(400)}) == 1
+
+
+@pytest.mark.parametrize("mood", Mood)
+def test_a_mouth_that_speaks_opens_over_any_mood(mood: Mood) -> None:
+    opened = [expression(Shown(mood, mouth=mouth), CALM).opening for mouth in (0.1, 0.4, 0.7, 1.0)]
+    assert opened == sorted(opened)
+    assert opened[-1] == 1.0
+    assert unlike(photograph(Shown(mood, mouth=0.1), (320, 240)), photograph(Shown(mood, mouth=1.0), (320, 240))) > 0.3
+
+
+def test_a_speaker_whose_words_are_unknown_moves_its_mouth_by_itself() -> None:
+    opened = [expression(Shown(Mood.SPEAKING), time / 30).opening for time in range(90)]
+    assert max(opened) - min(opened) > 0.4
+    assert all(0 <= opening <= 1 for opening in opened)
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+
+def test_few_words_are_larger_than_many() -> None:
+    sizes = [arranged("many words " * count).size for count in (1, 2, 4, 8)]
+    assert sizes == sorted(sizes, reverse=True)
+    assert len(set(sizes)) == 4
+
+
+def test_too_many_words_end_in_an_ellipsis() -> None:
+    words = arranged("and so on " * 100)
+    assert len(words.lines) == LINES
+    assert words.lines[-1].endswith("…")
+
+
+@given(st.text(max_size=200))
+def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
+    words = arranged(text)
+    assert len(words.lines) == len(words.feet) <= LINES
+    assert all(foot < HEIGHT for foot in words.feet)
+    letters = "".join("".join(words.lines).split())
+    everything = "".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+    shown = "".join(letter for letter in letters if letter.isprintable())
+    assert shown == everything or letters.endswith("…")
+
+
+@given(SHOWN, TIMES)
+def test_any_words_make_a_picture_and_news_that_can_be_read(shown: Shown, time: float) -> None:
+    root = ET.fromstring(picture(shown, time))  # noqa: S314 - our own
+    texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts == list(arranged(shown.text).lines)
+    assert str(root.get("aria-label")).startswith(f"{shown.mood} face")
+    assert "\n" not in news(shown, time).encode().decode()
+
+
+@pytest.mark.parametrize("text", ["Hello", "Grüße, Zoë…", "你好", "a\x00b\ud800c"])
+def test_a_film_writes_what_it_can(text: str) -> None:
+    size = (320, 240)
+
+    below = photograph(Shown(text=text), size)[170:]
+    assert (below.max(axis=2) > 128).mean() > 0.01
+    blank = photograph(Shown(text=" "), size)
+    assert unlike(blank, photograph(Shown(), size)) == 0
+
+
+# --- smileys ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "left", "mood"),
+    [
+        ("Hello :)", "Hello", Mood.HAPPY),
+        (":-) Hello", "Hello", Mood.HAPPY),
+        ("Well done :D, Anna", "Well done, Anna", Mood.HAPPY),
+        ("Great ;)))", "Great", Mood.HAPPY),
+        ("I am lost :(", "I am lost", Mood.SAD),
+        ("No soup :'-( today.", "No soup today.", Mood.SAD),
+        ("You are here :O!", "You are here!", Mood.SURPRISED),
+        ("Good night 😴", "Good night", Mood.ASLEEP),
+        ("Danke😀", "Danke", Mood.HAPPY),
+        ("Danke 😀", "Danke", Mood.HAPPY),
+        ("so sad ☹️ then glad 🙂", "so sad then glad", Mood.HAPPY),
+        (":)", "", Mood.HAPPY),
+        ("at 8:00", "at 8:00", None),
+        ("see http://robot/:D", "see http://robot/:D", None),
+        ("a list:(1)", "a list:(1)", None),
+        ("plain  words ", "plain  words ", None),
+        ("", "", None),
+    ],
+)
+def test_smileys_set_the_mood_and_are_not_spoken(text: str, left: str, mood: Mood | None) -> None:
+    assert split(text) == (left, mood)
+
+
+@given(st.text())
+def test_only_smileys_are_taken_out_of_a_text(text: str) -> None:
+    left, mood = split(text)
+    if mood is None:
+        assert left == text
+    else:
+        assert len(left) < len(text)
+        letters = iter(text)
+        assert all(letter in letters for letter in left)
+
+
+# --- without a display ------------------------------------------------------------------------------------------------
+
+
+def test_without_a_display_each_new_mood_and_text_is_printed_once() -> None:
+    printed: list[str] = []
+    screen = PrintedScreen(ManualClock(), printed.append)
+    screen.mood(Mood.SAD)
+    screen.open()
+    for _ in range(2):
+        screen.mood(Mood.HAPPY)
+        screen.show("hello")
+    screen.mouth(0.5)
+    screen.show("")
+    screen.mood(Mood.NEUTRAL)
+    screen.close()
+    screen.mood(Mood.HAPPY)
+    assert printed == ["face: happy", "show: hello", "face: neutral"]
+
+
+def test_a_terminal_that_has_gone_does_no_harm() -> None:
+    def gone(text: str) -> None:
+        raise BrokenPipeError(text)
+
+    screen = PrintedScreen(ManualClock(), gone)
+    screen.open()
+    screen.mood(Mood.HAPPY)
+    assert screen.shown().mood is Mood.HAPPY
+
+
+def test_an_unplugged_twin_keeps_what_it_is_told_and_raises_nothing() -> None:
+    told: list[str] = []
+    screen = ScreenTwin(ManualClock(), report=lambda notice: told.append(notice.kind))
+    screen.open()
+    screen.plug.unplug()
+    screen.mood(Mood.HAPPY)
+    screen.mouth(0.5)
+    assert not screen.health().online
+    assert "unplugged" in screen.health().detail
+    screen.plug.plug_in()
+    assert (screen.shown().mood, screen.health().online) == (Mood.HAPPY, True)
+    assert told == ["online", "offline", "online"]
+
+
+def test_a_recorder_keeps_all_in_order() -> None:
+    recorder = RecordedScreen(ManualClock())
+    screen: Screen = recorder
+    screen.mood(Mood.HAPPY)
+    screen.show("hello")
+    screen.mouth(0.5)
+    assert recorder.commands == [Mood.HAPPY, "hello", 0.5]
+    assert screen.shown() == Shown(Mood.HAPPY, "hello", 0.5)

@@ -1,0 +1,253 @@
+"""Speaking with espeak-ng and a player in processes of their own: what they do, and what follows when they die."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from subprocess import Popen
+
+import pytest
+
+from drivers.api import Manner, Mouth, Notice, Priority
+from drivers.clock import SystemClock
+from drivers.voice.engines import Espeak
+from drivers.voice.player import Player
+from drivers.voice.speech import SpeechVoice
+from tests.waiting import wait_until
+
+LONG = "this is a sentence that takes its time " * 4
+
+
+class Room:
+    """A voice, and what is seen of it from outside."""
+
+    def __init__(self, *, device: str = "", backend: str = "null", usual: Manner | None = None) -> None:
+        self.clock = SystemClock()
+        self.printed: list[str] = []
+        self.notices: list[Notice] = []
+        usual = Manner("en-us+f2", 300) if usual is None else usual
+        self.engine = Espeak(self.clock, usual=usual, report=self.notices.append)
+        self.player = Player(self.clock, device=device, backend=backend, report=self.notices.append)
+        self.voice = SpeechVoice(
+            self.clock, self.engine, self.player, self.printed.append, usual=usual, report=self.notices.append
+        )
+
+    def process(self, partner: Espeak | Player) -> "Popen[bytes]":
+        wait_until(lambda: partner._worker._process)
+        process = partner._worker._process
+        assert process is not None
+        return process
+
+    def signal(self, partner: Espeak | Player, number: int) -> None:
+        os.killpg(self.process(partner).pid, number)
+
+    def starts(self, partner: Espeak | Player) -> int:
+        return partner._worker.health().counters["starts"]
+
+    def seconds_of(self, text: str) -> float:
+        """Say something, and return how long that took from its beginning."""
+        words = self.voice.say(text)
+        wait_until(words.done)
+        assert words.started is not None
+        return self.clock.now() - words.started
+
+
+@pytest.fixture
+def room() -> Iterator[Room]:
+    room = Room()
+    room.voice.open()
+    yield room
+    room.voice.close()
+
+
+def test_the_mouth_moves_from_the_first_sound_to_the_last(room: Room) -> None:
+    words = room.voice.say("pop music")
+    assert list(words.mouth) == []
+    wait_until(lambda: words.started is not None)
+    shapes = list(words.mouth)
+    assert [each.at for each in shapes] == sorted(each.at for each in shapes)
+    assert shapes[0].shape is Mouth.CLOSED  # of the first p
+    assert Mouth.OPEN in {each.shape for each in shapes}
+    assert shapes[-1].shape is Mouth.CLOSED
+    wait_until(words.done)
+    assert words.started is not None
+    assert room.clock.now() - words.started >= shapes[-1].at
+
+
+def test_twice_the_speed_takes_about_half_the_time(room: Room) -> None:
+    slow, quick = room.voice.say(LONG, Manner(speed=200)), room.voice.say(LONG, Manner(speed=400))
+    wait_until(lambda: slow.started is not None)
+    length = slow.mouth[-1].at
+    slow.cancel()
+    wait_until(lambda: quick.started is not None)
+    assert 0.4 < quick.mouth[-1].at / length < 0.65
+
+
+def test_another_language_has_other_sounds(room: Room) -> None:
+    english, german = room.voice.say("die Maus"), room.voice.say("die Maus", Manner(language="de"))
+    wait_until(lambda: english.started is not None)
+    heard = list(english.mouth)
+    wait_until(lambda: german.started is not None)
+    assert heard != list(german.mouth)
+    assert room.notices == []
+
+
+@pytest.mark.parametrize("name", ["en-gb", "en-us+f3", "+m3", "EN-US", "German"])
+def test_voices_go_by_their_names_and_languages(room: Room, name: str) -> None:
+    wait_until(room.voice.say("so", Manner(voice=name)).done)
+    assert room.notices == []
+
+
+def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -> None:
+    for _ in range(2):
+        wait_until(room.voice.say("so", Manner(voice="en-us+nonsense")).done)
+    (notice,) = room.notices
+    assert notice.what == (
+        "voice: espeak-ng has no voice that is called 'en-us+nonsense': it speaks with 'en-us+f2' instead"
+    )
+    assert "docs/speaking.md" in notice.hint
+    assert room.voice.health().counters["said"] == 2
+
+
+@pytest.mark.parametrize(
+    "text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40]
+)
+def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
+    words = room.voice.say(text, Manner(speed=450))
+    if len(text) > 20:  # digit by digit
+        wait_until(lambda: words.started is not None)
+        words.cancel()
+    wait_until(words.done)
+    assert (room.notices, room.printed) == ([], [])
+
+
+def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
+    for _ in range(3):
+        words = room.voice.say(LONG)
+        wait_until(lambda: words.started is not None)  # noqa: B023 - it is waited for here
+        words.cancel()
+        wait_until(lambda: room.player._ended)
+    assert room.starts(room.player) == 1
+    assert room.notices == []
+
+
+def test_a_player_that_does_not_obey_is_killed_and_the_next_words_are_heard(room: Room) -> None:
+    words = room.voice.say(LONG)
+    wait_until(lambda: words.started is not None)
+    stopped = room.process(room.player)
+    room.signal(room.player, signal.SIGSTOP)
+    words.cancel()
+    assert words.done()
+    wait_until(lambda: stopped.returncode is not None)
+    again = room.voice.say("so")
+    wait_until(again.done)
+    assert (room.starts(room.player), room.printed) == (2, [])
+    assert [notice.kind for notice in room.notices] == ["fault"]
+
+
+def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(room: Room) -> None:
+    wait_until(room.voice.say("so").done)
+    words = room.voice.say("one two three four five six")
+    wait_until(lambda: words.started is not None)
+    began, length = words.started, words.mouth[-1].at
+    room.signal(room.player, signal.SIGKILL)
+    wait_until(words.done)
+    assert words.started == began
+    assert began is not None
+    assert room.clock.now() - began >= length
+    assert room.printed == ["one two three four five six"]
+    (notice,) = room.notices
+    assert notice.what == "voice: sound_worker: ended with -9"
+    assert room.voice.health().counters["failed"] == 1
+    wait_until(room.voice.say("back again").done)
+    assert room.printed == ["one two three four five six"]
+    assert room.voice.health().detail == ""
+
+
+def test_words_whose_synthesiser_dies_are_printed_and_the_next_are_spoken(room: Room) -> None:
+    wait_until(room.voice.say("so").done)
+    room.signal(room.engine, signal.SIGSTOP)
+    words = room.voice.say("one two three")
+    room.signal(room.engine, signal.SIGKILL)
+    wait_until(words.done)
+    assert room.printed == ["one two three"]
+    wait_until(room.voice.say("back again").done)
+    assert room.printed == ["one two three"]
+    assert len(room.notices) == 1
+
+
+def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
+    wait_until(room.voice.say("so").done)
+    words = room.voice.say("so")
+    wait_until(lambda: words.started is not None)
+    room.signal(room.player, signal.SIGSTOP)
+    wait_until(words.done)
+    assert any("the loudspeaker hangs" in notice.what for notice in room.notices)
+
+
+def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_is_told_once() -> None:
+    room, heard = Room(device="no such loudspeaker"), Room()
+    for each in (room, heard):
+        each.voice.open()
+    try:
+        length = heard.seconds_of("five words in some seconds")
+        assert room.seconds_of("five words in some seconds") == pytest.approx(length, abs=0.5)
+        room.seconds_of("again")
+        words = room.voice.say(LONG)
+        wait_until(lambda: len(room.printed) == 3)
+        words.cancel()
+        assert room.printed == ["five words in some seconds", "again", LONG]
+        (notice,) = room.notices
+        assert (notice.device, notice.kind) == ("voice", "fault")
+        assert "no loudspeaker is called 'no such loudspeaker'" in notice.what
+        health = room.voice.health()
+        assert (health.online, health.detail) == (True, notice.what)
+    finally:
+        room.voice.close()
+        heard.voice.close()
+
+
+def test_what_is_broken_off_without_a_sound_card_is_printed_again() -> None:
+    room = Room(device="no such loudspeaker")
+    room.voice.open()
+    usual = room.voice.say("one two")
+    wait_until(lambda: room.printed)
+    wait_until(room.voice.say("stop", priority=Priority.HIGH).done)
+    wait_until(usual.done)
+    room.voice.close()
+    assert room.printed == ["one two", "stop", "one two"]
+
+
+def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: Path) -> None:
+    path = tmp_path / "bell.ogg"
+    path.write_bytes(b"OggS" + bytes(100))
+    wait_until(room.voice.play(path).done)
+    (notice,) = room.notices
+    assert f"{path}: failed to decode" in notice.what
+    assert notice.hint == f"`file {path}` shows what it is"
+
+
+def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: Room) -> None:
+    wait_until(room.voice.say("so").done)
+    for _ in range(2):
+        room.engine.received({"absent": "No module named 'espeakng_loader'"}, b"")
+    room.engine.lost("it ends")
+    wait_until(room.voice.say("one two three").done)
+    assert room.printed == ["one two three"]
+    (notice,) = room.notices
+    assert notice.what == "voice: No module named 'espeakng_loader'"
+    assert "missiontree[speak]" in notice.hint
+    health = room.voice.health()
+    assert (health.online, health.detail) == (False, notice.what)
+
+
+def test_closed_in_the_middle_of_words_nothing_is_left_and_opened_again_it_speaks(room: Room) -> None:
+    words = room.voice.say(LONG)
+    wait_until(lambda: words.started is not None)
+    processes = [room.process(room.engine), room.process(room.player)]
+    room.voice.close()
+    assert all(process.returncode is not None for process in processes)
+    assert words.done()
+    room.voice.open()
+    wait_until(room.voice.say("so").done)
+    assert (room.printed, room.notices) == ([], [])

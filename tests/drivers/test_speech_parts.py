@@ -1,0 +1,324 @@
+"""What speech is made of: manners, files, shapes of the mouth, messages, and the programs on their own."""
+
+import json
+import sys
+import wave
+from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import AS_USUAL, Manner, Mouth, MouthShape, Notice
+from drivers.clock import SystemClock
+from drivers.errors import BadRequest, DeviceFault
+from drivers.voice import espeak_worker, sound_worker
+from drivers.voice.choose import Wish, make_voice
+from drivers.voice.cut import Cut
+from drivers.voice.engines import Espeak, Piper
+from drivers.voice.manner import espeak_name, filled
+from drivers.voice.printed import PrintedVoice
+from drivers.voice.protocol import PIECE, Speech, pieces, speech
+from drivers.voice.sound_worker import Queue
+from drivers.voice.sounds import checked, length_of
+from drivers.voice.speaker import Speaker
+from drivers.voice.speech import SpeechVoice
+from drivers.voice.visemes import movement, shape_of
+from tests.waiting import wait_until
+
+# --- manners ----------------------------------------------------------------------------------------------------------
+
+ROBOT = Manner("en-us+f2", 120, "en-us")
+
+
+@pytest.mark.parametrize(
+    ("asked", "name", "speed"),
+    [
+        (AS_USUAL, "en-us+f2", 120),
+        (Manner(language="de"), "de+f2", 120),
+        (Manner(voice="fr"), "fr", 120),
+        (Manner(voice="+m3"), "en-us+m3", 120),
+        (Manner(voice="+m3", language="de", speed=200), "de+m3", 200),
+        (Manner(voice="en-gb", language="de"), "en-gb", 120),
+    ],
+)
+def test_what_a_mission_leaves_open_the_robot_says(asked: Manner, name: str, speed: float) -> None:
+    manner = filled(asked, ROBOT)
+    assert (espeak_name(manner), manner.speed) == (name, speed)
+
+
+def test_without_anything_the_synthesiser_chooses_and_speaks_as_people_do() -> None:
+    assert filled(AS_USUAL, AS_USUAL) == Manner("", 150.0, "")
+    assert espeak_name(AS_USUAL) == ""
+    assert espeak_name(Manner("+f2")) == "en+f2"
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "begin", [b"RIFF\0\0\0\0WAVE", b"fLaC\0", b"OggS\0", b"ID3\x03", b"\xff\xfb\x90\x64", b"\xff\xf3\x40"]
+)
+def test_sounds_are_told_by_their_first_bytes(tmp_path: Path, begin: bytes) -> None:
+    path = tmp_path / "sound"
+    path.write_bytes(begin + bytes(20))
+    assert checked("voice", path) == path
+
+
+@pytest.mark.parametrize("begin", [b"", b"RIFF\0\0\0\0AVI ", b"\xff\x00", b"hello", b"\x89PNG"])
+def test_what_is_no_sound_is_told_by_them_too(tmp_path: Path, begin: bytes) -> None:
+    path = tmp_path / "sound"
+    path.write_bytes(begin)
+    with pytest.raises(BadRequest, match="is no WAV, MP3, FLAC or Ogg file"):
+        checked("voice", path)
+    with pytest.raises(BadRequest, match="no such file"):
+        checked("voice", tmp_path)
+
+
+def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Path) -> None:
+    path = tmp_path / "sound"
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(bytes(4 * 6000))
+    assert length_of(path) == 0.75
+    path.write_bytes(b"OggS" + bytes(31_996))
+    assert length_of(path) == 2.0
+    assert length_of(tmp_path / "none") == 0.0
+
+
+# --- the mouth --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("phoneme", "shape"),
+    [
+        ("p", Mouth.CLOSED),
+        ("_:", Mouth.CLOSED),
+        ("", Mouth.CLOSED),
+        ("'oU", Mouth.ROUND),
+        ("tS", Mouth.ROUND),
+        ("t", Mouth.NARROW),
+        ("v", Mouth.TEETH),
+        (",i:", Mouth.WIDE),
+        ("'aI", Mouth.OPEN),
+        ("@", Mouth.NARROW),
+    ],
+)
+def test_each_phoneme_has_its_shape(phoneme: str, shape: Mouth) -> None:
+    assert shape_of(phoneme) is shape
+
+
+def test_the_mouth_keeps_a_shape_that_stays_and_ends_closed() -> None:
+    moved = movement([(0.0, "t"), (0.1, "s"), (0.2, "'i:"), (0.3, "m"), (0.4, "_")], 0.6)
+    assert moved == (
+        MouthShape(0.0, Mouth.NARROW),
+        MouthShape(0.2, Mouth.WIDE),
+        MouthShape(0.3, Mouth.CLOSED),
+    )
+    assert movement([], 0.5) == (MouthShape(0.5, Mouth.CLOSED),)
+
+
+# --- messages ---------------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 3 * PIECE).map(lambda count: 2 * count))
+def test_a_sound_is_sent_in_pieces_of_which_only_the_last_is_the_last(size: int) -> None:
+    sound = Speech(bytes(size), 22_050)
+    sent = list(pieces(7, sound))
+    assert b"".join(body for _, body in sent) == sound.samples
+    assert [head["last"] for head, _ in sent] == [False] * (len(sent) - 1) + [True]
+    assert all(head["play"] == 7 and head["rate"] == 22_050 and len(body) <= PIECE for head, body in sent)
+
+
+def test_what_the_synthesiser_answers_is_checked() -> None:
+    good: dict[str, Any] = {"rate": 22_050, "phonemes": [[120, "'oU"]], "trouble": ""}
+    assert speech(good, bytes(5)).phonemes == ((0.12, "'oU"),)
+    assert speech(good, bytes(22_050)).seconds == 0.5
+    with pytest.raises(ValueError, match="not a rate"):
+        speech({**good, "rate": 0}, b"")
+    with pytest.raises(KeyError):
+        speech({"rate": 1}, b"")
+
+
+# --- breaking off -----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_broken_off_is_told_once_while_that_matters() -> None:
+    cut, told = Cut(), list[str]()
+    with cut.then(lambda: told.append("early")):
+        pass
+    with cut.then(lambda: told.append("now")):
+        cut.make()
+    cut.make()
+    with cut.then(lambda: told.append("late")):
+        pass
+    assert (told, cut.made, cut.wait(9.0)) == (["now", "late"], True, True)
+
+
+# --- the programs -----------------------------------------------------------------------------------------------------
+
+
+class Told(sound_worker.Pipe):
+    def __init__(self) -> None:
+        super().__init__()
+        self.said: list[dict[str, object]] = []
+
+    def tell(self, **message: object) -> None:
+        self.said.append(message)
+
+
+def test_the_device_is_given_silence_while_sound_is_missing_and_told_of_its_end_once_it_was_heard() -> None:
+    pipe = Told()
+    queue = Queue(pipe)
+    device = queue.playing()
+    assert next(device) == b""
+    assert device.send(2) == bytes(4)
+    queue.add(1, 1000, b"abcdef", whole=False)
+    assert device.send(2) == b"abcd"
+    assert device.send(2) == b"ef\0\0"
+    assert device.send(2) == bytes(4)
+    queue.add(1, 1000, b"gh", whole=True)
+    assert device.send(2) == b"gh\0\0"
+    assert pipe.said == [{"started": 1, "seconds": 0.003}]
+    assert device.send(2) == bytes(4)
+    assert pipe.said[1:] == [{"ended": 1, "seconds": 0.004}]
+
+
+def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
+    pipe = Told()
+    queue = Queue(pipe)
+    device = queue.playing()
+    next(device)
+    queue.add(1, 1000, bytes(range(1, 9)), whole=True)
+    device.send(1)
+    queue.drop(2)
+    queue.drop(1)
+    queue.drop(1)
+    assert device.send(4) == bytes(8)
+    queue.add(3, 1000, b"ab", whole=True)
+    device.send(1)
+    queue.drop(3)  # the device has it all, and has not said yet that it is over
+    device.send(1)
+    assert [message for message in pipe.said if "ended" in message] == [
+        {"ended": 1, "seconds": 0.001},
+        {"ended": 3, "seconds": 0.001},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments", "missing"),
+    [(espeak_worker, (), "espeakng_loader"), (sound_worker, ("", "null", "1.0"), "miniaudio")],
+)
+def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
+    program: Any, arguments: tuple[str, ...], missing: str
+) -> None:
+    command = [sys.executable, "-I", "-S", program.__file__, *arguments]
+    with Popen(command, stdin=PIPE, stdout=PIPE) as process:
+        said, _ = process.communicate(timeout=30)
+    assert json.loads(said) == {"absent": f"No module named '{missing}'"}
+    assert process.returncode == 0
+
+
+def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
+    class Loud(sound_worker.Player):
+        def __init__(self, volume: float) -> None:
+            self._volume = volume
+
+    samples = b"".join(value.to_bytes(2, "little", signed=True) for value in (0, 100, -100, 30_000, -30_000))
+    assert Loud(1.0)._louder(samples) == samples
+    louder = Loud(2.0)._louder(samples)
+    values = [int.from_bytes(louder[at : at + 2], "little", signed=True) for at in range(0, 10, 2)]
+    assert values == [0, 200, -200, 32_767, -32_768]
+
+
+# --- Piper ------------------------------------------------------------------------------------------------------------
+
+PIPER = """#!{python}
+import pathlib, sys
+text = sys.stdin.read()
+pathlib.Path(__file__).with_suffix(".said").write_text(" ".join(sys.argv[1:]) + "|" + text)
+if "fail" in text:
+    sys.exit("no such model")
+sys.stdout.buffer.write(bytes(2 * 1600) + b"?")
+"""
+
+
+@pytest.fixture
+def piper(tmp_path: Path) -> Path:
+    """A program that stands in for Piper, with a model beside it."""
+    program = tmp_path / "piper"
+    program.write_text(PIPER.format(python=sys.executable))
+    program.chmod(0o755)
+    (tmp_path / "amy.onnx.json").write_text('{"audio": {"sample_rate": 16000}}')
+    return program
+
+
+def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
+    model = piper.with_name("amy.onnx")
+    engine = Piper(model, program=str(piper))
+    engine.open()
+    found = engine.speak("two\nlines", Manner(speed=300), Cut())
+    engine.close()
+    assert found is not None
+    assert (found.rate, found.seconds) == (16_000, 0.1)
+    said = piper.with_suffix(".said").read_text()
+    assert said == f"--model {model} --output-raw --length-scale 0.500|two lines"
+
+
+def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
+    engine = Piper(piper.with_name("amy.onnx"), program=str(piper))
+    with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
+        engine.speak("fail", Manner(speed=150), Cut())
+    assert raised.value.hint.startswith("echo hello | ")
+    with pytest.raises(DeviceFault, match=r"bob.onnx.json: cannot be read"):
+        Piper(piper.with_name("bob.onnx"), program=str(piper)).speak("so", Manner(speed=150), Cut())
+
+
+# --- which voice ------------------------------------------------------------------------------------------------------
+
+
+def test_each_driver_has_its_engine() -> None:
+    def engine(wish: Wish) -> object:
+        voice = make_voice(wish, SystemClock(), print)
+        return voice._engine if isinstance(voice, SpeechVoice) else voice
+
+    assert isinstance(engine(Wish("espeak")), Espeak)
+    assert isinstance(engine(Wish("auto")), Espeak)  # the wheels are installed for the tests
+    assert isinstance(engine(Wish("program")), Speaker)
+    assert isinstance(engine(Wish("piper", model="amy.onnx")), Piper)
+    assert isinstance(engine(Wish("command", command="my_tts --stdin")), Speaker)
+    assert isinstance(engine(Wish("print")), PrintedVoice)
+
+
+def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.voice.choose.find_spec", lambda _: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert isinstance(make_voice(Wish("auto"), SystemClock(), print), PrintedVoice)
+    printed, notices = list[str](), list[Notice]()
+    voice = make_voice(Wish("program", usual=Manner(speed=450)), SystemClock(), printed.append, report=notices.append)
+    voice.open()
+    wait_until(voice.say("hello").done)
+    voice.close()
+    assert printed == ["hello"]
+    assert "espeak-ng: " in notices[0].what
+    program = tmp_path / "espeak"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    assert isinstance(make_voice(Wish("auto"), SystemClock(), print), SpeechVoice)
+
+
+def test_a_command_of_the_users_is_told_how_to_speak(tmp_path: Path) -> None:
+    program, said = tmp_path / "tts.py", tmp_path / "said"
+    program.write_text(f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:]) + '|' + sys.stdin.read())")
+    command = f"{sys.executable} {program} --pace={{speed}} --as={{voice}}"
+    voice = make_voice(Wish("command", Manner(speed=120), command=command), SystemClock(), print)
+    voice.open()
+    wait_until(voice.say("hello there").done)
+    voice.close()
+    assert said.read_text() == "--pace=120|hello there"

@@ -1,0 +1,213 @@
+"""From sound to words, with a recogniser that answers when the test says so."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from perception.api import Hearing
+from perception.hearing.ears import Ears
+from perception.hearing.listener import PATIENCE, Listener
+from perception.hearing.sound import RATE, Piece
+from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk
+from tests.waiting import wait_until
+
+
+class Scene:
+    def __init__(self, threshold: float = 0.0) -> None:
+        self.worker = ScriptedWorker()
+        self.changes = 0
+        self.speaking = (0.0, 0.0)
+        self.listener = Listener(self.worker, LengthEngine(), threshold=threshold, deaf=self.deaf, changed=self.changed)
+
+    def deaf(self, start: float, end: float) -> bool:
+        return start < self.speaking[1] and end > self.speaking[0]
+
+    def changed(self) -> None:
+        self.changes += 1
+
+    def begin(self) -> None:
+        self.listener.started()
+        self.listener.received({"ready": True}, b"")
+
+    def hear(self, *spoken: tuple[float, float], seconds: float, first: int = 0) -> None:
+        for piece in bits(talk(*spoken, seconds=seconds), first=first, start=first * 0.02):
+            self.listener.take(piece)
+
+    def answer(self, phrase: str, score: float) -> None:
+        asked = self.worker.sent[-1][0]["decode"]
+        self.listener.received({"decoded": asked, "phrase": phrase, "score": score}, b"")
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return Scene()
+
+
+def test_a_new_recogniser_is_told_what_to_listen_for(scene: Scene) -> None:
+    scene.begin()
+    assert scene.worker.sent == [({"phrases": ["yes"]}, b"")]
+
+
+def test_before_the_recogniser_is_ready_nobody_listens(scene: Scene) -> None:
+    scene.hear(seconds=1)
+    assert scene.listener.listened() is None
+    scene.begin()
+    scene.hear(seconds=1, first=50)
+    assert scene.listener.listened() == pytest.approx(2.0)
+
+
+def test_what_is_said_is_recognised_and_kept_with_its_times(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), seconds=3)
+    assert scene.listener.pending
+    assert scene.listener.words() == ()
+    scene.answer("yes", 2.5)
+    (words,) = scene.listener.words()
+    assert (words.id, words.phrase, words.score, words.who) == (1, "yes", 2.5, "")
+    assert [words.start, words.stamp] == pytest.approx([1.0, 1.5], abs=0.03)
+    assert (scene.listener.refused(), scene.changes, scene.listener.pending) == ((), 1, False)
+
+
+@pytest.mark.parametrize(("threshold", "accepted"), [(0.9, True), (1.0, True), (1.1, False)])
+def test_what_is_not_sure_enough_is_refused_with_the_nearest_phrase(threshold: float, accepted: bool) -> None:
+    scene = Scene(threshold)
+    scene.begin()
+    scene.hear((1.0, 1.5), seconds=3)
+    scene.answer("yes", 1.0)
+    kept, other = scene.listener.words(), scene.listener.refused()
+    assert [words.phrase for words in (kept if accepted else other)] == ["yes"]
+    assert (other if accepted else kept) == ()
+
+
+def test_what_is_no_phrase_at_all_is_refused_however_sure(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), seconds=3)
+    scene.answer("", 9.0)
+    assert scene.listener.words() == ()
+    assert [words.phrase for words in scene.listener.refused()] == [""]
+
+
+def test_one_is_recognised_after_the_other(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), (3.0, 3.5), (5.0, 5.5), seconds=7)
+    assert [message.get("decode") for message, _ in scene.worker.sent] == [None, 1]
+    scene.answer("yes", 1.0)
+    assert [message.get("decode") for message, _ in scene.worker.sent] == [None, 1, 2]
+    scene.answer("yes", 2.0)
+    scene.answer("yes", 3.0)
+    assert [(words.id, round(words.start)) for words in scene.listener.words()] == [(3, 5), (2, 3), (1, 1)]
+
+
+def test_it_does_not_hear_what_the_robot_says_itself(scene: Scene) -> None:
+    scene.begin()
+    scene.speaking = (0.9, 2.0)
+    scene.hear((1.0, 1.9), (3.0, 3.5), seconds=5)
+    scene.answer("yes", 1.0)
+    assert [round(words.start) for words in scene.listener.words()] == [3]
+    assert not scene.listener.pending
+    assert scene.listener.listened() == pytest.approx(5.0)
+
+
+def test_sound_that_was_lost_does_not_join_what_was_before_to_what_was_after(scene: Scene) -> None:
+    scene.begin()
+    pieces = bits(talk((1.0, 3.0), seconds=5))
+    for piece in (*pieces[:75], *pieces[125:]):  # half a second is missing
+        scene.listener.take(piece)
+    scene.answer("yes", 1.0)
+    (words,) = scene.listener.words()
+    assert words.start == pytest.approx(2.5, abs=0.03)
+
+
+def test_a_recogniser_that_dies_costs_what_it_was_asked_and_no_more(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), (3.0, 3.5), seconds=5)
+    scene.listener.lost("killed")
+    before = scene.listener.listened()
+    scene.hear(seconds=1, first=250)
+    assert scene.listener.listened() == before
+    scene.begin()
+    scene.answer("yes", 1.0)
+    assert [round(words.start) for words in scene.listener.words()] == [3]
+    assert not scene.listener.pending
+
+
+def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
+    scene.begin()
+    scene.worker.broken = True
+    scene.hear((1.0, 1.5), seconds=3)
+    scene.listener.lost("gone")
+    assert scene.listener.words() == ()
+
+
+def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), seconds=PATIENCE + 1)
+    assert scene.worker.kills == 0
+    scene.hear(seconds=2, first=round(50 * (PATIENCE + 1)))
+    assert scene.worker.kills > 0
+    assert scene.listener.listened() == pytest.approx(PATIENCE + 2, abs=0.1)
+
+
+def test_an_answer_that_nobody_asked_for_is_dropped(scene: Scene) -> None:
+    scene.begin()
+    scene.listener.received({"decoded": 7, "phrase": "yes", "score": 9.0}, b"")
+    assert (scene.listener.words(), scene.changes) == ((), 0)
+
+
+def test_words_are_forgotten_after_half_a_minute(scene: Scene) -> None:
+    scene.begin()
+    for start in (1.0, 20.0, 40.0):
+        scene.hear((1.0, 1.5), seconds=3, first=round((start - 1) * 50))
+        scene.answer("yes", 1.0)
+    assert [round(words.start) for words in scene.listener.words()] == [40, 20]
+
+
+def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
+    assert scene.listener.level() == -90
+    full = np.where(np.arange(3200) % 2, 32767, -32767).astype(np.int16)
+    for piece in bits(full):
+        scene.listener.take(piece)
+    assert scene.listener.level() == pytest.approx(0, abs=0.01)
+    for piece in bits(np.zeros(1600, np.int16), first=10):
+        scene.listener.take(piece)
+    assert scene.listener.level() == -90
+
+
+class Microphone:
+    """Gives all its sound at once, and then fails."""
+
+    def __init__(self, pieces: list[Piece]) -> None:
+        self.pieces = pieces
+        self.failures = 0
+
+    def read(self, after: int) -> Sequence[Piece]:
+        left = [piece for piece in self.pieces if piece.number > after]
+        if not left:
+            self.failures += 1
+            raise OSError("no more sound")
+        return left
+
+
+def test_ears_listen_on_a_thread_of_their_own_and_survive_trouble(scene: Scene) -> None:
+    microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
+    troubles: list[Exception] = []
+    ears = Ears(microphone, scene.listener, scene.worker, on_trouble=troubles.append)
+    hearing: Hearing = ears
+    ears.close()
+    scene.begin()
+    ears.open()
+    ears.open()
+    try:
+        wait_until(lambda: len(scene.worker.sent) == 2 and microphone.failures >= 2)
+        scene.answer("yes", 1.0)
+        assert [words.phrase for words in hearing.words()] == ["yes"]
+        assert hearing.refused() == ()
+        assert hearing.listened() == pytest.approx(3.0)
+        assert -60 < hearing.level() < -50
+        assert [str(trouble) for trouble in troubles] == ["no more sound"]
+        assert len(scene.worker.sent[1][1]) > RATE
+    finally:
+        ears.close()
+        ears.close()
+    assert scene.worker.talker is None

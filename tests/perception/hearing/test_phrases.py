@@ -1,0 +1,166 @@
+"""Phrases to listen for: as text, as words that are pronounced, and as a network."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.hearing.accents import variants
+from perception.hearing.grammar import END, START, Grammar, fault_of, normalised
+from perception.hearing.lexicon import Lexicon
+from perception.hearing.mnemonics import phones_of
+from perception.hearing.phones import KIND_OF, VOWELS
+
+DICTIONARY = """stop S T AA P
+start S T AA R T
+forward F AO R W ER D
+near N IH R
+the DH AH
+the(2) DH IY
+turn T ER N
+very V EH R IY
+"""
+
+texts = st.text(st.sampled_from("abc ,.!?'\u2019-XYZ"), max_size=30)
+phrases = st.lists(st.lists(st.sampled_from(["go", "left", "the", "stop"]), min_size=1, max_size=4), min_size=1)
+
+
+@pytest.mark.parametrize(
+    ("text", "phrase"),
+    [
+        ("Hello, Robot!", "hello robot"),
+        ("  what's   up?", "what's up"),
+        ("it\u2019s me", "it's me"),
+        ("'quoted'", "quoted"),
+        ("good-morning_all", "good morning all"),
+        ("...", ""),
+    ],
+)
+def test_a_phrase_is_what_is_spoken_of_a_text(text: str, phrase: str) -> None:
+    assert normalised(text) == phrase
+
+
+@given(texts)
+def test_a_phrase_is_its_own_phrase(text: str) -> None:
+    assert normalised(normalised(text)) == normalised(text)
+
+
+@pytest.mark.parametrize(("text", "fault"), [("?!", "no word"), ("go 3 steps", "write them out"), ("yes", "")])
+def test_what_cannot_be_said_is_told(text: str, fault: str) -> None:
+    assert fault in fault_of(text)
+    assert bool(fault) == bool(fault_of(text))
+
+
+def test_a_grammar_of_what_cannot_be_said_is_refused() -> None:
+    with pytest.raises(ValueError, match="cannot listen for 'go 3 steps': it has digits"):
+        Grammar.of(["yes", "go 3 steps"])
+
+
+def test_phrases_that_sound_alike_count_once() -> None:
+    assert Grammar.of(["Yes!", "yes", "no"]).phrases == ("yes", "no")
+
+
+@given(phrases)
+def test_the_network_allows_just_the_phrases(some: list[list[str]]) -> None:
+    grammar = Grammar.of(" ".join(words) for words in some)
+    arcs, found = grammar.arcs(), set()
+    walks: list[tuple[int, tuple[str, ...]]] = [(START, ())]
+    while walks:
+        state, said = walks.pop()
+        if state == END:
+            found.add(" ".join(said))
+        walks += [(to, (*said, word)) for origin, to, _, word in arcs if origin == state]
+    assert found == set(grammar.phrases)
+    assert sum(chance for origin, _, chance, _ in arcs if origin == START) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("text", "phrase"),
+    [
+        ("Yes.", "yes"),
+        ("yes please", "yes"),
+        ("oh yes, please", "yes"),
+        ("oh yes, I would love to", ""),
+        ("yesterday", ""),
+        ("well, thank you", "thank you"),
+        ("thank her", ""),
+        ("", ""),
+    ],
+)
+def test_a_phrase_is_found_in_a_text_that_says_little_else(text: str, phrase: str) -> None:
+    assert Grammar.of(["yes", "thank you", "no"]).find(text) == phrase
+
+
+def test_of_several_phrases_in_a_text_the_longest_counts() -> None:
+    assert Grammar.of(["thank", "thank you"]).find("thank you") == "thank you"
+
+
+@given(texts)
+def test_no_phrase_is_found_in_a_text_without_its_words(text: str) -> None:
+    assert Grammar.of(["stop here"]).find(text) == ""
+
+
+@pytest.mark.parametrize(
+    ("american", "british"),
+    [
+        ("S T AA P", ["S T AO P"]),
+        ("S T AA R T", ["S T AA T"]),
+        ("F AO R W ER D", ["F AO W AH D"]),
+        ("N IH R", ["N IH AH"]),
+        ("T ER N", []),
+        ("V EH R IY", []),
+        ("R EH D", []),
+        ("DH AH", []),
+        ("AA R B AA T", ["AA B AA T", "AA R B AO T", "AA B AO T"]),
+    ],
+)
+def test_british_speakers_drop_their_r_and_round_their_o(american: str, british: list[str]) -> None:
+    assert variants(american.split()) == [tuple(each.split()) for each in british]
+
+
+@given(st.lists(st.sampled_from(sorted(KIND_OF)), min_size=1, max_size=8))
+def test_other_ways_to_say_a_word_are_new_and_have_its_syllables(phones: list[str]) -> None:
+    ways = variants(phones)
+    assert tuple(phones) not in ways
+    assert len(set(ways)) == len(ways)
+    for way in ways:
+        assert sum(phone in VOWELS for phone in way) >= sum(phone in VOWELS for phone in phones)
+        assert set(way) <= KIND_OF.keys()
+
+
+def test_a_word_is_said_in_all_the_ways_of_the_dictionary_and_in_british() -> None:
+    lexicon = Lexicon(DICTIONARY)
+    assert lexicon.pronunciations("the") == [("DH", "AH"), ("DH", "IY")]
+    assert lexicon.pronunciations("stop") == [("S", "T", "AA", "P"), ("S", "T", "AO", "P")]
+    assert lexicon.pronunciations("op") == []
+    assert lexicon.unknown(["stop", "rodney", "very"]) == ["rodney"]
+
+
+def test_the_robot_file_says_how_a_name_is_said() -> None:
+    lexicon = Lexicon(DICTIONARY, {"Rodney": "r aa d n iy", "the": "DH EH"})
+    assert lexicon.pronunciations("rodney") == [("R", "AA", "D", "N", "IY"), ("R", "AO", "D", "N", "IY")]
+    assert lexicon.pronunciations("the") == [("DH", "EH")]
+
+
+@pytest.mark.parametrize(("said", "what"), [("R Q", "'Q' is no phone; phones are AA"), ("", "it has no phones")])
+def test_a_pronunciation_with_unknown_phones_is_refused(said: str, what: str) -> None:
+    with pytest.raises(ValueError, match=f"pronunciation of 'rodney': {what}"):
+        Lexicon("", {"rodney": said})
+
+
+@pytest.mark.parametrize(
+    ("mnemonics", "phones"),
+    [
+        ("tS 'eI n dZ 3 _: _", "CH EY N JH ER"),
+        ("D e@ b 'aI _: _", "DH EH R B AY"),
+        ("'E p I2 dZ ,u: r @L _:", "EH P IH JH UW R AH L"),
+        ("_: _", ""),
+    ],
+)
+def test_a_synthesiser_says_how_a_name_is_said(mnemonics: str, phones: str) -> None:
+    assert " ".join(phones_of(mnemonics.split())) == phones
+    assert set(phones_of(mnemonics.split())) <= KIND_OF.keys()
+
+
+def test_the_phonemes_of_another_language_are_refused() -> None:
+    with pytest.raises(ValueError, match="phoneme 'y:' is none of the voice en-us"):
+        phones_of(["t", "y:"])
