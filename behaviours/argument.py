@@ -14,10 +14,12 @@ class Argument:
 
     ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "value" (anything),
     "outcomes" (a list of statuses), "joint" (a name), "joints" (a joint, a group of them, or a list of both), or
-    "gesture", "move", "controller" or "object" (looked up by name), "new move" (the name of what is to be recorded), or
-    "choice" (one of the words in ``choices``).
+    "gesture", "move", "controller" or "object" (looked up by name), "new move" (the name of what is to be recorded),
+    "file" (a path from the mission's folder), "phrases" (what may be said: one text, or a list of them, known before
+    the mission starts), or "choice" (one of the words in ``choices``).
     ``span`` asks for two values, [low, high]; ``by_joint`` for one value for each of some joints, {elbow: 30 deg}.
     ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its name.
+    ``attribute`` is the leaf's attribute that holds the value.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Argument:
     high: float = math.inf
     by_joint: bool = False
     choices: tuple[str, ...] = ()
+    attribute: str = ""
 
     @property
     def required(self) -> bool:
@@ -37,10 +40,12 @@ class Argument:
         return self.default is REQUIRED
 
 
-def argument(kind: str, help: str, **options: Any) -> Any:  # noqa: A002 - the word that argparse and click use
+def argument(kind: str, help: str, *, called: str = "", **options: Any) -> Any:  # noqa: A002 - as argparse and click
     """Declare an argument of a leaf, as a class attribute.
 
     ``speed: float = argument("speed", "how fast", default=0.2)``. When the leaf starts, the attribute holds the value:
-    SI floats for quantities, a pair of them for a span, a mapping for values by joint, and a tuple of names for joints.
+    SI floats for quantities, a pair of them for a span, a mapping for values by joint, a tuple of names for joints, and
+    for phrases a mapping from how each is listened for to how it is written.
+    ``called`` is its name in missions where that cannot be the attribute's, as ``name``, which every node has.
     """
-    return Argument(name="", kind=kind, help=help, **options)
+    return Argument(name=called, kind=kind, help=help, **options)

@@ -50,6 +50,7 @@ class Set(Leaf):
 
     def update(self) -> Status:
         self.scope.update(self.values)
+        self.run.stored = True
         return SUCCESS
 
 

@@ -14,16 +14,20 @@ from behaviours.driving.turning import Turn
 from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked
 from behaviours.head import Look, LookAt
 from behaviours.head_motion import Nod, ShakeHead, SweepHead
+from behaviours.hearing import Heard, Listen
+from behaviours.identify import Identify
 from behaviours.joint_conditions import JointAt, JointHot, JointLoaded, JointMoving
 from behaviours.joints import MoveJoints, Torque
 from behaviours.leaf import Leaf
 from behaviours.mirror import FollowJoint, Mirror
 from behaviours.moves import Play, RecordMove
+from behaviours.notify import Notify
 from behaviours.objects import FindObject, ObjectSeen
 from behaviours.ranging import ObstacleWithin
 from behaviours.robots import FindRobot, RobotSeen
 from behaviours.scan import Scan
 from behaviours.scene import Dark, MotionSeen, SceneUniform
+from behaviours.screen import Face, Show
 from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
 from behaviours.signals import Led, Sound
 from behaviours.sweep_joints import Sweep
@@ -31,7 +35,7 @@ from behaviours.tracking.follow_person import FollowPerson
 from behaviours.tracking.track_face import TrackFace
 from behaviours.tracking.track_object import TrackObject
 from behaviours.tracking.track_robot import TrackRobot
-from behaviours.voice import Say
+from behaviours.voice import PlaySound, Say
 from behaviours.wander import Wander
 
 LEAVES: Mapping[str, type[Leaf]] = {
@@ -41,6 +45,7 @@ LEAVES: Mapping[str, type[Leaf]] = {
         FaceCentred,
         FacesAtLeast,
         FindFace,
+        Identify,
         ObjectSeen,
         FindObject,
         RobotSeen,
@@ -87,8 +92,14 @@ LEAVES: Mapping[str, type[Leaf]] = {
         JointLoaded,
         JointMoving,
         Say,
+        PlaySound,
+        Listen,
+        Heard,
+        Face,
+        Show,
         Wait,
         Log,
+        Notify,
         Set,
         Succeed,
         Fail,

@@ -1,6 +1,6 @@
 """The common base of all leaves, and the one declaration that the checker, the catalogue and the docs read."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -29,8 +29,8 @@ class Leaf(Node):
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
     and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
     ``voice``), ``needs`` the parts without which it is of no use, ``uses`` those that it makes use of where the robot
-    has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``things``,
-    ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
+    has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``names`` of
+    people, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
     puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
@@ -69,14 +69,22 @@ class Leaf(Node):
     def __init_subclass__(cls) -> None:
         """Collect the arguments that the class declares, after those of its bases."""
         super().__init_subclass__()
-        declared = dict(cls.arguments)
+        declared: dict[str, Argument] = {}
+        for base in reversed(cls.__mro__):
+            declared |= vars(base).get("arguments", {})
         for name, value in list(vars(cls).items()):
             if isinstance(value, Argument):
-                declared[name] = replace(value, name=name)
+                declared[value.name or name] = replace(value, name=value.name or name, attribute=name)
                 delattr(cls, name) if value.required else setattr(cls, name, value.default)
         cls.arguments = declared
         cls._prepares = bool(cls.drives) or cls.initialise is not Behaviour.initialise
         cls._finishes = cls.terminate is not Behaviour.terminate
+
+    @classmethod
+    def senses_with(cls, given: Collection[str]) -> frozenset[str]:
+        """Return what it looks for with the camera where these arguments have a value: its ``senses``, or more."""
+        del given
+        return cls.senses
 
     @property
     def claims(self) -> frozenset[str]:
@@ -153,18 +161,24 @@ class Leaf(Node):
         if not known or type(self.feedback_message) is not str:
             status = self._mended(status)
         if run.overheld is not None and run.overheld[:2] == (self, run.tick):
-            status = self.fail(f"{self.place}: held the tick for {run.wall.now() - run.overheld[2]:.1f} s")
+            status = self._overstayed(run.wall.now() - run.overheld[2])
         if status is RUNNING:
             if self._since is None:
-                self._since = run.clock.now()
+                self._since = run.now()
         elif self._leaf_stage != AT_REST:
             self._leaf_stage = AT_REST
             if self._finishes:
                 self._terminate(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
-            self.scope[self.keep_as] = self.result
+            self._keep(self.keep_as)
         run.working = None
         return status
+
+    def _keep(self, name: str) -> None:
+        """Store the result, and say so if it is a new one."""
+        if self.scope.get(name) is not self.result or name not in self.scope:
+            self.scope[name] = self.result
+            self.run.stored = True
 
     def _enter_and_update(self) -> Status:
         """Start, then update for the first time."""
@@ -191,6 +205,11 @@ class Leaf(Node):
             return status
         return self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
 
+    def _overstayed(self, seconds: float) -> Status:
+        """Return a failure for a tick that was held for so long."""
+        self.run.overstayed = self.key, round(seconds, 1)
+        return self.fail(f"{self.place}: held the tick for {seconds:.1f} s")
+
     def _gone_wrong(self, error: BaseException) -> Status:
         """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
         if isinstance(error, NotConnected):
@@ -215,7 +234,7 @@ class Leaf(Node):
             self.values = found
         else:
             for name, value in found.items():
-                setattr(self, name, value)
+                setattr(self, self.arguments[name].attribute if name in self.arguments else name, value)
         return ""
 
     def _terminate(self, status: Status) -> None:

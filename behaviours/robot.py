@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from behaviours.reach import Reach
-from drivers.api import Base, Head, Joints, Ranger, Voice
+from drivers.api import Base, Head, Joints, Ranger, Screen, Voice
 from drivers.errors import BadRequest
-from perception.api import Sight
+from perception.api import Hearing, Sight
 
 Part = TypeVar("Part")
 
@@ -31,6 +31,8 @@ class Robot:
     eye: tuple[float, float, float] = (0.0, 0.0, 1.0)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     ranger_part: Ranger | None = None
+    hearing_part: Hearing | None = None
+    screen_part: Screen | None = None
 
     @property
     def base(self) -> Base:
@@ -66,6 +68,16 @@ class Robot:
     def sight(self) -> Sight:
         """What the camera sees."""
         return _there(self.sight_part, "camera")
+
+    @property
+    def hearing(self) -> Hearing:
+        """What the microphone hears."""
+        return _there(self.hearing_part, "microphone")
+
+    @property
+    def screen(self) -> Screen:
+        """The screen with the robot's face."""
+        return _there(self.screen_part, "screen")
 
 
 def _there(part: Part | None, name: str) -> Part:

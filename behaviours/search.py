@@ -37,6 +37,10 @@ class Search(Seeing[P]):
     def age_limit(self) -> float:
         return LATELY
 
+    def hesitates(self) -> bool:
+        """Whether it goes on looking where it looks now, though it has looked there for long enough."""
+        return False
+
     @property
     def counts_from(self) -> float:
         """Since when (s, on the run's clock) what is seen counts."""
@@ -51,7 +55,7 @@ class Search(Seeing[P]):
         found = self.fresh(since=self.counts_from)
         if found is not None:
             return self.see(found)
-        if self._goal is None or self._looked_long_enough():
+        if self._goal is None or (self._looked_long_enough() and not self.hesitates()):
             self._goal = next(self._route, None)
         if self._goal is None:
             return self.fail(f"no {self.noun} found in {self.scans} scan{'s' if self.scans > 1 else ''}")

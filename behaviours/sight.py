@@ -1,45 +1,79 @@
 """Leaves that look for people: three conditions, and a search with the head."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, argument
-from behaviours.meeting import Meeting
+from behaviours.meeting import Meeting, is_same
 from behaviours.search import Search
-from behaviours.seeing import LATELY, Seeing, Seen
+from behaviours.seeing import LATELY, Seeing
 from drivers.api import Pose2D
-from perception.api import Face
+from perception.api import UNKNOWN, Face
+
+KEPT = "the face: id, name where one was asked for, yaw, pitch, distance"
+"""What is kept of a face."""
+
+DECIDING = 2.0
+"""Seconds for which a search waits for a name to be decided; most take half a second."""
 
 
-class FaceSeen(Seen[Face]):
+class Faces(Seeing[Face]):
+    """Looks for faces, or for those of one name."""
+
+    noun = "face"
+    whose: str = argument(
+        "text", "only of this person; `unknown` is any stranger, without a name anybody", called="name", default=""
+    )
+
+    @classmethod
+    def senses_with(cls, given: Collection[str]) -> frozenset[str]:
+        return cls.senses | {"names"} if "name" in given else cls.senses
+
+    def percepts(self) -> Sequence[Face]:
+        return self.robot.sight.faces()
+
+    def wanted(self, percept: Face) -> bool:
+        return not self.whose or percept.name.casefold() == self.whose.casefold()
+
+    def nobody(self, so_far: str = "") -> str:
+        said = super().nobody(so_far)
+        whose = "a stranger" if self.whose.casefold() == UNKNOWN else self.whose
+        return said.replace("no face", f"no face of {whose}") if whose else said
+
+
+class FaceSeen(Faces):
     """Is a face in view?
 
     Succeeds when one was seen lately, fails when not. It never runs.
     """
 
     word = "face_seen"
-    noun = "face"
-    stores = "the face: id, yaw, pitch, distance"
+    stores = KEPT
+    instant = True
     within: float = argument("duration", "how long ago still counts", default=LATELY, principal=True, low=0.01)
+    nearer: float | None = argument("length", "only this near or nearer; else at any distance", default=None, low=0.1)
 
     @property
     def age_limit(self) -> float:
         return self.within
 
-    def percepts(self) -> Sequence[Face]:
-        return self.robot.sight.faces()
+    def wanted(self, percept: Face) -> bool:
+        return super().wanted(percept) and (self.nearer is None or percept.distance <= self.nearer)
+
+    def update(self) -> Status:
+        found = self.fresh()
+        return self.see(found) if found is not None else self.fail(self.nobody())
 
 
-class FacesAtLeast(Seeing[Face]):
+class FacesAtLeast(Faces):
     """Are several faces in view?
 
     Succeeds when so many were seen lately, fails when not. It never runs.
     """
 
     word = "faces_at_least"
-    noun = "face"
     stores = "the faces, as a list, the largest first"
     instant = True
     number: int = argument("count", "how many", principal=True, low=1)
@@ -49,9 +83,6 @@ class FacesAtLeast(Seeing[Face]):
     def age_limit(self) -> float:
         return self.within
 
-    def percepts(self) -> Sequence[Face]:
-        return self.robot.sight.faces()
-
     def update(self) -> Status:
         faces = self.all_fresh()
         if len(faces) >= self.number:
@@ -60,7 +91,7 @@ class FacesAtLeast(Seeing[Face]):
         return self.fail(f"{len(faces)} of {self.number} faces in view" if faces else self.nobody())
 
 
-class FaceCentred(Seeing[Face]):
+class FaceCentred(Faces):
     """Is the face in the middle of the picture?
 
     Succeeds when the largest face, or the one that is named, is within that angle of the camera's axis, fails when
@@ -68,8 +99,7 @@ class FaceCentred(Seeing[Face]):
     """
 
     word = "face_centred"
-    noun = "face"
-    stores = "the face: id, yaw, pitch, distance"
+    stores = KEPT
     instant = True
     within: float = argument("angle", "how far from the axis still counts", default=math.radians(5), principal=True)
     max_age: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
@@ -79,12 +109,9 @@ class FaceCentred(Seeing[Face]):
     def age_limit(self) -> float:
         return self.max_age
 
-    def percepts(self) -> Sequence[Face]:
-        return self.robot.sight.faces()
-
     def wanted(self, percept: Face) -> bool:
         only = chosen(self.face)
-        return only is None or percept.id == only.id
+        return super().wanted(percept) and (only is None or is_same(percept, only))
 
     def update(self) -> Status:
         face = self.fresh()
@@ -95,28 +122,30 @@ class FaceCentred(Seeing[Face]):
         return self.fail(f"the face is {math.degrees(face.bearing):+.0f}, {math.degrees(face.drop):+.0f} deg off")
 
 
-class FindFace(Search[Face]):
+class FindFace(Faces, Search[Face]):
     """Look around with the head for a face: first where it looks now, then row by row, to and fro.
 
-    Running until a face is seen, then succeeds and the head stays on it. Fails after `scans` rounds without one; by
-    default it goes on looking, so give it a `timeout`.
+    Running until a face is seen, then succeeds and the head stays on it. Where a name is asked for, it stays on each
+    face until it is decided whose that is. Fails after `scans` rounds without one; by default it goes on looking, so
+    give it a `timeout`.
     """
 
     word = "find_face"
-    noun = "face"
-    stores = "the face: id, yaw, pitch, distance"
+    stores = KEPT
     new: bool = argument("flag", "only somebody whom it has not found before in this run", default=False)
     _met: tuple[Meeting, ...] = ()  # outlives a restart: that is what `new` is for
 
-    def percepts(self) -> Sequence[Face]:
-        return self.robot.sight.faces()
-
     def wanted(self, percept: Face) -> bool:
-        return not self.new or not any(meeting.was_with(percept, self._stand()) for meeting in self._met)
+        return super().wanted(percept) and not (self.new and self._was_met(percept))
 
     def see(self, percept: Face) -> Status:
         self._met += (Meeting.of(percept, self._stand()),) if self.new else ()
         return super().see(percept)
+
+    def hesitates(self) -> bool:
+        if not self.whose or self.there_since is None or self.run.now() - self.there_since > DECIDING:
+            return False
+        return any(not face.name and face.stamp >= self.there_since for face in self.percepts())
 
     @property
     def counts_from(self) -> float:
@@ -124,6 +153,10 @@ class FindFace(Search[Face]):
         if not self.new:
             return self.since
         return math.inf if self.there_since is None else self.there_since
+
+    def _was_met(self, percept: Face) -> bool:
+        stand = self._stand()
+        return any(meeting.was_with(percept, stand) for meeting in self._met)
 
     def _stand(self) -> Pose2D:
         """Return where the base is, as far as there is one that tells."""

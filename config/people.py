@@ -19,6 +19,9 @@ ANYTHING = "anything"
 REACTION = 0.6
 """Seconds from hearing something to doing something about it."""
 
+EARSHOT = 4.0
+"""Metres within which people hear what the robot says, unless the file says otherwise."""
+
 Facing = float | Literal["camera", "away"]
 """An angle about z; or towards whoever looks, or away from them."""
 
@@ -27,7 +30,8 @@ Facing = float | Literal["camera", "away"]
 class ActConfig:
     """What somebody does at a time, or ``after`` seconds from hearing something that contains ``hears``.
 
-    One of ``at`` and ``hears`` is None; the empty ``hears`` is contained in everything.
+    One of ``at`` and ``hears`` is None; the empty ``hears`` is contained in everything. What somebody hears makes them
+    do it so many ``times`` at most, 0 for always.
     """
 
     at: float | None
@@ -37,13 +41,15 @@ class ActConfig:
     nod: bool
     turn: Facing | None
     leave: bool
+    times: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class PersonConfig:
     """Somebody who stands at (x, y) and, after ``start`` seconds, walks along ``path`` at ``speed`` m/s.
 
-    ``height`` is that of the eyes.
+    ``height`` is that of the eyes. Somebody who is not ``known`` is a stranger to a robot that recognises people.
+    ``hears_within`` is how far away from the robot they hear it, in metres.
     """
 
     name: str
@@ -57,6 +63,8 @@ class PersonConfig:
     start: float
     loop: bool
     acts: tuple[ActConfig, ...] = ()
+    known: bool = True
+    hears_within: float = EARSHOT
 
 
 def read_person(world: Fields, node: Node, layout: Layout | None) -> PersonConfig:
@@ -76,6 +84,8 @@ def read_person(world: Fields, node: Node, layout: Layout | None) -> PersonConfi
         start=fields.quantity("after", "duration", 0.0, low=0.0),
         loop=fields.flag("loop", True),
         acts=tuple(_act(fields, act) for act in fields.items("acts")),
+        known=fields.flag("known", True),
+        hears_within=fields.quantity("hears_within", "length", EARSHOT, low=0.0, high=50.0),
     )
     fields.done()
     return person
@@ -107,12 +117,15 @@ def _act(person: Fields, node: Node) -> ActConfig:
         nod=fields.flag("nod", False),
         turn=None if turn is None else _facing(fields, turn, "turn"),
         leave=fields.flag("leave", False),
+        times=fields.integer("times", 0, low=1),
     )
     fields.done()
     if (at is None) == (hears is None):
         fields.fault(node.mark, "an act needs either 'at' or 'hears'", "such as {at: 5 s, ...} or {hears: hello, ...}")
     elif at is not None and fields.node_of("after") is not None:
         fields.fault(node.mark, "'after' is for what somebody hears; 'at' says when already")
+    elif at is not None and fields.node_of("times") is not None:
+        fields.fault(node.mark, "'times' is for what somebody hears; what has a time is done once")
     if not (act.say or act.nod or act.leave or turn is not None):
         fields.fault(node.mark, "nothing is done here", "an act needs one of: say, nod, turn, leave")
     return act

@@ -12,8 +12,13 @@ from config.base import BaseConfig, ReflexConfig, read_base
 from config.faults import InvalidFileError, Source
 from config.fields import Fields, fields_of
 from config.head import HeadConfig, NeckConfig, read_head
+from config.identity import IdentityConfig, read_identity
 from config.marked import read_source
+from config.microphone import MicrophoneConfig, read_microphone
+from config.notices import NoticeConfig, read_notices
 from config.range import RangeConfig, read_range
+from config.screen import ScreenConfig, read_screen
+from config.voice import VoiceConfig, read_voice
 
 __all__ = [
     "DISTORTION",
@@ -22,17 +27,20 @@ __all__ = [
     "ArmConfig",
     "BaseConfig",
     "CameraConfig",
+    "IdentityConfig",
     "JointConfig",
     "MarkersConfig",
+    "MicrophoneConfig",
     "RangeConfig",
     "ReflexConfig",
     "RobotConfig",
+    "ScreenConfig",
     "VoiceConfig",
     "load_robot",
     "robot_of",
 ]
 
-PARTS = ("base", "head", "arm", "range", "camera", "voice")
+PARTS = ("base", "head", "arm", "range", "camera", "microphone", "voice", "screen")
 """The parts that a robot may have."""
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
@@ -59,7 +67,8 @@ class CameraConfig:
     ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead.
     ``centre`` is where the optical axis meets the picture, as shares of its sides; ``distortion`` is empty, or k1, k2,
     p1, p2, k3 as calibration finds them. ``detector`` of faces is ``haar`` or ``yunet``, ``model`` the file of the
-    latter, empty for where `mission models fetch` puts it. ``markers`` are what other robots wear.
+    latter, empty for where `mission models fetch` puts it. ``markers`` are what other robots wear. ``identity`` says
+    how people are recognised.
     """
 
     source: str
@@ -72,18 +81,12 @@ class CameraConfig:
     detector: str = "haar"
     model: str = ""
     markers: MarkersConfig | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class VoiceConfig:
-    """How the robot speaks: ``driver`` is ``auto`` (a synthesiser where there is one) or ``print``."""
-
-    driver: str
+    identity: IdentityConfig = field(default_factory=IdentityConfig)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """A whole robot. ``rate`` is the ceiling of ticks per second."""
+    """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went."""
 
     name: str
     summary: str
@@ -93,7 +96,10 @@ class RobotConfig:
     arm: ArmConfig | None = None
     range: RangeConfig | None = None
     camera: CameraConfig | None = None
+    microphone: MicrophoneConfig | None = None
     voice: VoiceConfig | None = None
+    screen: ScreenConfig | None = None
+    notices: tuple[NoticeConfig, ...] = ()
     path: Path | None = field(default=None, compare=False)
 
     @property
@@ -120,7 +126,10 @@ def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
         arm=arm,
         range=read_range(fields.section("range")),
         camera=_camera(fields.section("camera")),
-        voice=_voice(fields.section("voice")),
+        microphone=read_microphone(fields.section("microphone")),
+        voice=read_voice(fields.section("voice")),
+        screen=read_screen(fields.section("screen")),
+        notices=read_notices(fields),
         path=path,
     )
     fields.done()
@@ -147,6 +156,7 @@ def _camera(fields: Fields | None) -> CameraConfig | None:
         detector=fields.choice("detector", ["haar", "yunet"], "haar"),
         model=fields.text("model", ""),
         markers=_markers(fields.section("markers")),
+        identity=read_identity(fields.section("identity")),
     )
     fields.done()
     return camera
@@ -178,11 +188,3 @@ def _distortion(fields: Fields | None) -> tuple[float, ...]:
     found = tuple(fields.number(name, 0.0, low=-20.0, high=20.0) for name in DISTORTION)
     fields.done()
     return found
-
-
-def _voice(fields: Fields | None) -> VoiceConfig | None:
-    if fields is None:
-        return None
-    voice = VoiceConfig(driver=fields.choice("driver", ["auto", "print"], "auto"))
-    fields.done()
-    return voice

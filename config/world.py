@@ -67,7 +67,8 @@ class PhysicsConfig:
     """How the base errs: the share of its wheels' travel that slips, the seconds from a command to its effect.
 
     ``gyro_noise`` in rad/s is a standard deviation; ``dropouts`` is the share 0..1 of its reports that are lost.
-    Where ``battery`` is None it is full, and stays so.
+    Where ``battery`` is None it is full, and stays so. ``mishearing`` is the share of phrases that the robot takes for
+    another one, or for nothing.
     """
 
     slip: float = 0.0
@@ -75,6 +76,7 @@ class PhysicsConfig:
     gyro_noise: float = 0.0
     dropouts: float = 0.0
     battery: BatteryConfig | None = None
+    mishearing: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +194,7 @@ def _physics(fields: Fields | None) -> PhysicsConfig:
         gyro_noise=fields.quantity("gyro_noise", "turn rate", 0.0, low=0.0, high=1.0),
         dropouts=fields.quantity("dropouts", "share", 0.0, low=0.0, high=MOST_LOST),
         battery=_battery(fields.section("battery")),
+        mishearing=fields.quantity("mishearing", "share", 0.0, low=0.0, high=MOST_LOST),
     )
     fields.done()
     return physics

@@ -1,6 +1,7 @@
 """Time, handed in: the one place that reads the machine's clock."""
 
 import time
+from datetime import UTC, datetime
 from typing import Protocol
 
 
@@ -43,3 +44,8 @@ class ManualClock:
     def reach(self, time: float) -> None:
         """Move on to ``time``, exactly; a time that is over changes nothing."""
         self._now = max(self._now, time)
+
+
+def time_of_day() -> datetime:
+    """Return the time of day, in UTC: to say when something was, never to measure how long it took."""
+    return datetime.now(UTC)

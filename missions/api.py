@@ -22,6 +22,8 @@ from drivers.api import Reflexes
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.assembled import Assembled
+from missions.executive.answers import Answers
+from missions.executive.asked import asked
 from missions.executive.build import build
 from missions.executive.events import Listener, Stream
 from missions.executive.executive import Executive, Result
@@ -30,7 +32,8 @@ from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
 from missions.language.claims import Target
 from missions.library import load_mission
-from missions.runner import PATIENT, Order, Runner, Simulate
+from missions.order import Order, Simulate
+from missions.runner import PATIENT, Runner
 from missions.vocabulary import vocabulary
 
 Params = Mapping[str, object]
@@ -97,7 +100,7 @@ class Mission:
     def halt(self) -> bool:
         """Stop what runs; True once all is at rest. A leaf may need several ticks: call it again while it is False."""
         self._executive.run.tick += 1
-        return self.root.halt()
+        return self._executive.halt()
 
     def __enter__(self) -> Self:
         """Open the robot and wait for its parts. Raises drivers.errors.NotConnected with all that do not appear."""
@@ -149,10 +152,13 @@ def load(
     plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(files))
     run = Run(SystemClock(), seed=seed)
     run.settle = Assembled(plan.mission, parts, {}).settle
-    stream, base = Stream(), parts.base_part
+    stream, answers = Stream(), Answers()
+    asking = asked(parts, answers)
+    base = asking.base_part
     guard = None if base is None else Guard(base, Reflexes(), run, stream)
-    run.variables.update(state_of(parts, run.clock, guard))
-    executive = Executive(build(plan, run, lambda _: parts), run, stream, mission=plan.mission, guard=guard)
+    run.variables.update(state_of(asking, run, guard))
+    root = build(plan, run, lambda _: asking)
+    executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
     return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
 
 
@@ -227,4 +233,6 @@ def _devices(robot: Robot) -> dict[str, object | None]:
         "range": robot.ranger_part,
         "voice": robot.voice_part,
         "camera": robot.sight_part,
+        "microphone": robot.hearing_part,
+        "screen": robot.screen_part,
     }

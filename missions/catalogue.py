@@ -18,6 +18,8 @@ WRITTEN: dict[str, object] = {
     "joint": "elbow",
     "joints": "left_arm",
     "new move": "my_wave",
+    "file": "bell.wav",
+    "phrases": ["yes", "no"],
 }
 """A value of each kind that has no unit, as a mission writes it."""
 

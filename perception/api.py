@@ -5,7 +5,7 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -103,9 +103,18 @@ class Percept:
         return self.yaw + self.yaw_rate * ahead, self.pitch + self.pitch_rate * ahead
 
 
+UNKNOWN = "unknown"
+"""The name of somebody whom the robot does not know."""
+
+
 @dataclass(frozen=True, slots=True)
 class Face(Percept):
-    """A person's face, detected or carried by optical flow; its distance is a guess from the size of the box."""
+    """A person's face, detected or carried by optical flow; its distance is a guess from the size of the box.
+
+    ``name`` says whose it is: ``UNKNOWN`` for a stranger, empty while that is not decided or nobody asks.
+    """
+
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +160,17 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that the newest frame gave; one object, so that readers never see half of it. ``looked`` is its stamp."""
+    """All that the newest frame gave; one object, so that readers never see half of it. ``looked`` is its stamp.
+
+    ``spent`` are the seconds that the search took, by the run's clock: none where time is simulated.
+    """
 
     looked: float | None = None
     faces: tuple[Face, ...] = ()
     things: tuple[Thing, ...] = ()
     markers: tuple[Marker, ...] = ()
     scene: Scene | None = None
+    spent: float = field(default=0.0, compare=False)
 
 
 class Sight(Protocol):
@@ -181,4 +194,41 @@ class Sight(Protocol):
 
     def scene(self) -> Scene | None:
         """What the newest frame shows as a whole, None before the first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Something said that was understood: one of the ``phrase``s that the mission listens for.
+
+    ``id`` counts them. ``start`` and ``stamp`` are when they began and ended, in seconds on the run's clock. ``score``
+    says how surely it was this phrase and not other speech: above 0 is more likely than not. ``who`` said it is known
+    only in simulation.
+    """
+
+    id: int
+    phrase: str
+    start: float
+    stamp: float
+    score: float
+    who: str = ""
+
+
+class Hearing(Protocol):
+    """What a behaviour hears: phrases that were understood, ready at once."""
+
+    def words(self) -> Sequence[Words]:
+        """The phrases of the last 30 s, newest first."""
+        ...
+
+    def refused(self) -> Sequence[Words]:
+        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
+        ...
+
+    def listened(self) -> float | None:
+        """The time up to which it has listened, None before it could: old while the microphone is gone."""
+        ...
+
+    def level(self) -> float:
+        """How loud it is now, in dBFS: 0 is the loudest that can be, -90 about silence."""
         ...

@@ -1,7 +1,7 @@
 """The robot's eyes: the newest frame in, the newest faces out; frame by frame, or on a thread of their own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Event, Thread
 from typing import Protocol
 
@@ -42,6 +42,10 @@ def unseen(view: View) -> None:
     """Drop a view: the ``on_view`` of eyes that nobody records."""
 
 
+def unwatched(frame: Frame, gaze: Gaze | None) -> None:
+    """Drop a frame: the ``on_frame`` of eyes that nobody records."""
+
+
 def unreported(trouble: Exception) -> None:
     """Drop an error: the ``on_trouble`` of eyes that nobody listens to. It stays readable in ``trouble``."""
 
@@ -78,7 +82,8 @@ class Vision(NewestView):
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
     ``centre`` and ``distortion`` are the camera's, as ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
     to measure the effort. From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after
-    each frame, ``changed`` after that, ``on_trouble`` for an error.
+    each frame, then ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an
+    error.
     """
 
     def __init__(
@@ -92,6 +97,7 @@ class Vision(NewestView):
         now: Callable[[], float],
         changed: Callable[[], None] = unheard,
         on_view: Callable[[View], None] = unseen,
+        on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
         on_trouble: Callable[[Exception], None] = unreported,
     ) -> None:
         self._gaze = gaze
@@ -100,6 +106,7 @@ class Vision(NewestView):
         self._now = now
         self._changed = changed
         self._on_view = on_view
+        self._on_frame = on_frame
         self._on_trouble = on_trouble
         self._effort = Effort()
         self._trouble: Exception | None = None
@@ -141,8 +148,9 @@ class Vision(NewestView):
         )
         spent = self._now() - began
         self._effort = Effort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
-        self._view = view
+        self._view = view = replace(view, spent=spent)
         self._on_view(view)
+        self._on_frame(frame, gaze)
         self._changed()
 
     def note(self, error: Exception) -> None:

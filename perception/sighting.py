@@ -9,10 +9,14 @@ from perception.tracks import common
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow."""
+    """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow.
+
+    ``who`` is whose it truly is, which only simulated eyes know.
+    """
 
     detection: Detection
     found: bool
+    who: str = ""
 
     @property
     def box(self) -> Box:

@@ -29,6 +29,7 @@ SURE = 0.6
 
 REGION = 2.0  # how much of the picture is searched around a known face, in widths of it
 REGION_FACE = 40  # pixels to which that face is scaled then
+POINTS_FACE = 112  # the same where eyes, nose and mouth are asked for: as large as SFace has faces
 
 HAAR = 0.97
 """Side of a face's Haar box over the height of its YuNet box: median of 53 faces, give or take 0.04."""
@@ -76,14 +77,39 @@ class YuNetFaces:
         found = self._search(region, REGION_FACE / box.width, columns.start, rows.start)
         return max(found, key=lambda detection: detection.box.overlap(box), default=None)
 
-    def _search(self, picture: Image | Grey, scale: float, left: float, top: float) -> list[Detection]:
-        """Show a part of the picture to the network, ``scale`` times as large; ``left``, ``top`` are its corner."""
+    def points(self, image: Image | Grey, box: Box) -> npt.NDArray[np.float32] | None:
+        """Return what the network says of the face about where ``box`` is: one row as ``cv2.FaceRecognizerSF`` has it.
+
+        That is x, y, width, height, (x, y) of right eye, left eye, nose and corners of the mouth, and the score, in
+        pixels of the picture. None when there is no face; raises as ``detect``.
+        """
+        check(image)
+        rows, columns = window(image.shape, box, REGION)
+        region = image[rows, columns]
+        if box.width <= 0 or region.size == 0:
+            return None
+        scale = POINTS_FACE / box.width
+        found = self._shown(region, scale)
+        if not len(found):
+            return None
+        found[:, :14] /= scale
+        found[:, [0, *range(4, 14, 2)]] += columns.start
+        found[:, [1, *range(5, 14, 2)]] += rows.start
+        overlaps = [Box(*row[:4]).overlap(box) for row in found.tolist()]
+        return np.asarray(found[int(np.argmax(overlaps))], np.float32)
+
+    def _shown(self, picture: Image | Grey, scale: float) -> npt.NDArray[np.float32]:
+        """Show a picture to the network, ``scale`` times as large, and return its rows in pixels of what was shown."""
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
         shown = resized(np.asarray(colour, np.uint8), scale)
         self._network.setInputSize((shown.shape[1], shown.shape[0]))
         _, rows = self._network.detect(shown)
+        return np.empty((0, 15), np.float32) if rows is None else rows
+
+    def _search(self, picture: Image | Grey, scale: float, left: float, top: float) -> list[Detection]:
+        """Show a part of the picture to the network, ``scale`` times as large; ``left``, ``top`` are its corner."""
         found = []
-        for x, y, width, height, *_, score in () if rows is None else rows.tolist():
+        for x, y, width, height, *_, score in self._shown(picture, scale).tolist():
             side = HAAR * height / scale
             middle_x, middle_y = left + (x + width / 2) / scale, top + (y + height / 2) / scale
             found.append(Detection(Box(middle_x - side / 2, middle_y - side / 2, side, side), score))

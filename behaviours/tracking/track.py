@@ -18,8 +18,8 @@ from perception.api import Percept
 class Track(Leaf):
     """Follows one percept. A subclass says which: ``percepts``, largest first, and ``noun``, what it calls them.
 
-    Once it follows one it stays with that, by its id, for as long as it is in view. What was not seen for a moment goes
-    on as it did, for as long as a command is good; then head and base wait.
+    Once it follows one it stays with that, by its id, for as long as it is in view; then with one that may be it. What
+    was not seen for a moment goes on as it did, for as long as a command is good; then head and base wait.
     """
 
     ends = frozenset({"failure"})
@@ -76,6 +76,11 @@ class Track(Leaf):
         """Return the one that it is to follow from the start; None for the largest."""
         return None
 
+    def may_be(self, percept: Percept, target: Percept) -> bool:
+        """Whether it may be followed in the place of ``target``, which is not in view: any may."""
+        del percept, target
+        return True
+
     def trouble(self) -> str:
         """Return why it cannot go on, or nothing: for those that do more than turn."""
         return ""
@@ -88,12 +93,14 @@ class Track(Leaf):
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _choose(self, percepts: Sequence[Percept]) -> Percept | None:
-        """Stay with the one that is followed, else take the largest."""
-        if self._target is not None:
-            same = next((percept for percept in percepts if percept.id == self._target.id), None)
-            if same is not None:
-                return same
-        return percepts[0] if percepts else None
+        """Stay with the one that is followed, else take the largest that may be it."""
+        target = self._target
+        if target is None:
+            return next(iter(percepts), None)
+        same = next((percept for percept in percepts if percept.id == target.id), None)
+        if same is not None:
+            return same
+        return next((percept for percept in percepts if self.may_be(percept, target)), None)
 
     def _follow(self, now: float, target: Percept, follower: Follower) -> Status:
         head = None if self.robot.head_part is None else self.robot.head

@@ -25,9 +25,9 @@ NOD_DEPTH = 0.05
 class Act:
     """One thing that somebody does: at a time, or ``after`` seconds from hearing something that contains ``hears``.
 
-    ``at`` is in seconds; the empty text is contained in everything. Then they ``say`` something, ``nod``, ``turn``, or
-    ``leave``: all that is set. Raises BadRequest where there are both ``at`` and ``hears``, or neither, or numbers that
-    are not finite or below 0.
+    ``at`` is in seconds; the empty text is contained in everything. What they hear makes them do it so many ``times``
+    at most, 0 for always. Then they ``say`` something, ``nod``, ``turn``, or ``leave``: all that is set. Raises
+    BadRequest where there are both ``at`` and ``hears``, or neither, or numbers that are not finite or below 0.
     """
 
     at: float | None = None
@@ -37,6 +37,7 @@ class Act:
     nod: bool = False
     turn: Facing | None = None
     leave: bool = False
+    times: int = 0
 
     def __post_init__(self) -> None:
         if (self.at is None) == (self.hears is None):
@@ -59,10 +60,11 @@ class Cue:
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What was said aloud by the robot, and when, in seconds."""
+    """What was said aloud by the robot, when, in seconds, and the names of those who heard it."""
 
     text: str
     time: float
+    by: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,16 +82,23 @@ class Cues:
     def __init__(self, name: str, acts: Sequence[Act]) -> None:
         self._name = name
         self._waiting = [act for act in acts if act.hears is not None]
+        self._times = [0 for _ in self._waiting]  # how often each has been set off
         self._due: list[Cue] = []
         for act in acts:
             if act.at is not None:
                 self._add(Cue(act.at, act))
 
-    def hear(self, heard: Heard) -> list[Reply]:
-        """Note what is set off by something said, and return the answers. Who is leaving does not listen."""
-        if any(cue.act.leave for cue in self.until(heard.time)):
-            return []
-        cues = [Cue(heard.time + act.after, act) for act in self._waiting if act.heeds(heard.text)]
+    def listens(self, time: float) -> bool:
+        """Say whether they listen at ``time`` seconds: who is leaving does not."""
+        return not any(cue.act.leave for cue in self.until(time))
+
+    def hear(self, text: str, time: float) -> list[Reply]:
+        """Note what is set off by something said, and return the answers."""
+        cues = []
+        for number, act in enumerate(self._waiting):
+            if act.heeds(text) and (act.times == 0 or self._times[number] < act.times):
+                self._times[number] += 1
+                cues.append(Cue(time + act.after, act))
         for cue in cues:
             self._add(cue)
         return [Reply(self._name, cue.act.say, cue.time) for cue in cues if cue.act.say]

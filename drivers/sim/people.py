@@ -14,6 +14,9 @@ from drivers.sim.walk import Place, Walk
 BODY = 0.25
 """Metres from somebody's middle to where a robot touches them."""
 
+EARSHOT = 4.0
+"""Metres within which people and robots hear each other, unless something else is said."""
+
 _NECK, _CROWN, _HEAD = 0.18, 0.12, 0.11  # metres: shoulders below the eyes, crown above them, half the width of a head
 _FACE_SHOWS = cos(radians(60.0))  # of the angle by which somebody is turned away from the camera
 
@@ -27,7 +30,7 @@ class Person:
     ``away``: always turned from them.
     From ``start`` seconds on the person walks through the waypoints of ``path`` (x, y in metres) at ``speed`` m/s;
     with ``loop`` back to (x, y) and round again, else the last waypoint is where the walk ends.
-    ``acts`` are what they do besides.
+    ``acts`` are what they do besides. They hear a robot that is within ``hears_within`` metres.
     Raises BadRequest for an unknown look, a height outside 0.8..2.1 m, a speed that is not above zero.
     """
 
@@ -42,6 +45,7 @@ class Person:
     start: float = 0.0
     loop: bool = True
     acts: tuple[Act, ...] = ()
+    hears_within: float = EARSHOT
     walk: Walk = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -12,15 +12,19 @@ from drivers.sim.acts import Cues, Heard, Reply
 from drivers.sim.block import Point3, Solid
 from drivers.sim.dock import Dock
 from drivers.sim.light import Light
-from drivers.sim.people import Person, Presence
+from drivers.sim.people import EARSHOT, Person, Presence
 from drivers.sim.room import Room
 from drivers.sim.things import Ball, Box, Edge, Rover, Wall
+from drivers.sim.walk import Place
 
 TALL = 0.5
 """Metres: what begins higher than this above the floor, a base drives under."""
 
 ORIGIN = Pose2D(0.0, 0.0, 0.0)
 """Where a robot starts of which nothing else is said."""
+
+MOUTH = 1.0
+"""Metres above the floor at which a robot speaks and hears."""
 
 SENSOR_HEIGHT = 0.2
 """Metres above the floor at which a range finder sits, unless it says otherwise."""
@@ -97,11 +101,31 @@ class World:
         """What has been said aloud so far."""
         return tuple(self._heard)
 
-    def hear(self, text: str, time: float) -> tuple[Reply, ...]:
-        """Let everybody hear what the robot says at ``time``, and return what is answered, in the order of time."""
-        heard = Heard(text, time)
-        self._heard.append(heard)
-        return _in_order(reply for cues in self._cues for reply in cues.hear(heard))
+    def hear(self, text: str, time: float, at: Place | None = None) -> tuple[Reply, ...]:
+        """Let people hear what the robot says at ``time``, and return what is answered, in the order of time.
+
+        Those hear it who are near enough to the place ``at``, with no inner wall between; without a place, all who are
+        there.
+        """
+        there = ((each.person, each) for each in self.people_at(time))
+        reached = {person.name for person, each in there if at is None or self._carries(at, each, person.hears_within)}
+        listening = [
+            (person.name, cues)
+            for person, cues in zip(self.people, self._cues, strict=True)
+            if person.name in reached and cues.listens(time)
+        ]
+        self._heard.append(Heard(text, time, tuple(name for name, _ in listening)))
+        return _in_order(reply for _, cues in listening for reply in cues.hear(text, time))
+
+    def audible(self, who: str, time: float, at: Place) -> bool:
+        """Say whether a robot at that place hears the one of the name ``who`` at ``time`` seconds."""
+        return any(each.person.name == who and self._carries(at, each, EARSHOT) for each in self.people_at(time))
+
+    def _carries(self, at: Place, presence: Presence, within: float) -> bool:
+        """Say whether sound gets from the one to the other: so far, and through no inner wall."""
+        robot, head = (*at, MOUTH), (presence.x, presence.y, presence.eyes)
+        far = presence.distance(*at) > within
+        return not far and not any(wall.solid().hides(robot, head) for wall in self.walls)
 
     def said(self, after: float, until: float) -> tuple[Reply, ...]:
         """Return all that people say, answers and else, later than ``after`` and up to ``until`` seconds."""

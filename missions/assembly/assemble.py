@@ -1,25 +1,30 @@
 """From a robot file to a robot: real drivers, on the robot's own ports or on virtual devices."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from behaviours.robot import Robot
 from config.head import HeadConfig, NeckConfig
-from config.robot import CameraConfig, RobotConfig
+from config.robot import CameraConfig, MicrophoneConfig, RobotConfig
 from config.world import WorldConfig
-from drivers.api import Base, Camera, Device, Head, Joints, Report, Steered, unsteered
+from drivers.api import Base, Camera, Device, Head, Joints, Report, Screen, Steered, Voice, unsteered
 from drivers.clock import Clock
 from drivers.errors import BadRequest
 from missions.assembly import parts
 from missions.assembly.assembled import Assembled
 from missions.assembly.detectors import face_detector
+from missions.assembly.duplex import HalfDuplex
+from missions.assembly.face import LivelyScreen, SmilingVoice, screen
+from missions.assembly.gallery import recogniser
+from missions.assembly.hearing import Hearing, hearing, microphone
 from missions.assembly.interests import Interests
+from missions.assembly.simulated_hearing import TextHearing, simulated_hearing
 from missions.assembly.simulation import Simulation
 from missions.teleop.beside import Beside
 from missions.teleop.pad import pad_at
-from perception.api import Gaze, View
-from perception.eyes import Eyes
+from perception.api import Frame, Gaze, View
+from perception.eyes import Eyes, unwatched
 
 PATIENCE = 0.005
 """Seconds that a servo's reply may be late."""
@@ -50,7 +55,7 @@ class Ears:
     """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
 
     ``answered`` is told who in a simulated world has said which words, ``steered`` who commands the base, as that
-    changes.
+    changes. ``watched`` gets each frame that was searched, and where the camera looked then.
     """
 
     report: Report
@@ -59,19 +64,18 @@ class Ears:
     seen: Callable[[View], None]
     answered: Callable[[str, str], None]
     steered: Steered = unsteered
+    watched: Callable[[Frame, Gaze | None], None] = unwatched
 
 
 def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, ears: Ears) -> Assembled:
     """Put together the ``chosen`` parts of a robot. Opens nothing; a camera brings the head that carries it along."""
     chosen = with_carriers(config, chosen)
     simulation = None
-    out = ears.out
     if wishes.world is not None:
         simulation = Simulation(config, chosen, clock, world=wishes.world, answered=ears.answered, seed=wishes.seed)
-        out = partial(_aloud, ears.out, simulation.hear)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
     devices: dict[str, Device] = {}
-    base = head = arm = ranger = voice = sight = eyes = None
+    base = head = arm = ranger = sight = eyes = None
     if config.base is not None and "base" in chosen:
         port = ports.get("base", config.base.port)
         devices["base"] = base = parts.base(
@@ -92,11 +96,11 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
     if config.range is not None and "range" in chosen:
         port = ports.get("range", config.range.port)
         devices["range"] = ranger = parts.ranger(config.range, clock, port=port, report=ears.report)
-    if config.voice is not None and "voice" in chosen:
-        driver = "print" if simulation else config.voice.driver
-        devices["voice"] = voice = parts.voice(driver, clock, out, report=ears.report, changed=ears.changed)
+    voice, hears, face = _manners(config, chosen, clock, simulation, wishes, ears)
+    devices |= {device.name: device for device in (voice, hears, face) if device is not None}
     if config.camera is not None and "camera" in chosen:
         devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, ears.report)
+        real = config.camera if wishes.world is None or wishes.camera is not None else None
         sight = parts.vision(
             lambda stamp: gaze(stamp, base, head),
             clock,
@@ -106,6 +110,13 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
             field_of_view=camera.field_of_view,
             report=ears.report,
             seen=ears.seen,
+            watched=ears.watched,
+            recogniser=recogniser(
+                wishes.interests,
+                ears.report,
+                camera=real,
+                drawn=() if wishes.world is None else wishes.world.people,
+            ),
         )
         eyes = Eyes(camera, sight)
     if wishes.pad is not None and base is not None:
@@ -117,6 +128,8 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
         ranger_part=ranger,
         voice_part=voice,
         sight_part=sight,
+        hearing_part=hears,
+        screen_part=face,
         eye=parts.eye(config),
         groups={} if config.arm is None else config.arm.groups,
     )
@@ -153,6 +166,46 @@ def _aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -
     """Say ``text``, where people hear it."""
     out(text)
     hear(text)
+
+
+def _manners(
+    config: RobotConfig,
+    chosen: frozenset[str],
+    clock: Clock,
+    simulation: Simulation | None,
+    wishes: Wishes,
+    ears: Ears,
+) -> tuple[Voice | None, Hearing | TextHearing | None, Screen | None]:
+    """Return what the robot speaks with, its ears, which do not hear it speak, and its face, which moves with it."""
+    voice = hears = face = None
+    if config.voice is not None and "voice" in chosen:
+        out = ears.out if simulation is None else partial(_aloud, ears.out, simulation.hear)
+        spoken = config.voice if simulation is None else replace(config.voice, driver="print")
+        voice = parts.voice(spoken, clock, out, report=ears.report, changed=ears.changed)
+    if config.microphone is not None and "microphone" in chosen:
+        hears = _hearing(config.microphone, voice, clock, simulation, wishes, ears)
+    if config.screen is not None and "screen" in chosen:
+        face = screen(config.screen, clock, ears.out, ears.report)
+        face = face if voice is None else LivelyScreen(face, voice, clock)
+    return None if voice is None else SmilingVoice(voice, face), hears, face
+
+
+def _hearing(
+    config: MicrophoneConfig,
+    voice: Voice | None,
+    clock: Clock,
+    simulation: Simulation | None,
+    wishes: Wishes,
+    ears: Ears,
+) -> Hearing | TextHearing:
+    phrases, report, changed = wishes.interests.phrases, ears.report, ears.changed
+    if simulation is None or wishes.world is None:
+        source, deaf = microphone(config, clock, report), HalfDuplex(voice, clock).deaf
+        return hearing(config, source, phrases, clock, report=report, deaf=deaf, changed=changed)
+    found, simulation.robot_hears = simulated_hearing(
+        config, wishes.world, phrases, clock, voice=voice, seed=wishes.seed, report=report, changed=changed
+    )
+    return found
 
 
 def _camera(

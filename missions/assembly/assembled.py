@@ -7,7 +7,7 @@ from typing import Protocol
 
 from behaviours.robot import Robot
 from behaviours.run import log
-from drivers.api import Device, Source
+from drivers.api import Device, Health, Source
 from missions.assembly.simulation import Simulation
 
 
@@ -51,10 +51,13 @@ class Assembled:
         if self.eyes is not None:
             self.eyes.open()
 
+    def health(self) -> dict[str, Health]:
+        """Say of each part whether it is there, with the figures of its wire. From any thread."""
+        return {name: device.health() for name, device in self.devices.items()}
+
     def missing(self) -> dict[str, tuple[str, str]]:
         """Return the parts that are not there yet: what is the matter with each, and what to try."""
-        health = {name: device.health() for name, device in self.devices.items()}
-        missing = {name: (each.detail, each.hint) for name, each in health.items() if not each.online}
+        missing = {name: (each.detail, each.hint) for name, each in self.health().items() if not each.online}
         if self.eyes is not None and self.eyes.looked() is None:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
         return missing

@@ -13,4 +13,10 @@ def face_detector(camera: CameraConfig | None) -> FaceDetector:
     """Return the detector of ``camera``, Haar where nothing is said; it reads its file when the first picture comes."""
     if camera is None or camera.detector == "haar":
         return HaarFaces()
-    return YuNetFaces(Path(camera.model).expanduser() if camera.model else folder() / YUNET.file)
+    return YuNetFaces(yunet_file(camera))
+
+
+def yunet_file(camera: CameraConfig) -> Path:
+    """Return where YuNet's file is: as the robot file says, else where `mission models fetch` puts it."""
+    named = camera.model if camera.detector == "yunet" else ""
+    return Path(named).expanduser() if named else folder() / YUNET.file

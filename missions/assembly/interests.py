@@ -1,9 +1,10 @@
-"""What a mission looks for with the camera: a detector that nobody asks does not run."""
+"""What a mission looks for and listens for: a detector that nobody asks does not run."""
 
 from dataclasses import dataclass
 
 from config.robot import CameraConfig
 from missions.assembly.things import looked_for
+from missions.language.phrases import phrases_of
 from missions.language.plan import Step
 from perception.markers import MarkerKind
 from perception.wanted import Wanted
@@ -11,12 +12,17 @@ from perception.wanted import Wanted
 
 @dataclass(frozen=True, slots=True)
 class Interests:
-    """Faces, the things ``wanted``, other robots that wear ``markers``, and motion."""
+    """Faces and whose they are (``names``), the things ``wanted``, other robots that wear ``markers``, and motion.
+
+    ``phrases`` are what is listened for.
+    """
 
     wanted: tuple[Wanted, ...] = ()
     markers: MarkerKind | None = None
     motion: bool = False
     faces: bool = True
+    names: bool = False
+    phrases: tuple[str, ...] = ()
 
 
 def interests_of(tree: Step, camera: CameraConfig | None) -> Interests:
@@ -29,5 +35,7 @@ def interests_of(tree: Step, camera: CameraConfig | None) -> Interests:
         wanted=looked_for(tree) if "things" in senses else (),
         markers=kind if "markers" in senses else None,
         motion="motion" in senses,
-        faces="faces" in senses,
+        faces="faces" in senses or "names" in senses,
+        names="names" in senses,
+        phrases=phrases_of(tree),
     )

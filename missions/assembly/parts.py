@@ -7,8 +7,8 @@ from typing import Literal
 from config.arm import ArmConfig, JointConfig
 from config.colours import COLOURS
 from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
-from config.robot import BaseConfig, CameraConfig, RangeConfig, RobotConfig
-from drivers.api import Camera, Joints, Notice, Reflexes, Report, Steered, Voice, unsteered
+from config.robot import BaseConfig, CameraConfig, RangeConfig, RobotConfig, VoiceConfig
+from drivers.api import Camera, Joints, Manner, Notice, Reflexes, Report, Steered, Voice, unsteered
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -22,16 +22,15 @@ from drivers.joints_head import JointAxis
 from drivers.kobuki.driver import KobukiBase
 from drivers.link import Link
 from drivers.rplidar.driver import GATHER, RPLidar
-from drivers.voice.printed import PrintedVoice
-from drivers.voice.speaker import Speaker
-from drivers.voice.synthesiser import find_synthesiser
+from drivers.voice.choose import Wish, make_voice
 from missions.assembly.interests import Interests
-from perception.api import Gaze, View
+from perception.api import Face, Frame, Gaze, View
 from perception.change import MotionSense
-from perception.eyes import Vision
+from perception.eyes import Vision, unwatched
 from perception.finder import FaceDetector, FaceFinder
+from perception.identity import NamedFaces, Recogniser
 from perception.markers import MarkerSense
-from perception.senses import FaceSense, Senses
+from perception.senses import FaceSense, Sense, Senses
 from perception.things import ThingSense
 from perception.tracks import Tracker
 
@@ -162,13 +161,16 @@ def vision(
     lens: CameraConfig | None,
     report: Report,
     seen: Callable[[View], None],
+    watched: Callable[[Frame, Gaze | None], None] = unwatched,
+    recogniser: Recogniser | None = None,
 ) -> Vision:
     """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
 
-    ``lens`` is what calibration found of it, None for an ideal one.
+    ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces.
     """
+    faces: Sense[Face] = FaceSense(FaceFinder(detector), Tracker())
     senses = Senses(
-        faces=FaceSense(FaceFinder(detector), Tracker()) if interests.faces else None,
+        faces=(faces if recogniser is None else NamedFaces(faces, recogniser)) if interests.faces else None,
         things=ThingSense(interests.wanted, COLOURS) if interests.wanted else None,
         markers=None if interests.markers is None else MarkerSense(interests.markers),
         scene=MotionSense() if interests.motion else None,
@@ -181,15 +183,19 @@ def vision(
         senses=senses,
         now=clock.now,
         on_view=seen,
+        on_frame=watched,
         on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),
     )
 
 
 def voice(
-    driver: str, clock: Clock, out: Callable[[str], None], *, report: Report, changed: Callable[[], None]
+    config: VoiceConfig, clock: Clock, out: Callable[[str], None], *, report: Report, changed: Callable[[], None]
 ) -> Voice:
-    """Return a voice: a synthesiser where one is installed and ``driver`` is ``auto``, else printed words."""
-    found = find_synthesiser() if driver == "auto" else None
-    if found is None:
-        return PrintedVoice(clock, out, changed=changed)
-    return Speaker(found, out, report=report, changed=changed)
+    """Return the voice; one that cannot speak here prints its words."""
+    wish = Wish(config.driver, manner(config), config.volume, config.device, config.model, config.command)
+    return make_voice(wish, clock, out, report=report, changed=changed)
+
+
+def manner(config: VoiceConfig) -> Manner:
+    """Return how a robot speaks, unless its mission says otherwise."""
+    return Manner(config.voice, config.speed, config.language)

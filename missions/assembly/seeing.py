@@ -11,9 +11,11 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from missions.assembly.interests import Interests
 from missions.assembly.truth import Flaws, Truth
+from missions.assembly.truth_names import TrueNames
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
 from perception.eyes import NewestView
 from perception.geometry import Pinhole
+from perception.identity import Naming
 from perception.markers import MarkerSighting
 from perception.sighting import Sighting
 from perception.things import ThingSighting
@@ -85,6 +87,7 @@ class TrueSight(NewestView):
     """A ``Sight`` that knows the world and needs no pictures; tracks and ids are those of real perception.
 
     ``viewpoint`` tells where the camera is now, ``gaze`` where the robot believes that it looked at a past time.
+    ``names`` knows whose faces they are; without it none gets a name.
     """
 
     def __init__(
@@ -98,6 +101,7 @@ class TrueSight(NewestView):
         seed: int,
         on_view: Callable[[View], None],
         interests: Interests | None = None,
+        names: TrueNames | None = None,
     ) -> None:
         self._world = world
         self._viewpoint = viewpoint
@@ -106,6 +110,7 @@ class TrueSight(NewestView):
         self._interests = interests or Interests()
         self._truth = Truth(world, lens, flaws, Random(seed))  # noqa: S311 - noise is no secret
         self._faces, self._things, self._markers = Tracker[Face](), Tracker[Thing](), Tracker[Marker]()
+        self._names, self._naming = names, Naming()
         self._on_view = on_view
         self._glimpsed: float | None = None
 
@@ -132,10 +137,13 @@ class TrueSight(NewestView):
 
     def see(self, glimpse: Glimpse) -> None:
         """Take in what was glimpsed."""
-        camera, gaze, stamp = self._lens, self._gaze(glimpse.stamp), glimpse.stamp
+        camera, gaze, stamp, names = self._lens, self._gaze(glimpse.stamp), glimpse.stamp, self._names
+        faces = self._faces.update(glimpse.faces, camera=camera, gaze=gaze, stamp=stamp)
+        if names is not None:
+            faces = self._naming.name(faces, stamp, lambda box: names.look(box, glimpse.faces))
         self._view = View(
             looked=stamp,
-            faces=self._faces.update(glimpse.faces, camera=camera, gaze=gaze, stamp=stamp),
+            faces=faces,
             things=self._things.update(glimpse.things, camera=camera, gaze=gaze, stamp=stamp),
             markers=self._markers.update(glimpse.markers, camera=camera, gaze=gaze, stamp=stamp),
             scene=glimpse.scene,

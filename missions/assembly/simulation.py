@@ -34,10 +34,15 @@ def unheard(who: str, text: str) -> None:
     """Do nothing: nobody listens to what people say."""
 
 
+def deaf(reply: Reply) -> None:
+    """Do nothing: the robot has no ears."""
+
+
 class Simulation:
     """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world.
 
-    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what.
+    Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what, and ``robot_hears`` what
+    of that is said within earshot of the robot.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class Simulation:
         self._config = world
         self._world = None if world is None else build_world(world)
         self._answered = answered
+        self.robot_hears: Callable[[Reply], None] = deaf
         self._answers: list[Timer] = []
         self.kobuki: VirtualKobuki | None = None
         self.rodney: VirtualRodney | None = None
@@ -157,14 +163,25 @@ class Simulation:
     def hear(self, text: str) -> None:
         """Let the people hear what the robot says; what they answer is told in their own time."""
         if self._world is not None:
-            self._expect(self._world.hear(text, self._clock.now()))
+            now = self._clock.now()
+            self._expect(self._world.hear(text, now, self._stand(now)))
 
     def _expect(self, replies: Iterable[Reply]) -> None:
         for reply in replies:
-            timer = Timer(max(0.0, reply.when - self._clock.now()), self._answered, (reply.who, reply.text))
+            timer = Timer(max(0.0, reply.when - self._clock.now()), self._spoken, (reply,))
             timer.daemon = True
             timer.start()
             self._answers.append(timer)
+
+    def _spoken(self, reply: Reply) -> None:
+        now = self._clock.now()
+        self._answered(reply.who, reply.text)
+        if self._world is not None and self._world.audible(reply.who, now, self._stand(now)):
+            self.robot_hears(reply)
+
+    def _stand(self, time: float) -> tuple[float, float]:
+        pose = self.pose(time)
+        return pose.x, pose.y
 
     def rendered(self, *, seed: int = 0) -> Camera:
         """Return a camera that sees the world from the head."""

@@ -1,14 +1,20 @@
-"""The robot that a mission is checked for: what it is called, what it has, and how far its joints go."""
+"""The robot that a mission is checked for: what it is called and has, how far its joints go, what its ears know."""
+
+from functools import partial
 
 from behaviours.reach import Reach
 from config.robot import RobotConfig
 from drivers.api import JointLimits
+from missions.assembly.pronouncing import unpronounceable
 from missions.language.claims import Target
 
 
 def target_of(robot: RobotConfig) -> Target:
     """Return what the checker must know of a robot."""
-    if robot.arm is None:
-        return Target(robot.name, robot.parts)
-    joints = {name: JointLimits(each.lower, each.upper, each.speed) for name, each in robot.arm.joints.items()}
-    return Target(robot.name, robot.parts, Reach(joints, robot.arm.groups))
+    reach = None
+    if robot.arm is not None:
+        joints = {name: JointLimits(each.lower, each.upper, each.speed) for name, each in robot.arm.joints.items()}
+        reach = Reach(joints, robot.arm.groups)
+    if robot.microphone is None:
+        return Target(robot.name, robot.parts, reach)
+    return Target(robot.name, robot.parts, reach, partial(unpronounceable, robot.microphone))

@@ -61,12 +61,20 @@ def looked_for(tree: Step) -> tuple[Wanted, ...]:
     return tuple(dict.fromkeys(value for value in values if isinstance(value, Wanted)))
 
 
+def file(name: str) -> Path:
+    """Return the path of a file that is there. Raises LookupError."""
+    if not Path(name).is_file():
+        raise LookupError(f"names a file that is not there: {name}")
+    return Path(name)
+
+
 THINGS: Mapping[str, Callable[[str], object]] = {
     "gesture": gesture,
     "move": move,
     "new move": NewMove,
     "controller": controller,
     "object": wanted,
+    "file": file,
 }
 """How each kind of thing is found."""
 

@@ -37,10 +37,14 @@ MARKER_HEIGHT = MARKER_SIZE * 4 / 3
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """What true eyes lack: the share of things missed in each picture, and pixels of noise (one sigma) in each box."""
+    """What true eyes lack: the share of things missed in each picture, and pixels of noise (one sigma) in each box.
+
+    ``mistaken`` is the share of looks at a face that take somebody known for a stranger, or the other way round.
+    """
 
     missed: float = 0.02
     noise: float = 1.0
+    mistaken: float = 0.03
 
 
 class Truth:
@@ -57,9 +61,9 @@ class Truth:
 
     def faces(self, view: Viewpoint, now: float) -> tuple[Sighting, ...]:
         """Return the faces in view, largest first."""
-        boxes = (self._face(presence, view, now) for presence in self._world.people_at(now))
-        found = sorted((box for box in boxes if box is not None), key=lambda box: -box.width)
-        return tuple(Sighting(Detection(box, 5.0), found=True) for box in found)
+        boxes = ((self._face(presence, view, now), presence.person.name) for presence in self._world.people_at(now))
+        found = [Sighting(Detection(box, 5.0), found=True, who=who) for box, who in boxes if box is not None]
+        return tuple(sorted(found, key=lambda sighting: -sighting.box.width))
 
     def things(
         self, view: Viewpoint, now: float, wanted: Sequence[Wanted], colours: Mapping[str, Colour]

@@ -1,9 +1,8 @@
 """From a robot file to twins: in one world, on one timeline, all in one thread."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from math import inf
+from random import Random
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from config.head import HeadConfig, NeckConfig
 from config.robot import ArmConfig, BaseConfig, CameraConfig, RangeConfig, RobotConfig
 from config.world import WorldConfig
 from drivers.api import CameraFrame, Image
-from drivers.sim.acts import Reply
 from drivers.sim.body import Body
 from drivers.sim.render import Renderer
 from drivers.sim.scanner import looking
@@ -23,15 +21,18 @@ from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
 from drivers.sim.twins.ranger import RangerTwin
-from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.wheels import Wheels
 from missions.assembly import parts
 from missions.assembly.assemble import Ears, gaze, with_carriers
 from missions.assembly.assembled import Assembled, Looking
+from missions.assembly.conversation import Conversation
 from missions.assembly.detectors import face_detector
+from missions.assembly.face import SmilingVoice
+from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
 from missions.assembly.seeing import Flaws, Glimpse, SteppedEyes, TrueSight
+from missions.assembly.truth_names import TrueNames
 from missions.assembly.twins import Twins
 from missions.assembly.worlds import build_battery, build_world
 from perception.api import Gaze
@@ -75,10 +76,8 @@ def twin_robot(
         twins.head = make.head(config.head)
     elif isinstance(config.head, NeckConfig) and twins.arm is not None and "head" in chosen:
         twins.head = make.neck(config.head, twins.arm)
-    if config.voice is not None and "voice" in chosen:
-        twins.voice = make.voice()
-    make.expect(twins.world.said(-1.0, inf))
-    for twin in (twins.base, twins.head, twins.arm, twins.voice):
+    Conversation(twins, world, ears, interests.phrases, seed).give(config, chosen)
+    for twin in (twins.base, twins.head, twins.arm, twins.voice, twins.microphone):
         if twin is not None:
             timeline.every(twin.PERIOD, twin.step)
     if config.range is not None and "range" in chosen:
@@ -95,8 +94,10 @@ def twin_robot(
         head_part=twins.head,
         arm_part=twins.arm,
         ranger_part=twins.range,
-        voice_part=twins.voice,
+        voice_part=None if twins.voice is None else SmilingVoice(twins.voice, twins.screen),
         sight_part=sight,
+        hearing_part=twins.microphone,
+        screen_part=twins.screen,
         eye=parts.eye(config),
         groups={} if config.arm is None else config.arm.groups,
     )
@@ -181,20 +182,6 @@ class _Maker:
             seed=self._seed,
         )
 
-    def voice(self) -> VoiceTwin:
-        ears = self._ears
-        return VoiceTwin(self._clock, self._say, report=ears.report, changed=ears.changed)
-
-    def _say(self, text: str) -> None:
-        """Say something aloud, and let the people in the world answer in their own time."""
-        self._ears.out(text)
-        self.expect(self._twins.world.hear(text, self._clock.now()))
-
-    def expect(self, replies: Iterable[Reply]) -> None:
-        """Have what people say told when they say it."""
-        for reply in replies:
-            self._twins.timeline.at(reply.when, partial(self._ears.answered, reply.who, reply.text))
-
     def camera(self, draw: Callable[[float], Image]) -> CameraTwin:
         twins = self._twins
         twins.camera = CameraTwin(
@@ -221,6 +208,8 @@ class _Maker:
             field_of_view=twins.lens.field_of_view,
             report=ears.report,
             seen=ears.seen,
+            watched=ears.watched,
+            recogniser=recogniser(self._interests, ears.report, drawn=self._world.people),
         )
 
         def take() -> CameraFrame | None:
@@ -243,6 +232,7 @@ class _Maker:
             seed=self._seed,
             on_view=self._ears.seen,
             interests=self._interests,
+            names=self._true_names(),
         )
         newest = sight.glimpse(0.0, dark=True)
 
@@ -265,6 +255,13 @@ class _Maker:
         return sight, SteppedEyes(
             twins.timeline, take, sight.see, sight.looked, period=PICTURE_PERIOD, delay=SEEING_TIME
         )
+
+    def _true_names(self) -> TrueNames | None:
+        """Return what knows whose faces they are; None where the mission does not ask for names."""
+        if not self._interests.names:
+            return None
+        own = Random(f"names {self._seed}")  # noqa: S311 - which looks are mistaken is no secret
+        return TrueNames(self._world.people, Flaws().mistaken, own)
 
     def _gaze(self, stamp: float) -> Gaze:
         return gaze(stamp, self._twins.base, self._twins.head)

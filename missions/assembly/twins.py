@@ -6,14 +6,17 @@ from drivers.api import Device, Pose2D
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.camera import CameraTwin
+from drivers.sim.twins.ears import HearingTwin
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
 from drivers.sim.twins.ranger import RangerTwin
+from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import World
+from perception.api import Words
 
 
 @dataclass(slots=True)
@@ -29,7 +32,9 @@ class Twins:
     head: HeadTwin | NeckTwin | None = None
     arm: JointsTwin | None = None
     range: RangerTwin | None = None
+    microphone: HearingTwin[Words] | None = None
     voice: VoiceTwin | None = None
+    screen: ScreenTwin | None = None
     camera: CameraTwin | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lens: Lens = field(default_factory=lambda: Lens(640, 480, 1.047))
@@ -46,7 +51,9 @@ class Twins:
             "head": self.head,
             "arm": self.arm,
             "range": self.range,
+            "microphone": self.microphone,
             "voice": self.voice,
+            "screen": self.screen,
             "camera": self.camera,
         }
         return {name: twin for name, twin in found.items() if twin is not None}

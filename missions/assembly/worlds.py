@@ -52,6 +52,7 @@ def _person(config: PersonConfig) -> Person:
         start=config.start,
         loop=config.loop,
         acts=tuple(_act(act) for act in config.acts),
+        hears_within=config.hears_within,
     )
 
 
@@ -64,6 +65,7 @@ def _act(config: ActConfig) -> Act:
         nod=config.nod,
         turn=config.turn,
         leave=config.leave,
+        times=config.times,
     )
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from py_trees.common import Status
 
@@ -12,9 +13,10 @@ from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from missions.language.notes import Notes
+from missions.language.phrases import KIND, read_phrases
 from missions.language.values import Convert, Value, in_si, shown, whole
 
-NAMES = ("text", "joint", "joints", "choice")
+NAMES = ("text", "joint", "joints", "choice", "file")
 """Kinds whose values are texts, whatever they look like."""
 
 SWITCHED = {"on": True, "off": False}
@@ -82,6 +84,8 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
         return _read_span(notes, argument, node, what)
     if argument.by_joint:
         return _read_by_joint(notes, argument, node, what)
+    if argument.kind == KIND:
+        return read_phrases(notes, node, what)
     convert = converter(notes, argument)
     if isinstance(node, Scalar):
         return notes.value(_as_meant(notes, argument, node), what, convert)
@@ -153,6 +157,8 @@ def converter(notes: Notes, argument: Argument) -> Convert:
     kind = argument.kind
     if kind in UNITS:
         return partial(_measure, argument)
+    if kind == "file":
+        return partial(_file, notes.things.get(kind, Path), Path(notes.source.name).parent)
     if kind in notes.things:
         return partial(_find, notes.things[kind])
     return partial(_PLAIN[kind], argument)
@@ -167,6 +173,11 @@ def _measure(argument: Argument, value: object) -> float:
 
 def _find(lookup: Callable[[str], object], value: object) -> object:
     return lookup(shown(value))
+
+
+def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
+    """Return the file at a path that goes from the mission's folder."""
+    return lookup(str(folder / shown(value)))
 
 
 def _text(argument: Argument, value: object) -> str:

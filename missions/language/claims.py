@@ -1,6 +1,7 @@
 """Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
 
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from behaviours.leaf import Leaf
@@ -10,12 +11,22 @@ from missions.language.notes import Notes
 from missions.language.plan import Step
 
 
+def none_of(words: Sequence[str]) -> Sequence[str]:
+    """Return nothing: ears that know every word."""
+    del words
+    return ()
+
+
 class Target(NamedTuple):
-    """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known."""
+    """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known.
+
+    ``unpronounceable`` returns those of some words that its ears cannot listen for.
+    """
 
     name: str
     parts: frozenset[str]
     reach: Reach | None = None
+    unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
 
 
 def check_claims(notes: Notes, tree: Step) -> None:

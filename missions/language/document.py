@@ -13,6 +13,7 @@ from missions.language.flow import check_flow
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
 from missions.language.params import Param, take_params
+from missions.language.phrases import check_phrases
 from missions.language.plan import Plan, Step
 from missions.language.steps import read_step
 
@@ -83,6 +84,7 @@ def _check(
         if not notes.faults:  # these need a whole tree
             if robot is not None:
                 check_reach(notes, tree, robot)
+                check_phrases(notes, tree, robot)
             check_flow(notes, tree)
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:

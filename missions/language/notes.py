@@ -17,7 +17,7 @@ from missions.language.values import Convert, Template, Value, template
 STATE = {
     "base": ("x", "y", "heading", "bumper", "cliff", "wheel_drop", "button", "docked", "stopped", "driver"),
     "battery": ("percent", "voltage", "charging", "low", "critical"),
-    "face": ("seen", "count", "id", "distance", "bearing"),
+    "face": ("seen", "count", "id", "name", "undecided", "distance", "bearing"),
     "head": ("pan", "tilt"),
     "range": ("nearest", "ahead"),
 }
@@ -53,6 +53,7 @@ class Notes:
     """The mission being read: its text, its params' values, what it may name, and what is wrong with it.
 
     ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
+    ``awaited`` are those params among them that nobody has given yet.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
 
@@ -62,6 +63,7 @@ class Notes:
     steps: list[Mark] = field(default_factory=list)
     params: dict[str, object] = field(default_factory=dict)
     stored: set[str] = field(default_factory=set)
+    awaited: set[str] = field(default_factory=set)
     faults: list[Fault] = field(default_factory=list)
 
     @property
@@ -121,6 +123,11 @@ class Notes:
             self.fault(node.mark, f"{what}: {error}")
             return Value()
         return self.constant(node, found, what, convert)
+
+    def awaits(self, formula: Template | Expression) -> bool:
+        """Say whether all that it waits for are params that nobody has given yet."""
+        unknown = {read.name for read in formula.reads} - (self.params.keys() - self.stored)
+        return unknown <= self.awaited
 
     def wrong_expression(self, node: Scalar, error: ExpressionError, what: str) -> None:
         """Note an expression that cannot be read, at its place in ``node``."""

@@ -132,6 +132,7 @@ def take_params(
             notes.params[name] = param.default
         elif name not in given:
             notes.stored.add(name)
+            notes.awaited.add(name)
             if complete:
                 source = Source("--param", "")
                 hint = f'--param {name}="..."' + (f"  ({param.help})" if param.help else "")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from behaviours.leaf import Leaf
 from config.faults import Mark, Source
+from missions.language.expressions import Read
 from missions.language.values import Value
 
 COMPOSITES = {
@@ -29,8 +30,8 @@ MISSION = "mission"
 PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head", "range": "range"}
 """The part of a robot that knows each piece of state that expressions read."""
 
-SENSE_OF_STATE = {"face": "faces"}
-"""What the camera is to look for so that it is known."""
+SENSE_OF_STATE = {"face": "faces", "face.name": "names", "face.undecided": "names"}
+"""What the camera is to look for so that it is known: a piece of state, and some members of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,20 +89,24 @@ class Step:
     @property
     def own_senses(self) -> frozenset[str]:
         """What it looks for itself: as its leaf declares, and what its expressions read."""
-        asked = frozenset(SENSE_OF_STATE[name] for name in self._reads if name in SENSE_OF_STATE)
-        return asked | (self.leaf.senses if self.leaf is not None and "camera" in self.leaf.needs else frozenset())
+        named = (name for read in self._reads for name in (read.name, read.dotted))
+        asked = frozenset(SENSE_OF_STATE[name] for name in named if name in SENSE_OF_STATE)
+        if self.leaf is None or "camera" not in self.leaf.needs:
+            return asked
+        given = (name for name, value in self.arguments.items() if value.template is not None or value.constant)
+        return asked | self.leaf.senses_with(frozenset(given))
 
     @property
     def own_needs(self) -> frozenset[str]:
         """The parts that it needs itself, not those of what is below it."""
-        known = frozenset(PART_OF_STATE[name] for name in self._reads if name in PART_OF_STATE)
+        known = frozenset(PART_OF_STATE[read.name] for read in self._reads if read.name in PART_OF_STATE)
         return known | (self.leaf.needs if self.leaf is not None else frozenset())
 
     @property
-    def _reads(self) -> Iterator[str]:
-        """The names that its expressions read."""
+    def _reads(self) -> Iterator[Read]:
+        """What its expressions read."""
         values = (value.template for value in (*self.arguments.values(), *self.returns.values()))
-        return (read.name for template in values if template is not None for read in template.reads)
+        return (read for template in values if template is not None for read in template.reads)
 
 
 @dataclass(frozen=True, slots=True)

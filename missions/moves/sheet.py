@@ -18,6 +18,7 @@ from pathlib import Path
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import read_source
+from config.reading import note_read
 from config.units import seen
 from missions.moves import workbook
 
@@ -138,6 +139,7 @@ def _workbook(path: Path, tab: str | None) -> list[list[Cell]]:
             raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
         reader = [sys.executable, "-P", workbook.__file__, str(path), *([] if tab is None else [tab])]
         heard = subprocess.run(reader, capture_output=True, check=True, timeout=LONGEST)  # noqa: S603 - ourselves
+        note_read(path)
     except OSError as error:
         raise _refused(path, f"cannot be read: {error.strerror}") from error
     except subprocess.SubprocessError as error:

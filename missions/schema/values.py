@@ -40,6 +40,16 @@ NAME: Schema = {
 }
 """The name that a mission gives to a param or a variable."""
 
+_PHRASE: Schema = {"type": SCALAR, "pattern": r"[^\s!-@\[-`{-~]"}
+PHRASES: Schema = {
+    "type": [*SCALAR, "array"],
+    "pattern": _PHRASE["pattern"],
+    "items": _PHRASE,
+    "minItems": 1,
+    "errorMessage": "needs a phrase, or a list of them, in words",
+}
+"""What is listened for."""
+
 EXPRESSION: Schema = {
     "type": SCALAR,
     "pattern": r"\S",
@@ -92,6 +102,8 @@ def written(argument: Argument, things: Things) -> Schema:
             "pattern": HOLE,
             "errorMessage": "needs joints, each with its value, such as {elbow: ...}",
         }
+    if kind == "phrases":
+        return PHRASES
     if kind in UNITS:
         one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
     else:
@@ -131,7 +143,7 @@ def _plain(argument: Argument) -> Schema:
             told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
             # What YAML 1.1 calls a boolean is a word here.
             return {"type": ["string", "boolean"] if SWITCHED.keys() & set(words) else "string", **told}
-        case "new move":
+        case "new move" | "file":
             return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
         case "joint":
             return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs the name of a joint"}

@@ -16,7 +16,8 @@ from missions.language.notes import Notes, Words
 from missions.language.params import Param, read_params
 from missions.language.plan import Plan
 from missions.library import find_mission
-from missions.runner import DEFAULT_ROBOT, DEFAULT_WORLD, load
+from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
+from missions.runner import load
 from missions.sweep.knobs import find_knob
 from missions.sweep.sweep import PARAM, Sweep
 from missions.sweep.variation import Drawn, Variation, read_values, shown
@@ -35,7 +36,7 @@ class VariationError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A sweep in the user's words: ``vary`` has the values by name, the rest is as in ``missions.runner.Order``."""
+    """A sweep in the user's words: ``vary`` has the values by name, the rest is as in ``missions.order.Order``."""
 
     mission: str
     vary: Mapping[str, str]

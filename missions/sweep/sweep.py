@@ -8,7 +8,7 @@ from typing import Literal
 
 from config.faults import Source
 from config.world import WorldConfig, read_world
-from missions.runner import Order
+from missions.order import Order
 from missions.sweep.people import Plain
 from missions.sweep.variation import Drawn, Variation
 from missions.sweep.worlds import varied

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import cv2
 
-from config.library import find
-from config.robot import load_robot
 from missions.language.plan import Plan
-from missions.runner import DEFAULT_ROBOT, Order, Runner, load
+from missions.order import Order
+from missions.runner import Runner, load
 from missions.sweep.row import Outcome, Row
 from missions.sweep.sweep import Sweep
 
@@ -54,7 +53,7 @@ class Trials:
         """Return the mission, read once for each set of params: that takes longer than a short run."""
         key = tuple(order.params.items())
         if key not in self._plans:
-            self._plans[key] = load(order, load_robot(find("robots", order.robot or DEFAULT_ROBOT)))
+            self._plans[key] = load(order, order.robot_file())
         return self._plans[key]
 
 

@@ -18,7 +18,7 @@ from missions.assembly.target import target_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.library import find_mission, load_mission
-from missions.runner import DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
 from missions.vocabulary import vocabulary
 
@@ -28,13 +28,14 @@ PARAM = "--param"
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """Where a case plays. ``plan`` is None where something is too wrong to have one."""
+    """Where a case plays, and among which ``people``. ``plan`` is None where something is too wrong to have one."""
 
     params: Named[str, str]
     robot: str | None
     world: str | None
     config: RobotConfig
     plan: Plan | None
+    people: tuple[str, ...] = ()
 
     @property
     def parts(self) -> frozenset[str]:
@@ -47,7 +48,7 @@ class Setting:
     def grammar(self) -> Grammar:
         """What expectations may name."""
         joints = () if self.config.arm is None or "arm" not in self.parts else tuple(self.config.arm.joints)
-        return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else (), joints)
+        return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people)
 
     def steps(self, name: str) -> list[Step]:
         """Return the steps with this word or name; modifiers have none of their own."""
@@ -101,6 +102,7 @@ class Context:
             world,
             config,
             self._plan(fields, params, config),
+            tuple(person.name for person in load_world(find("worlds", world or DEFAULT_WORLD)).people),
         )
 
     def _named(self, fields: Fields, key: str, kind: str, load: Callable[[Path], object]) -> str | None:

@@ -9,6 +9,7 @@ from typing import Any
 from config.faults import Mark, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
+from config.screen import MOODS
 from config.units import in_dimension, seen
 from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
@@ -27,7 +28,7 @@ ASKEW = math.radians(10)
 CROOKED = math.radians(3)
 """The same for a joint."""
 
-EMPTY = ("said", "faults", "reflexes")
+EMPTY = ("said", "showed", "moods", "faults", "reflexes")
 """The keys whose list may be empty, which means that there must be none."""
 
 
@@ -64,11 +65,12 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Grammar:
-    """What a mission has, for the names that an expectation uses: its nodes, its results, and the robot's joints."""
+    """What a case has, for the names in an expectation: nodes, results, the robot's joints, the world's people."""
 
     known: KnownNode
     returns: Sequence[str]
     joints: Sequence[str] = ()
+    people: Sequence[str] = ()
 
 
 Read = Callable[[Fields, str, Node, Grammar], Iterator[Item]]
@@ -109,6 +111,26 @@ def _duration(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterato
 def _texts(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
     del grammar
     for item in _scalars(fields, key, node):
+        yield Item(item.mark, item.text)
+
+
+def _heard_by(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Read who hears what: ``{Anna: [a text, another], Ben: []}``. An item is a name and texts; none is for nothing."""
+    if not isinstance(node, Mapping):
+        fields.fault(node.mark, f"'{key}' needs people and what they hear", "such as {Anna: [hello], Ben: []}")
+        return
+    for name, heard in node.entries:
+        if grammar.people and name.text not in grammar.people:
+            fields.fault(name.mark, f"nobody is called {seen(name.text)}", one_of(name.text, grammar.people))
+        texts = _scalars(fields, f"{key}: {name.text}", heard)
+        yield Item(name.mark, (name.text, tuple(text.text for text in texts)))
+
+
+def _moods(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
+    del grammar
+    for item in _scalars(fields, key, node):
+        if item.text not in MOODS:
+            fields.fault(item.mark, f"'{key}' cannot be {seen(item.text)}", one_of(item.text, MOODS))
         yield Item(item.mark, item.text)
 
 
@@ -232,6 +254,9 @@ READERS: dict[str, Read] = {
     "after": _duration,
     "said": _texts,
     "never_said": _texts,
+    "heard_by": _heard_by,
+    "showed": _texts,
+    "moods": _moods,
     "ran": _counts,
     "never_ran": _nodes,
     "succeeded": _nodes,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping as Named
 
+from behaviours.hearing import Listening
 from config.faults import did_you_mean, one_of
 from config.fields import Fields
 from config.marked import Mapping, Node, Scalar
@@ -49,18 +50,23 @@ def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
 
 def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpec:
     _check_target(fields, key, setting)
-    script, told = value, None
+    script, told, said = value, None, ""
     if isinstance(value, Mapping):
         long = Fields(fields.source, value, fields.faults, what="a mock")
         does = long.node_of("does", required=True)
-        told = long.section("result")
+        told, said = (None, long.text("result", "")) if _hears(key, setting) else (long.section("result"), "")
         long.done()
         script = does if does is not None else key
     if not isinstance(script, Scalar) or script.value is None:
         fields.fault(script.mark, f"what '{key.text}' does instead is missing", "such as 'fails twice, then succeeds'")
         return MockSpec(key.text, ())
     turns = read_script(Phrase(fields.source, script, fields.faults)) if script is not key else ()
-    return MockSpec(key.text, turns, None if told is None else _result(told, key, setting))
+    return MockSpec(key.text, turns, said or None if told is None else _result(told, key, setting))
+
+
+def _hears(key: Scalar, setting: Setting) -> bool:
+    """Say whether what is mocked keeps a phrase."""
+    return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in setting.steps(key.text))
 
 
 def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
@@ -84,6 +90,8 @@ def _result(told: Fields, key: Scalar, setting: Setting) -> Named[str, object]:
             told.fault(name.mark, f"a face has no {seen(name.text)}", one_of(name.text, RESULT_OF_FACE))
         elif not isinstance(value, Scalar):
             told.fault(value.mark, f"'{name.text}' needs one value")
+        elif faces and name.text == "name":
+            found[name.text] = value.text
         elif faces and (not isinstance(default_value(value), int | float) or isinstance(value.value, bool)):
             told.fault(value.mark, f"'{name.text}' of a face needs a number, got {seen(value.text)}")
         else:

@@ -46,13 +46,17 @@ class History:
     """Listens to a run. ``told`` are called with each happening, at once.
 
     ``claimed`` names what two leaves drove at a time, ``moving`` says whether the base moved at the last tick, ``pose``
-    where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``result`` and
-    ``returns`` are the mission's, once it has ended.
+    where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``said`` is what the
+    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen, in order.
+    ``result`` and ``returns`` are the mission's, once it has ended.
     """
 
     events: list[Event] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
+    heard_by: Mapping[str, list[str]] = field(default_factory=dict)
+    showed: list[str] = field(default_factory=list)
+    moods: list[str] = field(default_factory=list)
     claimed: str = ""
     told: list[Callable[[Happening], None]] = field(default_factory=list)
     result: Result | None = None
@@ -91,6 +95,8 @@ class History:
                 self._happens(Happening(event.t, ("robot",), "says", event.text, self._speaker))
             case CommandSent(to="voice"):
                 self._speaker = f"{event.source.rpartition('(')[2].rstrip(')')}."
+            case CommandSent(to="screen"):
+                self._show(event.values)
             case _:
                 pass
 
@@ -147,6 +153,12 @@ class History:
                 return
             self._gone.discard(event.part)
         self._happens(Happening(event.t, (event.part,), NOTICES[event.what], event.detail))
+
+    def _show(self, values: Mapping[str, object]) -> None:
+        if values.get("show"):
+            self.showed.append(str(values["show"]))
+        if "mood" in values:
+            self.moods.append(str(values["mood"]))
 
     def _tick(self, time: float) -> None:
         moves = self._velocity is not None and _moves(self._velocity())

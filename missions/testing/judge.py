@@ -49,12 +49,17 @@ def _after(wanted: Expectation, history: History) -> Iterator[Miss]:
 
 
 def _said(wanted: Expectation, history: History) -> Iterator[Miss]:
-    if history.said and not wanted.items:
-        yield wanted.mark, f"it said {_quoted(history.said)}"
-    left = iter(history.said)
+    yield from _in_turn("said", history.said, wanted)
+
+
+def _in_turn(did: str, texts: Sequence[str], wanted: Expectation) -> Iterator[Miss]:
+    """Hold texts, of each of which a part is expected, against what there was, in order; none against nothing."""
+    if texts and not wanted.items:
+        yield wanted.mark, f"it {did} {_quoted(texts)}"
+    left = iter(texts)
     for item in wanted.items:
         if not any(item.value in text for text in left):
-            yield item.mark, f"it said {_quoted(history.said)}"
+            yield item.mark, f"it {did} {_quoted(texts)}"
             return
 
 
@@ -63,6 +68,24 @@ def _never_said(wanted: Expectation, history: History) -> Iterator[Miss]:
         found = next((text for text in history.said if item.value in text), None)
         if found is not None:
             yield item.mark, f'it said "{found}"'
+
+
+def _heard_by(wanted: Expectation, history: History) -> Iterator[Miss]:
+    """Hold each one's texts, in order, against what they heard; who is to hear nothing must not hear anything."""
+    for item in wanted.items:
+        who, texts = item.value
+        heard = history.heard_by.get(who, [])
+        left = iter(heard)
+        if (heard and not texts) or not all(any(text in each for each in left) for text in texts):
+            yield item.mark, f"{who} heard {_quoted(heard)}"
+
+
+def _showed(wanted: Expectation, history: History) -> Iterator[Miss]:
+    yield from _in_turn("showed", history.showed, wanted)
+
+
+def _moods(wanted: Expectation, history: History) -> Iterator[Miss]:
+    yield from _in_turn("looked", history.moods, wanted)
 
 
 def _ran(wanted: Expectation, history: History) -> Iterator[Miss]:
@@ -179,6 +202,9 @@ CHECKS: Mapping[str, Callable[[Expectation, History], Iterator[Miss]]] = {
     "after": _after,
     "said": _said,
     "never_said": _never_said,
+    "heard_by": _heard_by,
+    "showed": _showed,
+    "moods": _moods,
     "ran": _ran,
     "never_ran": _never_ran,
     "succeeded": _succeeded,

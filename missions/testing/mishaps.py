@@ -14,7 +14,9 @@ STATES: dict[str, tuple[str, ...]] = {
     "arm": ("unplugged", "overloaded", "turned"),
     "range": ("unplugged",),
     "camera": ("unplugged", "frozen", "covered"),
+    "microphone": ("unplugged", "deaf"),
     "voice": ("unplugged",),
+    "screen": ("unplugged",),
 }
 """What can happen to each part."""
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from py_trees.common import Status
 
+from behaviours.identify import Identify
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.sight import FaceCentred, FaceSeen, FindFace
 from behaviours.tracking.track_face import TrackFace
@@ -13,7 +14,7 @@ from missions.language.plan import Step
 from missions.testing.script import Script, Turn
 from perception.api import Box, Face
 
-FACES = (FaceSeen, FaceCentred, FindFace, TrackFace)
+FACES = (FaceSeen, FaceCentred, FindFace, Identify, TrackFace)
 """The leaves that find a face, so that what a mock keeps for them must be one."""
 
 RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in {"box", "stamp"})
@@ -24,12 +25,12 @@ RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in
 class MockSpec:
     """What a test file says of a mock: the word or the name of the leaves that it stands for, and what it does.
 
-    ``result`` is what ``as`` keeps, None where the file says nothing: quantities in SI units, by name.
+    ``result`` is what ``as`` keeps, None where the file says nothing: quantities in SI units, by name, or a phrase.
     """
 
     target: str
     script: Script
-    result: Mapping[str, object] | None = None
+    result: Mapping[str, object] | str | None = None
 
 
 class Turns:
@@ -90,18 +91,25 @@ class Cast:
         return leaf
 
 
-def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | None) -> Mock:
+def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
     """Return a mock in the place of ``leaf``."""
     # A class of its own, since what a leaf claims belongs to its class.
-    own = {"word": leaf.word, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.stores}
+    own = {"word": leaf.word, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.stores,
+           "arguments": leaf.arguments}  # fmt: skip
     made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
     mock: Mock = made(leaf.name)
     mock.follow(turns, lambda: _result(mock, leaf, told))
     return mock
 
 
-def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | None) -> object:
-    if not isinstance(leaf, FACES):
+def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
+    if not isinstance(leaf, FACES) or isinstance(told, str):
         return told
-    values: dict[str, Any] = {**dict.fromkeys(RESULT_OF_FACE, 0.0), "id": 1, "distance": 1.5, **(told or {})}
+    values: dict[str, Any] = {
+        **dict.fromkeys(RESULT_OF_FACE, 0.0),
+        "id": 1,
+        "distance": 1.5,
+        "name": "",
+        **(told or {}),
+    }
     return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

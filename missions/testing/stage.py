@@ -10,7 +10,8 @@ from missions.executive.events import Ended, Event
 from missions.executive.executive import Result
 from missions.executive.watchdog import Limits
 from missions.language.expressions import ExpressionError
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mocks import Cast
 from missions.testing.suite import Case
@@ -68,6 +69,7 @@ class Stage:
         if runner.stream.lost:  # whoever raises is told no more, and so knows only half of it
             raise RuntimeError(f"not all events were heard: {', '.join(runner.stream.lost)}")
         history.returns = _returns(runner)
+        history.heard_by = _heard_by(twins)
         self._come_to_rest(twins)
         return runner
 
@@ -104,6 +106,12 @@ def _posture(twins: Twins) -> tuple[Pose2D, HeadPose | None, dict[str, float]]:
 def _joints(twins: Twins) -> dict[str, float]:
     arm, now = twins.arm, twins.timeline.clock.now()
     return {} if arm is None else {joint: arm.true_angle(joint, now) for joint in arm.limits}
+
+
+def _heard_by(twins: Twins) -> dict[str, list[str]]:
+    """Return what each person heard the robot say, in order."""
+    world = twins.world
+    return {each.name: [heard.text for heard in world.heard if each.name in heard.by] for each in world.people}
 
 
 def _told_end(events: list[Event]) -> Result | None:

@@ -64,6 +64,8 @@ class Trouble:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
                 twins.camera.cover() if on else twins.camera.uncover()
+            case "deaf" if twins.microphone is not None:
+                twins.microphone.dulled = on
             case _ if twins.base is not None:
                 self._switch_base(twins.base, mishap, on=on)
 

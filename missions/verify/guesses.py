@@ -19,7 +19,7 @@ from missions.verify.choices import Oracle
 _FELT = (False, True, None)
 
 FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
-    "face": {"seen": (True, False)},
+    "face": {"seen": (True, False), "undecided": (False, True)},
     "base": {
         **dict.fromkeys(("bumper", "cliff", "wheel_drop", "docked", "stopped"), _FELT),
         "button": (None, 0, 1, 2),

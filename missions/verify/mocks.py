@@ -91,7 +91,7 @@ def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
     real = step.leaf or Leaf
     declared = {
         name: getattr(real, name)
-        for name in ("word", "needs", "drives", "stores", "ends", "instant", "open_ended", "halt_limit")
+        for name in ("word", "needs", "drives", "stores", "ends", "instant", "open_ended", "halt_limit", "arguments")
     }
     return type(
         f"{real.__name__}StandIn",

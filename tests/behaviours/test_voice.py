@@ -1,9 +1,12 @@
 """Speaking: as long as it takes, silent when halted, and on a voice that is queued for."""
 
+from pathlib import Path
+
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
-from behaviours.voice import Say
-from drivers.errors import DeviceFault
+from behaviours.voice import PlaySound, Say
+from drivers.api import Manner, Priority
+from drivers.errors import BadRequest, DeviceFault
 from drivers.voice.printed import PrintedVoice
 from missions.testing.recorders import CANCEL, GONE, Bench
 
@@ -89,3 +92,31 @@ def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
     assert bench.tick(second, after=0.0) is RUNNING
     assert bench.tick(second, after=2.0) is SUCCESS
     assert printed == ["one two three four five", "six seven eight nine ten"]
+
+
+def test_how_it_is_said_goes_to_the_voice() -> None:
+    bench = Bench()
+    leaf = bench.put(Say("say"), text="Hallo!", voice="+f2", speed=200.0, language="de", priority="high")
+    assert bench.tick(leaf) is RUNNING
+    assert bench.voice.commands == [("Hallo!", Manner("+f2", 200.0, "de"), Priority.HIGH)]
+
+
+def test_a_sound_is_played_to_its_end_and_silent_when_it_is_halted() -> None:
+    bench = Bench()
+    leaf = bench.put(PlaySound("play_sound"), sound=Path("bells/bell.wav"))
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "playing bell.wav"
+    bench.voice.said[0].ended = True
+    assert bench.tick(leaf) is SUCCESS
+    bench.put(leaf, priority="low")
+    assert bench.tick(leaf) is RUNNING
+    bench.halt(leaf)
+    assert bench.voice.commands == [Path("bells/bell.wav"), (Path("bells/bell.wav"), Priority.LOW), CANCEL]
+
+
+def test_a_sound_that_is_none_is_a_failure() -> None:
+    bench = Bench()
+    bench.voice.trouble = BadRequest("voice: bell.wav: is no WAV, MP3, FLAC or Ogg file")
+    leaf = bench.put(PlaySound("play_sound"), sound=Path("bell.wav"))
+    assert bench.tick(leaf) is FAILURE
+    assert "is no WAV" in leaf.reason

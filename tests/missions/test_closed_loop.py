@@ -14,7 +14,8 @@ from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from missions.executive.executive import Result
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 
 ARM = "turtlebot2_arm"
 

@@ -10,7 +10,8 @@ from drivers.clock import SystemClock
 from drivers.ports import open_port
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.missions.command import Process, wait_until
 
 FAR = "mission: far\ntree:\n  drive: 20 m\n"

@@ -10,7 +10,8 @@ import pytest
 
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, PerceptSeen, Started
 from missions.executive.executive import Result
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 
 CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
 

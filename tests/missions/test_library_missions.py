@@ -15,7 +15,8 @@ from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
 from missions.library import load_mission, shipped_missions
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from missions.testing.recorders import STOP, Bench, good
 from tests.behaviours.test_base import REPORT, LaggingBase
 from tests.missions.command import command

@@ -9,7 +9,8 @@ import pytest
 
 from config.library import find
 from missions.cli import head
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.missions.command import Outcome, command
 
 SHIPPED = find("robots", "turtlebot2_arm").read_text()

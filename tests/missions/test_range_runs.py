@@ -18,7 +18,8 @@ from drivers.sim.twins.ranger import RangerTwin
 from missions.assembly.simulation import WIRED, Simulation
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 
 MISSION = """\
 mission: m

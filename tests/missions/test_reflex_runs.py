@@ -14,7 +14,8 @@ from missions.cli.live import Watcher
 from missions.executive.events import CommandSent, Event, Logged, ReflexFired
 from missions.executive.executive import Result
 from missions.executive.guard import REFLEXES
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 
 FAR = "drive: {distance: 3 m, speed: 0.2 m/s}"
 

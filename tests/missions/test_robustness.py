@@ -17,7 +17,8 @@ from missions.executive.events import Event, Logged, Stream
 from missions.executive.state import state_of
 from missions.language.expressions import ExpressionError, parse
 from missions.library import load_mission
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from missions.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
 from tests.missions.command import Process, command, wait_until
 

@@ -16,7 +16,7 @@ from config.world import load_world
 from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
 from missions.library import find_mission, load_mission, shipped_missions
-from missions.runner import DEFAULT_ROBOT
+from missions.order import DEFAULT_ROBOT
 
 LOADERS: dict[str, Callable[[Path], object]] = {
     "robots": load_robot,

@@ -19,7 +19,8 @@ from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
 from missions.executive.pace import Pace
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.missions.command import command
 
 

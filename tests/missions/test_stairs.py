@@ -18,7 +18,8 @@ from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from drivers.sim.twins.base import BaseTwin
 from missions.language.plan import Plan
-from missions.runner import Order, Runner, load
+from missions.order import Order
+from missions.runner import Runner, load
 
 STARTS = 100
 LAGS = (0.0, 0.1, 0.2)

@@ -20,7 +20,8 @@ from drivers.kobuki.driver import KobukiBase
 from drivers.virtual.kobuki import PERIOD as REPORT
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
-from missions.runner import Order, Runner
+from missions.order import Order
+from missions.runner import Runner
 from tests.drivers.test_kobuki_driver import DirectLink
 from tests.missions.lone_base import Witness
 from tests.waiting import wait_until

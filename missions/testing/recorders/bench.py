@@ -11,7 +11,8 @@ from behaviours.run import NodeByNode, Run
 from drivers.clock import ManualClock
 from missions.testing.recorders.base import RecordedBase, RecordedRanger
 from missions.testing.recorders.joints import RecordedHead, RecordedJoints
-from missions.testing.recorders.senses import RecordedSight, RecordedVoice
+from missions.testing.recorders.screen import RecordedScreen
+from missions.testing.recorders.senses import RecordedHearing, RecordedSight, RecordedVoice
 
 L = TypeVar("L", bound=Leaf)
 
@@ -32,6 +33,8 @@ class Bench:
         self.voice = RecordedVoice(self.clock)
         self.sight = RecordedSight()
         self.sight.searched = self.clock.now()
+        self.hearing = RecordedHearing(self.clock)
+        self.screen = RecordedScreen(self.clock)
         self.robot = Robot(
             base_part=self.base,
             ranger_part=self.ranger,
@@ -39,6 +42,8 @@ class Bench:
             arm_part=self.arm,
             voice_part=self.voice,
             sight_part=self.sight,
+            hearing_part=self.hearing,
+            screen_part=self.screen,
         )
         self.settled: list[frozenset[str]] = []
         self.run.settle = self.settled.append

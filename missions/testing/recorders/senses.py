@@ -1,17 +1,22 @@
-"""A voice that keeps what it says, and eyes that see what a test has set."""
+"""A voice that keeps what it says, eyes that see and ears that hear what a test has set."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
+from drivers.api import AS_USUAL, Manner, MouthShape, Priority
 from drivers.clock import ManualClock
 from missions.testing.recorders.recorder import CANCEL, Recorder
-from perception.api import Box, Face, Marker, Scene, Thing
+from perception.api import Box, Face, Marker, Scene, Thing, Words
 
 
 class RecordedWords:
-    """A ``drivers.api.Utterance``; the test sets ``ended``."""
+    """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``."""
+
+    mouth: Sequence[MouthShape] = ()
 
     def __init__(self, voice: "RecordedVoice") -> None:
         self.ended = False
+        self.started: float | None = voice.clock.now()
         self._voice = voice
 
     def done(self) -> bool:
@@ -25,17 +30,31 @@ class RecordedWords:
 
 
 class RecordedVoice(Recorder):
-    """A ``drivers.api.Voice``: keeps each text as it is, and the utterances in ``said``."""
+    """A ``drivers.api.Voice``: keeps each text as it is, with its manner and priority where those are not the usual.
+
+    Of a sound it keeps the path; the utterances are in ``said``.
+    """
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("voice", clock)
         self.said: list[RecordedWords] = []
 
-    def say(self, text: str) -> RecordedWords:
+    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> RecordedWords:
         """Keep the text."""
-        self.keep(text)
+        usual = manner == AS_USUAL and priority is Priority.NORMAL
+        self.keep(text if usual else (text, manner, priority))
         self.said.append(RecordedWords(self))
         return self.said[-1]
+
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedWords:
+        """Keep the path."""
+        self.keep(path if priority is Priority.NORMAL else (path, priority))
+        self.said.append(RecordedWords(self))
+        return self.said[-1]
+
+    def speaking(self) -> RecordedWords | None:
+        """Return the first that has not ended."""
+        return next((words for words in self.said if not words.ended), None)
 
 
 class RecordedSight:
@@ -67,6 +86,46 @@ class RecordedSight:
     def scene(self) -> Scene | None:
         """Return what the test has set."""
         return self.shown
+
+
+class RecordedHearing:
+    """A ``perception.api.Hearing``: the test sets ``understood``, ``unknown`` and ``heard_until``, or has words said.
+
+    It hears until now, where the test has not set another time.
+    """
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.understood: tuple[Words, ...] = ()
+        self.unknown: tuple[Words, ...] = ()
+        self.heard_until: float | None = None
+        self.loudness = -90.0
+        self._clock = clock
+
+    def say(self, phrase: str, *, seconds: float = 0.5, accepted: bool = True) -> Words:
+        """Have somebody say a phrase, from ``seconds`` ago until now; or something that is only near to it."""
+        now, number = self._clock.now(), len(self.understood) + len(self.unknown) + 1
+        words = Words(number, phrase, now - seconds, now, 3.0 if accepted else -3.0)
+        if accepted:
+            self.understood = (words, *self.understood)
+        else:
+            self.unknown = (words, *self.unknown)
+        return words
+
+    def words(self) -> Sequence[Words]:
+        """Return what the test has set."""
+        return self.understood
+
+    def refused(self) -> Sequence[Words]:
+        """Return what the test has set."""
+        return self.unknown
+
+    def listened(self) -> float | None:
+        """Return what the test has set, else now."""
+        return self._clock.now() if self.heard_until is None else self.heard_until
+
+    def level(self) -> float:
+        """Return what the test has set."""
+        return self.loudness
 
 
 def face(

@@ -1,0 +1,112 @@
+"""How a face looks at a moment: its mood, the mouth, a blink now and then, and eyes that do not stare."""
+
+from dataclasses import dataclass, replace
+from math import pi, radians, sin
+
+from drivers.api import Mood, Shown
+
+BLINK_EVERY, BLINK = 4.0, 0.24
+"""Seconds from blink to blink on average, and how long one takes; people blink a little oftener than that."""
+
+GLANCE = 2.6
+"""Seconds that the eyes look one way."""
+
+BREATH = 4.0
+"""Seconds of what repeats: a breath of a sleeper, a tear, the waves of a listener."""
+
+BREATH_STEPS = 60
+"""Steps in which that goes on: a page moves between them by itself."""
+
+GOLDEN = 0.6180339887
+"""Multiples of it, modulo 1, are spread evenly, and never repeat: moments that seem to be chance, and are not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """A face as a few numbers, of which 0 is none and 1 plenty, unless said otherwise. Left and right are alike."""
+
+    upper: float = 1.0  # the edge of the upper lid above the middle of the eye; below 0 past it
+    lower: float = 1.0  # the edge of the lower lid below it; below 0 past it
+    slant: float = 0.0  # how far the outer corners of the eyes hang
+    pupil: float = 1.0  # its size
+    gaze: float = 0.0  # where it looks: -1 to the left of the picture, 1 to the right
+    brow_height: float = 0.5
+    brow_tilt: float = 0.0  # radians; the inner ends up
+    curve: float = 0.0  # of the mouth: 1 laughs, -1 weeps
+    width: float = 0.8  # of the mouth
+    opening: float = 0.0  # of the mouth
+    cheeks: float = 0.45  # how red they are
+    tilt: float = 0.0  # radians; the head to its left shoulder
+    breath: float = 0.0  # how far tear, waves or sleep have come, 0..1
+    tear: float = 0.0
+    waves: float = 0.0  # of sound that comes to the ears
+    sleep: float = 0.0  # the letters of a sleeper
+
+
+MOODS = {
+    Mood.NEUTRAL: Expression(curve=0.35),
+    Mood.HAPPY: Expression(
+        upper=0.95, lower=-0.3, pupil=0.0, brow_height=0.9, curve=0.9, width=1.0, opening=0.55, cheeks=1.0
+    ),
+    Mood.SAD: Expression(
+        upper=0.6, lower=0.95, slant=0.8, brow_height=0.3, brow_tilt=0.4, curve=-0.9, width=0.65, cheeks=0.0, tear=1.0
+    ),
+    Mood.SURPRISED: Expression(
+        upper=1.15, lower=1.15, pupil=0.6, brow_height=1.25, width=0.46, opening=0.7, cheeks=0.4
+    ),
+    Mood.ASLEEP: Expression(
+        upper=-0.3, lower=0.4, pupil=0.0, brow_height=-0.4, curve=0.1, width=0.3, opening=0.3, cheeks=0.7, sleep=1.0
+    ),
+    Mood.LISTENING: Expression(
+        upper=1.08, lower=1.08, pupil=1.1, brow_height=1.0, curve=0.3, width=0.5, tilt=radians(8), waves=1.0
+    ),
+    Mood.SPEAKING: Expression(brow_height=0.75, curve=0.45, width=0.75, opening=0.3),
+}
+"""Each mood, with eyes open and the mouth at rest."""
+
+SHUT = MOODS[Mood.ASLEEP]
+
+
+def expression(shown: Shown, time: float) -> Expression:
+    """Return how the face of what is ``shown`` looks at a ``time`` in seconds.
+
+    A mouth that is moved opens over any mood; a speaking one that nobody moves does so by itself.
+    """
+    face = MOODS[shown.mood]
+    opening = face.opening + shown.mouth * (1 - face.opening)
+    if shown.mood is Mood.SPEAKING:
+        opening = shown.mouth or _babble(time)
+    elif shown.mood is Mood.NEUTRAL:
+        face = replace(face, gaze=_glance(time))
+    lids = _shut_at(time) if face.pupil else 0.0
+    return replace(
+        face,
+        upper=face.upper + lids * (SHUT.upper - face.upper),
+        lower=face.lower + lids * (SHUT.lower - face.lower),
+        opening=opening,
+        breath=time * BREATH_STEPS // BREATH % BREATH_STEPS / BREATH_STEPS
+        if face.tear or face.waves or face.sleep
+        else 0.0,
+    )
+
+
+def _chance(number: float) -> float:
+    return number * GOLDEN % 1.0
+
+
+def _shut_at(time: float) -> float:
+    """Return how far the lids are shut: 0 but for one blink in each ``BLINK_EVERY`` seconds."""
+    turn, within = divmod(time, BLINK_EVERY)
+    begun = within - _chance(turn) * (BLINK_EVERY - BLINK)
+    return sin(pi * begun / BLINK) if 0.0 <= begun <= BLINK else 0.0
+
+
+def _glance(time: float) -> float:
+    """Return where the eyes look: mostly straight ahead, now and then a little aside."""
+    place = _chance(time // GLANCE)
+    return 0.0 if place < 0.6 else 5.0 * place - 4.0
+
+
+def _babble(time: float) -> float:
+    """Return how far a mouth is open that speaks words unknown: syllables of about a quarter of a second."""
+    return 0.1 + 0.6 * abs(sin(2 * pi * 2.1 * time) * sin(2 * pi * 0.77 * time))

@@ -1,0 +1,62 @@
+"""What a screen is to show, kept for whoever draws it: what all screens have in common."""
+
+from dataclasses import replace
+from math import isnan
+from threading import Lock
+
+from drivers.api import Mood, Shown
+from drivers.clock import Clock
+
+MOUTH_LIFE = 0.3
+"""Seconds after which a mouth shuts that nobody moves any more."""
+
+
+class KeptScreen:
+    """The part of a ``drivers.api.Screen`` that is the same on all: told from any thread, it keeps the newest.
+
+    It is ``awake`` until it rests, and again when it is opened after that.
+    """
+
+    def __init__(self, clock: Clock, *, name: str, rest: Mood, awake: Mood) -> None:
+        self.name = name
+        self._clock = clock
+        self._resting = Shown(rest)
+        self._awake = Shown(awake)
+        self._state = self._awake
+        self._moved = 0.0  # when the mouth was told last
+        self._lock = Lock()
+
+    def open(self) -> None:
+        """Wake up, if it is at rest."""
+        with self._lock:
+            if self._state == self._resting:
+                self._state = self._awake
+
+    def rest(self) -> None:
+        """Look as it does at rest, with no words and the mouth at rest."""
+        with self._lock:
+            self._state = self._resting
+
+    def mood(self, mood: Mood) -> None:
+        """Look like this from now on."""
+        with self._lock:
+            self._state = replace(self._state, mood=mood)
+
+    def show(self, text: str) -> None:
+        """Show words below the face; an empty text takes them away."""
+        with self._lock:
+            self._state = replace(self._state, text=text)
+
+    def mouth(self, opening: float) -> None:
+        """Open the mouth so far, 0..1; what lies beyond is as much as there is, and what is not a number none."""
+        kept = 0.0 if isnan(opening) else min(max(opening, 0.0), 1.0)
+        with self._lock:
+            self._state = replace(self._state, mouth=kept)
+            self._moved = self._clock.now()
+
+    def shown(self) -> Shown:
+        """Return what is to be seen now, or would be if it were there."""
+        with self._lock:
+            if self._state.mouth and self._clock.now() - self._moved > MOUTH_LIFE:
+                self._state = replace(self._state, mouth=0.0)
+            return self._state

@@ -1,0 +1,92 @@
+"""How a robot in simulated time deals with the people in its world: the twins of its voice, its ears and its face."""
+
+from collections.abc import Iterable
+from functools import partial
+from math import inf
+
+from config.robot import RobotConfig, ScreenConfig, VoiceConfig
+from config.world import WorldConfig
+from drivers.api import Mood
+from drivers.sim.acts import Reply
+from drivers.sim.twins.ears import HearingTwin
+from drivers.sim.twins.screen import ScreenTwin
+from drivers.sim.twins.voice import VoiceTwin
+from missions.assembly import parts
+from missions.assembly.assemble import Ears
+from missions.assembly.duplex import HalfDuplex
+from missions.assembly.face import FRAME, Lips
+from missions.assembly.twins import Twins
+from perception.api import Words
+from perception.hearing.grammar import Grammar
+
+
+class Conversation:
+    """Gives ``twins`` a voice, ears and a face, and lets the people in the ``world`` answer in their own time.
+
+    People and robot hear each other where they are near enough, with no inner wall between. ``phrases`` are what the
+    robot listens for.
+    """
+
+    def __init__(self, twins: Twins, world: WorldConfig, ears: Ears, phrases: tuple[str, ...], seed: int) -> None:
+        self._twins = twins
+        self._world = world
+        self._ears = ears
+        self._phrases = phrases
+        self._seed = seed
+
+    def give(self, config: RobotConfig, chosen: frozenset[str]) -> None:
+        """Make the twins of the ``chosen`` parts."""
+        twins = self._twins
+        if config.voice is not None and "voice" in chosen:
+            twins.voice = self._voice(config.voice)
+        if config.microphone is not None and "microphone" in chosen:
+            twins.microphone = self._microphone(twins.voice)
+        if config.screen is not None and "screen" in chosen:
+            twins.screen = self._screen(config.screen, twins.voice)
+        self._expect(twins.world.said(-1.0, inf))
+
+    def _voice(self, config: VoiceConfig) -> VoiceTwin:
+        clock, ears = self._twins.timeline.clock, self._ears
+        return VoiceTwin(clock, self._say, usual=parts.manner(config), report=ears.report, changed=ears.changed)
+
+    def _microphone(self, voice: VoiceTwin | None) -> HearingTwin[Words]:
+        clock, ears = self._twins.timeline.clock, self._ears
+        return HearingTwin(
+            clock,
+            Grammar.of(self._phrases),
+            Words,
+            deaf=HalfDuplex(voice, clock).deaf,
+            mishearing=self._world.physics.mishearing,
+            seed=self._seed,
+            report=ears.report,
+            changed=ears.changed,
+        )
+
+    def _screen(self, config: ScreenConfig, voice: VoiceTwin | None) -> ScreenTwin:
+        timeline = self._twins.timeline
+        screen = ScreenTwin(timeline.clock, awake=Mood(config.mood), report=self._ears.report)
+        if voice is not None:
+            timeline.every(FRAME, Lips(voice, screen, timeline.clock).step)
+        return screen
+
+    def _say(self, text: str) -> None:
+        """Say something aloud."""
+        twins = self._twins
+        self._ears.out(text)
+        self._expect(twins.world.hear(text, twins.timeline.clock.now(), self._stand()))
+
+    def _expect(self, replies: Iterable[Reply]) -> None:
+        """Have what people say told, and heard, when they say it."""
+        for reply in replies:
+            self._twins.timeline.at(reply.when, partial(self._spoken, reply))
+
+    def _spoken(self, reply: Reply) -> None:
+        twins = self._twins
+        self._ears.answered(reply.who, reply.text)
+        if twins.microphone is not None and twins.world.audible(reply.who, twins.timeline.clock.now(), self._stand()):
+            twins.microphone.hear(reply)
+
+    def _stand(self) -> tuple[float, float]:
+        """Return where the robot truly is."""
+        pose = self._twins.pose()
+        return pose.x, pose.y

@@ -1,0 +1,141 @@
+"""The robot's face: its screen, a mouth that moves with the voice, and smileys that set its mood."""
+
+from collections.abc import Callable
+from math import cos, pi
+from pathlib import Path
+from threading import Event, Thread
+
+from config.screen import ScreenConfig
+from drivers.api import (
+    AS_USUAL,
+    Health,
+    Manner,
+    Mood,
+    Mouth,
+    Priority,
+    Report,
+    Screen,
+    Shown,
+    Utterance,
+    Voice,
+)
+from drivers.clock import Clock
+from drivers.screen.pages import PageScreen
+from drivers.screen.printed import PrintedScreen
+from drivers.screen.smileys import split
+
+OPENINGS = {
+    Mouth.CLOSED: 0.0,
+    Mouth.TEETH: 0.2,
+    Mouth.NARROW: 0.25,
+    Mouth.WIDE: 0.45,
+    Mouth.ROUND: 0.55,
+    Mouth.OPEN: 1.0,
+}
+"""How far the mouth is open, for each of its shapes."""
+
+SYLLABLES = 4.0
+"""Times a second that the mouth opens where nobody knows its shapes."""
+
+FRAME = 1 / 30
+"""Seconds from one look of the mouth to the next."""
+
+
+def screen(config: ScreenConfig, clock: Clock, out: Callable[[str], None], report: Report) -> Screen:
+    """Return the screen of a robot; ``out`` prints for one that has none."""
+    awake = Mood(config.mood)
+    if config.driver == "print":
+        return PrintedScreen(clock, out, awake=awake)
+    return PageScreen(clock, port=config.port or 0, awake=awake, report=report)
+
+
+class Lips:
+    """Moves the mouth on a ``screen`` with a ``voice``, at each ``step``."""
+
+    def __init__(self, voice: Voice, screen: Screen, clock: Clock) -> None:
+        self._voice = voice
+        self._screen = screen
+        self._clock = clock
+        self._moving = False
+
+    def step(self) -> None:
+        """Look at what is said now."""
+        opening = self._opening()
+        if opening or self._moving:
+            self._screen.mouth(opening)
+        self._moving = opening > 0
+
+    def _opening(self) -> float:
+        said = self._voice.speaking()
+        started = None if said is None else said.started
+        if said is None or started is None:
+            return 0.0
+        spoken = self._clock.now() - started
+        shapes = said.mouth
+        if not shapes:
+            return 0.3 * (1 - cos(2 * pi * SYLLABLES * spoken))
+        shape = next((each.shape for each in reversed(shapes) if each.at <= spoken), Mouth.CLOSED)
+        return OPENINGS[shape]
+
+
+class LivelyScreen:
+    """A ``screen`` whose mouth moves with the ``voice``: a ``drivers.api.Screen`` with a thread of its own."""
+
+    def __init__(self, screen: Screen, voice: Voice, clock: Clock) -> None:
+        self.name = screen.name
+        self.mood: Callable[[Mood], None] = screen.mood
+        self.show: Callable[[str], None] = screen.show
+        self.mouth: Callable[[float], None] = screen.mouth
+        self.shown: Callable[[], Shown] = screen.shown
+        self.health: Callable[[], Health] = screen.health
+        self.rest: Callable[[], None] = screen.rest
+        self._screen = screen
+        self._lips = Lips(voice, screen, clock)
+        self._ending = Event()
+        self._thread: Thread | None = None
+
+    def open(self) -> None:
+        """Open the screen, and begin to move its mouth. Safe more than once."""
+        self._screen.open()
+        if self._thread is None:
+            self._ending.clear()
+            self._thread = Thread(target=self._run, name="lips", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """End it. Safe from any state, more than once."""
+        self._ending.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join()
+        self._screen.close()
+
+    def _run(self) -> None:
+        while not self._ending.wait(FRAME):
+            self._lips.step()
+
+
+class SmilingVoice:
+    """A ``voice`` that does not speak smileys: they set the mood of a ``screen``, where there is one."""
+
+    def __init__(self, voice: Voice, screen: Screen | None) -> None:
+        self.name = voice.name
+        self.open: Callable[[], None] = voice.open
+        self.rest: Callable[[], None] = voice.rest
+        self.close: Callable[[], None] = voice.close
+        self.health: Callable[[], Health] = voice.health
+        self.speaking: Callable[[], Utterance | None] = voice.speaking
+        self._voice = voice
+        self._screen = screen
+
+    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
+        """See drivers.api.Voice."""
+        plain, mood = split(text)
+        said = self._voice.say(plain, manner, priority)
+        if mood is not None and self._screen is not None:
+            self._screen.mood(mood)
+        return said
+
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
+        """See drivers.api.Voice."""
+        return self._voice.play(path, priority)

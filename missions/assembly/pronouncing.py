@@ -1,0 +1,57 @@
+"""How words are said that a mission listens for: as the robot file, a dictionary or a synthesiser says."""
+
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+
+from config.microphone import MicrophoneConfig
+from drivers.api import Manner
+from drivers.clock import Clock
+from drivers.errors import BadRequest, DriverError, NotConnected
+from drivers.voice.cut import Cut
+from drivers.voice.engines import Espeak
+from perception.hearing.engines import Sphinx
+from perception.hearing.lexicon import Lexicon, english
+from perception.hearing.mnemonics import phones_of
+
+PLAINLY = Manner("en-us", 150.0)
+"""In whose voice unknown words are pronounced."""
+
+
+def unpronounceable(config: MicrophoneConfig, words: Sequence[str]) -> Sequence[str]:
+    """Return those of some words that the robot cannot listen for, as far as that is known without a try."""
+    lexicon = english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
+    if lexicon is None:  # Vosk knows what it knows, and who is not installed is asked when it is needed
+        return ()
+    says = find_spec("espeakng_loader") is not None
+    return [word for word in lexicon.unknown(words) if not (says and word.isascii())]
+
+
+def lexicon_for(config: MicrophoneConfig, words: Sequence[str], clock: Clock) -> Lexicon:
+    """Return a lexicon that has all of some words. Raises NotConnected without pocketsphinx; BadRequest."""
+    lexicon = english(config.pronunciations)
+    if lexicon is None:
+        raise NotConnected("microphone: pocketsphinx, which understands speech, is not installed", hint=Sphinx.hint)
+    unknown = lexicon.unknown(words)
+    if not unknown:
+        return lexicon
+    known = english({**config.pronunciations, **_synthesised(unknown, clock)})
+    return lexicon if known is None else known
+
+
+def _synthesised(words: Sequence[str], clock: Clock) -> Mapping[str, str]:
+    """Return how a synthesiser says some words. Raises BadRequest where it cannot."""
+    espeak = Espeak(clock, usual=PLAINLY, name="microphone")
+    espeak.open()
+    try:
+        return {word: _phones(espeak, word) for word in words}
+    except (DriverError, ValueError) as error:
+        what = f"microphone: nobody knows how these are pronounced: {', '.join(words)}: {error}"
+        hint = "say it in the robot file: microphone: {pronunciations: {rodney: R AA D N IY}}"
+        raise BadRequest(what, hint=hint) from error
+    finally:
+        espeak.close()
+
+
+def _phones(espeak: Espeak, word: str) -> str:
+    spoken = espeak.speak(word, PLAINLY, Cut())
+    return " ".join(phones_of([] if spoken is None else [mnemonic for _, mnemonic in spoken.phonemes]))

@@ -1,0 +1,140 @@
+"""Ears in a simulated world that runs in real time: through sound where all that needs is installed, else as text."""
+
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from threading import Event, Lock, Thread
+
+from config.microphone import MicrophoneConfig
+from config.people import PersonConfig
+from config.world import WorldConfig
+from drivers.api import Health, Manner, Notice, Report, Voice
+from drivers.clock import Clock
+from drivers.sim.acts import Reply
+from drivers.sim.twins.ears import HearingTwin
+from drivers.virtual.voiced import VoicedMicrophone
+from drivers.voice.engines import Espeak
+from missions.assembly.duplex import HalfDuplex
+from missions.assembly.hearing import Hearing, hearing
+from perception.api import Words
+from perception.hearing.grammar import Grammar
+
+NEEDED = ("espeakng_loader", "pocketsphinx")
+"""What is imported to speak and to understand."""
+
+VOICES = {
+    "anna": "en-us+f2",
+    "ben": "en-us+m7",
+    "chidi": "en-us",
+    "dora": "en-us+f4",
+    "emil": "en+m3",
+    "farah": "en+linda",
+}
+"""The voices of people, by their looks."""
+
+PACE = 150.0
+"""Words a minute that people speak."""
+
+
+class TextHearing:
+    """A ``HearingTwin`` that is stepped in real time; its answers may be asked for from any thread."""
+
+    def __init__(self, twin: HearingTwin[Words]) -> None:
+        self.name = twin.name
+        self._twin = twin
+        self._lock = Lock()  # over the twin
+        self._ending = Event()
+        self._thread: Thread | None = None
+
+    def open(self) -> None:
+        """Begin to listen. Safe more than once."""
+        if self._thread is None:
+            self._twin.open()
+            self._ending.clear()
+            self._thread = Thread(target=self._run, name="hearing", daemon=True)
+            self._thread.start()
+
+    def rest(self) -> None:
+        """Do nothing: ears move nothing."""
+
+    def close(self) -> None:
+        """End it. Safe from any state, more than once."""
+        self._ending.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join()
+        self._twin.close()
+
+    def health(self) -> Health:
+        """Say whether it listens."""
+        return self._twin.health()
+
+    def hear(self, reply: Reply) -> None:
+        """Take note of what somebody says now."""
+        with self._lock:
+            self._twin.hear(reply)
+
+    def words(self) -> Sequence[Words]:
+        """See perception.api.Hearing."""
+        with self._lock:
+            return self._twin.words()
+
+    def refused(self) -> Sequence[Words]:
+        """See perception.api.Hearing."""
+        with self._lock:
+            return self._twin.refused()
+
+    def listened(self) -> float | None:
+        """See perception.api.Hearing."""
+        return self._twin.listened()
+
+    def level(self) -> float:
+        """See perception.api.Hearing."""
+        with self._lock:
+            return self._twin.level()
+
+    def _run(self) -> None:
+        while not self._ending.wait(self._twin.PERIOD):
+            with self._lock:
+                self._twin.step()
+
+
+def simulated_hearing(
+    config: MicrophoneConfig,
+    world: WorldConfig,
+    phrases: Sequence[str],
+    clock: Clock,
+    *,
+    voice: Voice | None,
+    seed: int,
+    report: Report,
+    changed: Callable[[], None],
+) -> tuple[Hearing | TextHearing, Callable[[Reply], None]]:
+    """Return ears, and whom to tell what somebody says within earshot. Raises BadRequest as ``hearing`` does."""
+    if config.recogniser == "pocketsphinx" and all(find_spec(name) for name in NEEDED):
+        people = {person.name: _manner(person) for person in world.people}
+        engine = Espeak(clock, usual=Manner(VOICES["chidi"], PACE), report=report, name="microphone")
+        source = VoicedMicrophone(
+            clock, engine, lambda who: people[who], deaf=HalfDuplex(voice, clock).deaf, report=report
+        )
+        deaf = HalfDuplex(voice, clock).deaf
+        ears = hearing(config, source, phrases, clock, report=report, deaf=deaf, changed=changed)
+        return ears, source.hear
+    text = TextHearing(
+        HearingTwin(
+            clock,
+            Grammar.of(phrases),
+            Words,
+            deaf=HalfDuplex(voice, clock).deaf,
+            mishearing=world.physics.mishearing,
+            seed=seed,
+            report=report,
+            changed=changed,
+        )
+    )
+    why = "people's words come as text: nothing speaks and understands them"
+    report(Notice("microphone", "fault", why, "`pip install 'missiontree[speak,listen]'` makes sound of them"))
+    return text, text.hear
+
+
+def _manner(person: PersonConfig) -> Manner:
+    return Manner(VOICES[person.look], PACE)

@@ -1,0 +1,71 @@
+"""What a mission listens for: read from its file, and gathered from its whole tree."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from config.marked import Listing, Node, Scalar
+from config.units import seen
+from missions.language.claims import Target
+from missions.language.notes import Notes
+from missions.language.plan import Step
+from missions.language.values import Value
+from perception.hearing.grammar import fault_of, normalised
+
+KIND = "phrases"
+"""The kind of the arguments that hold them."""
+
+
+def read_phrases(notes: Notes, node: Node, what: str) -> Value:
+    """Read one phrase, or a list of them: a mapping from how each is listened for to how it is written.
+
+    All must be known before the mission starts, since the recogniser is made for them; what has to wait for a param
+    that nobody has given yet is left out.
+    """
+    found: dict[str, str] = {}
+    items = node.items if isinstance(node, Listing) else [node]
+    if not items:
+        notes.fault(node.mark, f"{what} needs at least one phrase")
+    for item in items:
+        if not isinstance(item, Scalar):
+            notes.fault(item.mark, f"{what} needs a phrase, or a list of them")
+            continue
+        value = notes.value(item if item.value is None else replace(item, value=item.text), what, _sayable)
+        if isinstance(value.constant, str):
+            found.setdefault(normalised(value.constant), value.constant)
+        elif value.template is not None and not notes.awaits(value.template):
+            hint = "use params that are given when it starts, or listen for all that may be said"
+            notes.fault(item.mark, f"{what}: {seen(item.text)} must be known before the mission starts", hint)
+    return Value(found)
+
+
+def _sayable(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"needs a phrase, got {seen(value)}")
+    if fault := fault_of(value):
+        raise ValueError(f"cannot be {seen(value)}: {fault}")
+    return value
+
+
+def phrases_of(tree: Step) -> tuple[str, ...]:
+    """Return all phrases that a mission listens for, as they are listened for, each once."""
+    return tuple(dict.fromkeys(phrase for step in tree.walk() for phrase in _own(step)))
+
+
+def check_phrases(notes: Notes, tree: Step, robot: Target) -> None:
+    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said."""
+    words = dict.fromkeys(word for phrase in phrases_of(tree) for word in phrase.split())
+    unknown = set(robot.unpronounceable(tuple(words))) if words else set()
+    for step in tree.walk():
+        for word in dict.fromkeys(word for phrase in _own(step) for word in phrase.split() if word in unknown):
+            notes.fault_at(
+                step,
+                f"'{step.kind}' cannot listen for {seen(word)}: no dictionary has it",
+                f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' (docs/speech.md)",
+            )
+
+
+def _own(step: Step) -> Iterator[str]:
+    declared = {} if step.leaf is None else step.leaf.arguments
+    for name, value in step.arguments.items():
+        if name in declared and declared[name].kind == KIND and isinstance(value.constant, dict):
+            yield from value.constant

@@ -1,0 +1,224 @@
+"""The queue of tasks: each change is one transaction, so that whatever ends the program, a task is never lost or split.
+
+The end of an attempt, what becomes of its task, the next of a repetition and the notices of all that are one
+transaction: they happen together, once, or not at all.
+"""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime, tzinfo
+
+from missions.tasks import notice
+from missions.tasks.notice import Notice
+from missions.tasks.task import (
+    Attempt,
+    Claim,
+    NewTask,
+    Outcome,
+    Policy,
+    State,
+    Task,
+    TaskError,
+    next_state,
+    seen_as,
+)
+from missions.tasks.times import next_time, read_every
+
+DOWN = "the machine or the server went down"
+"""Why an attempt was interrupted of which nobody told the end."""
+
+Channels = Callable[[Task], Sequence[str]]
+"""Says where the notices of a task go: the channels, as the outbox writes them."""
+
+
+class Queue:
+    """Tasks in a database of ``schema.open_db``; all times are seconds of the wall clock, handed in as ``now``.
+
+    ``zone`` is the one that daily repetitions are in. A method that raises has changed nothing.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, channels: Channels, zone: tzinfo = UTC) -> None:
+        self._connection = connection
+        self._channels = channels
+        self._zone = zone
+
+    # --- what people ask of it ------------------------------------------------------------------------------------
+
+    def add(self, new: NewTask, now: float) -> int:
+        """Add a task; return its number."""
+        with self._transaction():
+            number = self._insert(new, None, now)
+            if new.every:
+                self._execute("UPDATE task SET series = id WHERE id = ?", number)
+        return number
+
+    def cancel(self, number: int, now: float) -> State:
+        """Cancel a task, and the repetition that it belongs to; return its state now.
+
+        One that waits is cancelled at once. One that runs is stopped by the server that runs it; ``cancelling`` says
+        that it is to be. Raises TaskError for one that is not there, or has ended.
+        """
+        with self._transaction():
+            task = self.task(number)
+            if task.ended:
+                raise TaskError(f"task {number} has ended already: it is {task.state}", hint="mission task list")
+            if task.state == "running":
+                self._execute("UPDATE task SET cancelling = 1 WHERE id = ?", number)
+                return "running"
+            self._settle(task, "cancelled", "somebody cancelled it", now)
+            return "cancelled"
+
+    def task(self, number: int) -> Task:
+        """Return a task. Raises TaskError for one that is not there."""
+        row = self._execute("SELECT * FROM task WHERE id = ?", number).fetchone()
+        if row is None:
+            raise TaskError(f"there is no task {number}", hint="mission task list --all")
+        return _task(row)
+
+    def tasks(self, *, ended: bool = True) -> list[Task]:
+        """Return all tasks in the order in which they are due; those that have ended only where that is asked for."""
+        which = "" if ended else " WHERE state IN ('waiting', 'running')"
+        return [_task(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY due, id")]  # noqa: S608 - ours
+
+    def attempts(self, number: int) -> list[Attempt]:
+        """Return the attempts at a task, in order."""
+        rows = self._execute("SELECT * FROM attempt WHERE task = ? ORDER BY number", number)
+        return [Attempt(**dict(row)) for row in rows]
+
+    # --- what the server asks of it -------------------------------------------------------------------------------
+
+    def claim(self, now: float) -> Claim | None:
+        """Begin an attempt at what is due first; None where nothing is. What is too late is missed, and told.
+
+        Only while nothing runs, and by the one server that there is.
+        """
+        if self._due(now) is None:  # most of the time, and nothing is written then
+            return None
+        with self._transaction():
+            while (task := self._due(now)) is not None and _too_late(task, now):
+                reason = (
+                    f"it was due at {_clock(task.due, self._zone)}, and is not begun more than {task.late:g} s later"
+                )
+                self._settle(task, "given_up", reason, now)
+                self._post(task, notice.missed(task, reason, now), now)
+            if task is None:
+                return None
+            self._execute("UPDATE task SET state = 'running', attempts = attempts + 1 WHERE id = ?", task.id)
+            sql = "INSERT INTO attempt (task, number, began) VALUES (?, ?, ?)"
+            attempt = self._execute(sql, task.id, task.attempts + 1, now).lastrowid
+            return Claim(self.task(task.id), attempt or 0)
+
+    def finish(self, claim: Claim, outcome: Outcome, now: float) -> Task:
+        """End an attempt and do all that follows from it; return the task as it is then.
+
+        Raises TaskError if that was done before.
+        """
+        return self._finish(claim.attempt, outcome, now)
+
+    def recover(self, now: float) -> list[Task]:
+        """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""
+        with self._transaction():
+            rows = self._execute("SELECT id FROM attempt WHERE ended IS NULL ORDER BY id").fetchall()
+            return [self._finish(row["id"], Outcome("interrupted", DOWN), now) for row in rows]
+
+    def cancelling(self, claim: Claim) -> bool:
+        """Say whether somebody wants the task stopped that is being run."""
+        return self.task(claim.task.id).cancelling
+
+    def say(self, claim: Claim, number: int, text: str, now: float) -> None:
+        """Post what the mission wants to be told, the ``number``-th thing of this attempt."""
+        with self._transaction():
+            self._post(claim.task, notice.said(claim.task, number, text, now), now)
+
+    # --- inside a transaction -------------------------------------------------------------------------------------
+
+    def _finish(self, attempt: int, outcome: Outcome, now: float) -> Task:
+        row = self._execute("SELECT task FROM attempt WHERE id = ? AND ended IS NULL", attempt).fetchone()
+        if row is None:
+            raise TaskError(f"attempt {attempt} has ended already")
+        task = self.task(row["task"])
+        how = seen_as(task, outcome.how)
+        sql = "UPDATE attempt SET ended = ?, how = ?, reason = ? WHERE id = ?"
+        self._execute(sql, now, how, outcome.reason, attempt)
+        state = next_state(task, how)
+        self._settle(task, state, outcome.reason, now, failed=how in ("failure", "error"))
+        self._post(task, notice.ended(task, how, state, outcome.reason, now), now)
+        return self.task(task.id)
+
+    def _settle(self, task: Task, state: State, reason: str, now: float, *, failed: bool = False) -> None:
+        """Give a task its new state; where that is for good, add the next of its repetition, unless it is cancelled."""
+        sql = "UPDATE task SET state = ?, reason = ?, failures = failures + ? WHERE id = ?"
+        self._execute(sql, state, reason, failed, task.id)
+        if task.every and state in ("done", "failed", "given_up") and not task.cancelling:
+            every = read_every(task.every, task.due, self._zone)
+            due = next_time(every, task.due, now, self._zone)
+            self._insert(replace(_as_new(task), due=due), task.series, now)
+
+    def _insert(self, new: NewTask, series: int | None, now: float) -> int:
+        policy = new.policy
+        row = {
+            "mission": new.mission,
+            "params": json.dumps(dict(new.params)),
+            "robot": new.robot,
+            "options": json.dumps(new.options),
+            "added": now,
+            "due": new.due,
+            "late": new.late,
+            "every": new.every,
+            "interrupted": policy.interrupted,
+            "most": policy.most,
+            "retries": policy.retries,
+            "series": series,
+        }
+        names, marks = ", ".join(row), ", ".join("?" * len(row))
+        return self._execute(f"INSERT INTO task ({names}) VALUES ({marks})", *row.values()).lastrowid or 0  # noqa: S608
+
+    def _post(self, task: Task, told: Notice, now: float) -> None:
+        """Put a notice into the outbox, for each channel."""
+        sql = "INSERT INTO outbox (key, task, channel, body, added, next) VALUES (?, ?, ?, ?, ?, ?)"
+        for channel in dict.fromkeys(self._channels(task)):
+            self._execute(sql, told.id, task.id, channel, told.as_json(), now, now)
+
+    def _due(self, now: float) -> Task | None:
+        sql = "SELECT * FROM task WHERE state = 'waiting' AND due <= ? ORDER BY due, id LIMIT 1"
+        row = self._execute(sql, now).fetchone()
+        return None if row is None else _task(row)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.rollback()
+            raise
+
+    def _execute(self, sql: str, *values: object) -> sqlite3.Cursor:
+        return self._connection.execute(sql, values)
+
+
+def _too_late(task: Task, now: float) -> bool:
+    """Say whether a task was missed; one that was begun in time and interrupted is not."""
+    return task.late is not None and task.attempts == 0 and now > task.due + task.late
+
+
+def _clock(time: float, zone: tzinfo) -> str:
+    return f"{datetime.fromtimestamp(time, zone):%Y-%m-%d %H:%M}"
+
+
+def _task(row: sqlite3.Row) -> Task:
+    values = dict(row)
+    policy = Policy(values.pop("interrupted"), values.pop("most"), values.pop("retries"))
+    values["params"] = json.loads(values["params"])
+    values["options"] = tuple(json.loads(values["options"]))
+    values["cancelling"] = bool(values["cancelling"])
+    return Task(policy=policy, **values)
+
+
+def _as_new(task: Task) -> NewTask:
+    return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

@@ -1,0 +1,134 @@
+"""What a task is, and what becomes of it once an attempt at it has ended: values, and the one rule, without a queue."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+State = Literal["waiting", "running", "done", "failed", "cancelled", "given_up"]
+"""Where a task is: the first two may change, the last four are for good."""
+
+How = Literal["success", "failure", "error", "interrupted", "cancelled"]
+"""How an attempt ended; an error is a device that is not there, or a file that is wrong."""
+
+Interrupted = Literal["retry", "give-up"]
+"""What to do about a task that was interrupted, of which nobody knows how far it came."""
+
+MOST = 3
+"""Times that a task may be interrupted, unless somebody says otherwise; with the last of them it is given up."""
+
+
+class TaskError(Exception):
+    """Something that cannot be asked of the queue: the message says what and why, ``hint`` what to type next."""
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What to do about a task that did not succeed.
+
+    An interrupted one is tried again, until it was interrupted ``most`` times; or never. One that failed is tried again
+    ``retries`` times.
+    """
+
+    interrupted: Interrupted = "retry"
+    most: int = MOST
+    retries: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewTask:
+    """What to do: a mission with its params as texts, and when. Times are seconds of the wall clock (Unix).
+
+    ``robot`` is empty for the simulated default; ``options`` are more words for `mission run`. A task that is not begun
+    within ``late`` seconds of ``due`` is missed; None waits for ever. ``every`` repeats it, as ``times.Every`` is
+    written.
+    """
+
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    robot: str = ""
+    options: tuple[str, ...] = ()
+    due: float
+    late: float | None = None
+    every: str = ""
+    policy: Policy = field(default_factory=Policy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task(NewTask):
+    """A task in the queue. ``reason`` says why it ended as it did; ``cancelling`` that somebody wants it stopped.
+
+    ``attempts`` were begun, ``failures`` of them ended in a failure. ``series`` is the first task of a repetition.
+    """
+
+    id: int
+    added: float
+    state: State
+    reason: str
+    attempts: int
+    failures: int
+    cancelling: bool
+    series: int | None
+
+    @property
+    def ended(self) -> bool:
+        """True once nothing more will become of it."""
+        return self.state not in ("waiting", "running")
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One try at a task, the ``number``-th; ``ended`` and ``how`` are None while it goes on."""
+
+    id: int
+    task: int
+    number: int
+    began: float
+    ended: float | None
+    how: How | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A task that is being run, and the attempt that this is."""
+
+    task: Task
+    attempt: int
+
+    @property
+    def number(self) -> int:
+        """Which attempt at the task this is, from 1."""
+        return self.task.attempts
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How an attempt ended, and why."""
+
+    how: How
+    reason: str = ""
+
+
+def seen_as(task: Task, how: How) -> How:
+    """Return how an attempt at a running task ended: what was interrupted because somebody wanted that is cancelled."""
+    return "cancelled" if how == "interrupted" and task.cancelling else how
+
+
+def next_state(task: Task, how: How) -> State:
+    """Return what a running task becomes when the present attempt ends: this is the whole of its policy."""
+    policy, interruptions = task.policy, task.attempts - task.failures  # this one counted
+    match how:
+        case "success":
+            return "done"
+        case "cancelled":
+            return "cancelled"
+        case "interrupted":
+            again = policy.interrupted == "retry" and interruptions < policy.most
+            return "waiting" if again else "given_up"
+        case _:
+            again = task.failures < policy.retries and not task.cancelling
+            return "waiting" if again else "failed"

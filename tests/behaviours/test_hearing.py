@@ -1,0 +1,101 @@
+"""Listening: for phrases that were begun in time, with reasons for all that goes otherwise."""
+
+import pytest
+
+from behaviours.hearing import Heard, Listen
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from missions.testing.recorders import Bench
+
+ANSWERS = {"yes": "Yes!", "no": "No"}
+
+
+def listening(bench: Bench, *, timeout: float | None = None) -> Listen:
+    return bench.put(Listen("listen"), phrases=ANSWERS, timeout=timeout)
+
+
+def test_it_waits_for_a_phrase_and_keeps_it_as_it_is_written() -> None:
+    bench = Bench()
+    leaf = listening(bench)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "listening"
+    bench.clock.advance(1.0)
+    bench.hearing.say("yes")
+    assert bench.tick(leaf) is SUCCESS
+    assert (leaf.result, leaf.reason) == ("Yes!", 'heard "yes"')
+
+
+def test_what_was_begun_before_it_started_does_not_count() -> None:
+    bench = Bench()
+    leaf = listening(bench)
+    bench.hearing.say("yes")
+    assert bench.tick(leaf) is RUNNING
+    bench.hearing.say("no", seconds=0.2)
+    assert bench.tick(leaf) is RUNNING
+    bench.clock.advance(1.0)
+    bench.hearing.say("no", seconds=0.2)
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.result == "No"
+
+
+def test_each_start_listens_anew() -> None:
+    bench = Bench()
+    leaf = listening(bench)
+    bench.tick(leaf)
+    bench.clock.advance(1.0)
+    bench.hearing.say("yes")
+    assert bench.tick(leaf) is SUCCESS
+    assert bench.tick(leaf) is RUNNING
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ([], "nothing heard"),
+        ([("go home", True)], "heard something else once (nearest: go home)"),
+        ([("yes", False)], "heard something else once (nearest: yes)"),
+        ([("yes", False), ("go home", True), ("", False)], "heard something else 3 times"),
+    ],
+)
+def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], reason: str) -> None:
+    bench = Bench()
+    leaf = listening(bench, timeout=8.0)
+    bench.tick(leaf)
+    for phrase, accepted in said:
+        bench.clock.advance(1.0)
+        bench.hearing.say(phrase, accepted=accepted)
+    assert bench.tick(leaf) is RUNNING
+    assert bench.tick(leaf, after=8.0) is FAILURE
+    assert leaf.reason == reason
+
+
+def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
+    bench = Bench()
+    bench.hearing.heard_until = bench.clock.now() - 2.0
+    leaf = listening(bench, timeout=1.0)
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "no sound from the microphone"
+    assert bench.tick(leaf, after=1.0) is FAILURE
+    assert leaf.reason == "no sound from the microphone"
+
+
+def test_heard_succeeds_for_a_while_after_the_phrase() -> None:
+    bench = Bench()
+    leaf = bench.put(Heard("heard"), phrases={"hello robot": "Hello, robot!"})
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "not heard"
+    bench.hearing.say("hello robot")
+    assert bench.tick(leaf, after=2.9) is SUCCESS
+    assert leaf.result == "Hello, robot!"
+    assert bench.tick(leaf, after=0.2) is FAILURE
+
+
+def test_heard_passes_over_other_phrases() -> None:
+    bench = Bench()
+    leaf = bench.put(Heard("heard"), phrases={"stop": "stop"}, within=5.0)
+    bench.hearing.say("stop")
+    bench.hearing.say("hello robot")
+    assert bench.tick(leaf) is SUCCESS
+    bench.hearing.understood = ()
+    bench.hearing.heard_until = 0.0
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "no sound from the microphone"

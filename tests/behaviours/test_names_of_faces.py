@@ -1,0 +1,157 @@
+"""Faces by name: conditions, the search, identifying, following, and whom the robot has met."""
+
+from dataclasses import replace
+
+import pytest
+
+from behaviours.identify import GONE, Identify
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.meeting import Meeting, is_same, may_be
+from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, FindFace
+from behaviours.tracking.track_face import TrackFace
+from drivers.api import Pose2D
+from missions.executive.state import FaceState
+from missions.testing.recorders import Bench, face
+from perception.api import UNKNOWN, Face
+
+HOME = Pose2D(0.0, 0.0, 0.0)
+
+
+def named(bench: Bench, name: str, *, number: int = 1, yaw: float = 0.0, distance: float = 1.5) -> Face:
+    """Return a face that is seen now."""
+    bench.sight.searched = bench.clock.now()
+    return replace(face(bench.clock.now() + 0.05, number=number, yaw=yaw), name=name, distance=distance)
+
+
+@pytest.mark.parametrize(("whose", "found"), [("", 1), ("Anna", 2), ("ANNA", 2), (UNKNOWN, 3), ("Chidi", None)])
+def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: int | None) -> None:
+    bench = Bench()
+    faces = [named(bench, "Ben"), named(bench, "Anna", number=2), named(bench, UNKNOWN, number=3)]
+    bench.sight.seen = [*faces, named(bench, "", number=4)]
+    leaf = bench.put(FaceSeen("face_seen"), whose=whose)
+    assert bench.tick(leaf) is (FAILURE if found is None else SUCCESS)
+    assert (None if leaf.result is None else getattr(leaf.result, "id", None)) == found
+    assert found is not None or leaf.reason == "no face of Chidi in view"
+
+
+def test_a_stranger_who_is_not_there_is_missed_in_words() -> None:
+    bench = Bench()
+    bench.sight.seen = [named(bench, "Ben")]
+    leaf = bench.put(FaceSeen("face_seen"), whose=UNKNOWN)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "no face of a stranger in view"
+
+
+@pytest.mark.parametrize(("nearer", "status"), [(None, SUCCESS), (2.0, SUCCESS), (1.2, FAILURE)])
+def test_face_seen_asks_how_near(nearer: float | None, status: object) -> None:
+    bench = Bench()
+    bench.sight.seen = [named(bench, "Ben", distance=1.5)]
+    assert bench.tick(bench.put(FaceSeen("face_seen"), nearer=nearer)) is status
+
+
+def test_faces_are_counted_and_centred_by_name() -> None:
+    bench = Bench()
+    bench.sight.seen = [named(bench, UNKNOWN, number=1), named(bench, "Ben", number=2), named(bench, UNKNOWN, number=3)]
+    count = bench.put(FacesAtLeast("faces_at_least"), number=2, whose=UNKNOWN)
+    assert bench.tick(count) is SUCCESS
+    centred = bench.put(FaceCentred("face_centred"), whose="Ben")
+    assert bench.tick(centred) is SUCCESS
+    assert centred.result == bench.sight.seen[1]
+
+
+def test_the_nodes_own_name_is_left_alone() -> None:
+    leaf = FaceSeen("wait for Anna")
+    assert (leaf.name, leaf.whose) == ("wait for Anna", "")
+    assert FaceSeen.arguments["name"].attribute == "whose"
+    assert {"pan", "scans", "new", "name"} <= set(FindFace.arguments)
+
+
+def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
+    bench = Bench()
+    leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
+    for _ in range(round(DECIDING / 0.05) - 4):
+        bench.sight.seen = [named(bench, "")]
+        assert bench.tick(leaf) is RUNNING
+    assert len(set(map(str, bench.head.commands))) == 1, "the head has stayed where it was"
+    bench.sight.seen = [named(bench, "Anna")]
+    assert bench.tick(leaf) is SUCCESS
+
+
+def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> None:
+    for name, seconds in (("", DECIDING + 0.5), ("Ben", 0.5)):
+        bench = Bench()
+        leaf = bench.put(FindFace("find_face"), whose="Anna", pause=0.2)
+        for _ in range(round(seconds / 0.05)):
+            bench.sight.seen = [named(bench, name)]
+            assert bench.tick(leaf) is RUNNING
+        assert len(set(map(str, bench.head.commands))) > 1, name
+
+
+def test_identify_waits_until_it_is_decided_and_keeps_the_face() -> None:
+    bench = Bench()
+    leaf = bench.put(Identify("identify"))
+    bench.sight.seen = [named(bench, "")]
+    assert bench.tick(leaf) is RUNNING
+    assert leaf.reason == "not decided yet who that is"
+    bench.sight.seen = [named(bench, UNKNOWN)]
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.result == bench.sight.seen[0]
+
+
+def test_identify_gives_up_when_the_face_has_gone() -> None:
+    bench = Bench()
+    leaf = bench.put(Identify("identify"), face=named(bench, "", number=1))
+    ticks = 0
+    while bench.tick(leaf) is RUNNING:
+        bench.sight.seen = [named(bench, "Ben", number=2)]
+        ticks += 1
+    assert ticks * 0.05 == pytest.approx(GONE, abs=0.15)
+    assert leaf.reason == "no face in view"
+
+
+@pytest.mark.parametrize(
+    ("name", "kept", "same", "possible"),
+    [
+        ("Anna", "Anna", True, True),
+        ("Ben", "Anna", False, False),
+        (UNKNOWN, "Anna", False, False),
+        ("", "Anna", False, True),
+        ("Ben", "", False, True),
+        (UNKNOWN, UNKNOWN, False, True),
+        ("", "", False, True),
+    ],
+)
+def test_a_name_outlasts_the_id_of_a_face(name: str, kept: str, same: bool, possible: bool) -> None:
+    bench = Bench()
+    now, before = named(bench, name, number=2), named(bench, kept, number=1)
+    assert (is_same(now, before), may_be(now, before)) == (same, possible)
+    assert is_same(replace(now, id=1), before)
+
+
+def test_who_was_met_is_known_by_name_before_the_place() -> None:
+    bench = Bench()
+    meeting = Meeting.of(named(bench, "Anna", yaw=0.0), HOME)
+    assert meeting.was_with(named(bench, "Anna", number=2, yaw=2.0), HOME)
+    assert not meeting.was_with(named(bench, "Ben", number=3, yaw=0.0), HOME), "somebody else stands there now"
+    assert meeting.was_with(named(bench, UNKNOWN, number=4, yaw=0.0), HOME)
+    assert meeting.was_with(named(bench, "", number=5, yaw=0.0), HOME)
+    assert not meeting.was_with(named(bench, "", number=5, yaw=1.0), HOME)
+
+
+def test_track_face_takes_up_nobody_who_is_known_to_be_another() -> None:
+    leaf = TrackFace("track_face")
+    bench = Bench()
+    anna, ben, somebody = (named(bench, name, number=n) for n, name in enumerate(("Anna", "Ben", ""), start=1))
+    assert not leaf.may_be(ben, anna)
+    assert leaf.may_be(somebody, anna)
+    assert leaf.may_be(ben, somebody)
+
+
+def test_expressions_read_the_name_of_the_largest_face() -> None:
+    bench = Bench()
+    state = FaceState(bench.robot, bench.clock)
+    assert (state.name, state.undecided) == (None, False)
+    bench.sight.seen = [named(bench, "Anna"), named(bench, "", number=2)]
+    assert (state.name, state.undecided) == ("Anna", True)
+    bench.sight.seen = bench.sight.seen[:1]
+    assert not state.undecided

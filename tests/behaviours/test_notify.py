@@ -1,0 +1,39 @@
+"""The leaf that tells somebody who is not there."""
+
+import logging
+
+import pytest
+
+from behaviours.leaf import SUCCESS
+from behaviours.notify import Notify
+from missions.executive.events import Event, Notified, Stream
+from missions.executive.executive import Executive
+from missions.testing.recorders import Bench
+
+
+def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:
+    bench = Bench()
+    told: list[str] = []
+    bench.run.notify = told.append
+    leaf = bench.put(Notify("notify"), text="Ana has the message")
+    assert bench.tick(leaf) is SUCCESS
+    assert told == ["Ana has the message"]
+    assert leaf.reason == "Ana has the message"
+
+
+def test_where_nobody_watches_it_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    bench = Bench()
+    with caplog.at_level(logging.INFO, logger="missiontree"):
+        bench.tick(bench.put(Notify("notify"), text="done"))
+    assert [record.message for record in caplog.records] == ["notice: done"]
+
+
+def test_in_a_run_it_is_an_event() -> None:
+    bench = Bench()
+    heard: list[Event] = []
+    leaf = bench.put(Notify("notify"), text="done")
+    executive = Executive(leaf, bench.run, Stream([heard.append]))
+    assert executive.tick() is SUCCESS
+    (event,) = (each for each in heard if isinstance(each, Notified))
+    assert (event.tick, event.text, event.t) == (1, "done", bench.clock.now())
+    assert event.as_dict()["event"] == "notice"

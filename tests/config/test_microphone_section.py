@@ -1,0 +1,57 @@
+"""The sections ``microphone`` and ``screen`` of robot files: what they say, and what is wrong with them."""
+
+import pytest
+
+from config.faults import InvalidFileError, Source
+from config.microphone import PHONES
+from config.robot import MicrophoneConfig, RobotConfig, ScreenConfig, robot_of
+from perception.hearing.phones import KIND_OF
+
+
+def robot(text: str) -> RobotConfig:
+    return robot_of(Source("r.yaml", f"robot: r\n{text}\n"))
+
+
+def test_a_robot_without_the_sections_has_no_such_parts() -> None:
+    assert robot("voice: {}").parts == {"voice"}
+
+
+def test_empty_sections_mean_the_sound_card_and_a_page() -> None:
+    found = robot("microphone: {}\nscreen: {}")
+    assert (found.microphone, found.screen) == (MicrophoneConfig(), ScreenConfig())
+    assert found.parts == {"microphone", "screen"}
+
+
+def test_all_of_them_is_read() -> None:
+    found = robot(
+        "microphone: {driver: file, source: a.wav, recogniser: vosk, model: m, threshold: 1.5,"
+        " pronunciations: {Rodney: r aa d n iy}}\n"
+        "screen: {driver: print, port: 8400, mood: happy}"
+    )
+    said = {"rodney": "R AA D N IY"}
+    assert found.microphone == MicrophoneConfig("file", "a.wav", "vosk", "m", 1.5, said)
+    assert found.screen == ScreenConfig("print", 8400, "happy")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("microphone: {driver: file}", "needs 'source'"),
+        ("microphone: {recogniser: vosk}", "needs 'model'"),
+        ("microphone: {recogniser: voks}", "did you mean 'vosk'?"),
+        ("microphone: {threshold: 11}", "'threshold' must be at most 10"),
+        ("microphone: {pronunciations: {rodney: R AA D N IX}}", "'rodney': no phone is called 'IX'"),
+        ("microphone: {pronunciations: {rodney: }}", "'rodney' needs its phones"),
+        ("screen: {port: 80}", "'port' must be at least 1024"),
+        ("screen: {mood: hapy}", "did you mean 'happy'?"),
+    ],
+)
+def test_what_is_wrong_is_told(text: str, said: str) -> None:
+    with pytest.raises(InvalidFileError) as caught:
+        robot(text)
+    (fault,) = caught.value.faults
+    assert said in str(fault)
+
+
+def test_the_phones_of_files_are_those_that_the_model_has() -> None:
+    assert set(PHONES) == set(KIND_OF) - {"SIL"}

@@ -1,0 +1,91 @@
+"""The ``notices`` of a robot file."""
+
+import pytest
+
+from config.faults import InvalidFileError, Source
+from config.notices import (
+    CommandNotice,
+    MqttNotice,
+    NoticeConfig,
+    TerminalNotice,
+    WebhookNotice,
+    read_written,
+    written,
+)
+from config.robot import robot_of
+
+
+def notices(text: str) -> tuple[NoticeConfig, ...]:
+    return robot_of(Source("robot.yaml", f"robot: mine\nnotices:\n{text}")).notices
+
+
+def test_each_way_is_read() -> None:
+    assert notices(
+        """
+  - terminal
+  - command: [notify-send, Robot]
+  - webhook: https://example.org/robot
+  - webhook: {url: "http://home:8123/api", headers: {Authorization: TOKEN}}
+  - mqtt: {host: broker.local, topic: home/robot, tls: true, user: robot, password: MQTT_PASSWORD}
+  - mqtt: {}
+"""
+    ) == (
+        TerminalNotice(),
+        CommandNotice(("notify-send", "Robot")),
+        WebhookNotice("https://example.org/robot"),
+        WebhookNotice("http://home:8123/api", {"Authorization": "TOKEN"}),
+        MqttNotice("broker.local", "home/robot", 8883, True, "robot", "MQTT_PASSWORD"),
+        MqttNotice("localhost", "missiontree/tasks", 1883, False, "", ""),
+    )
+
+
+def test_a_robot_that_says_nothing_has_none() -> None:
+    assert robot_of(Source("robot.yaml", "robot: mine")).notices == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "fault", "hint"),
+    [
+        ("  - pigeon: {}", "a notice cannot go by 'pigeon'", "known are: command, mqtt, terminal, webhook"),
+        ("  - webhok: x", "a notice cannot go by 'webhok'", "did you mean 'webhook'?"),
+        ("  - webhook", "a notice needs one way to go", "one of: terminal"),
+        ("  - {terminal: , command: [x]}", "a notice needs one way to go", ""),
+        ("  - command: notify-send Robot", "'command' needs a list", "command: [notify-send, Robot]"),
+        ("  - command: []", "'command' needs a list", ""),
+        ("  - command: [['a']]", "'command' needs a list", ""),
+        ("  - webhook: file:///etc/passwd", "'webhook' needs the address of a web server", "https://..."),
+        ("  - webhook: https://", "'webhook' needs the address of a web server", ""),
+        ("  - webhook: https://x:99999/", "'webhook' needs the address of a web server", ""),
+        ("  - webhook: {url: 'https://x', header: {}}", "'webhook' has no key 'header'", "did you mean 'headers'?"),
+        ("  - mqtt: {topic: home/#}", "'topic' names one topic", ""),
+        ("  - mqtt: {port: 70000}", "'port' must be at most 65535", ""),
+        ("  - mqtt: {password: X}", "'mqtt' has a password and no user", ""),
+        ("  terminal", "'notices' needs a list", ""),
+    ],
+)
+def test_what_is_wrong_is_told_at_its_place(text: str, fault: str, hint: str) -> None:
+    with pytest.raises(InvalidFileError) as raised:
+        notices(text)
+    (found, *_) = raised.value.faults
+    assert fault in found.message
+    assert hint in found.suggestion
+    assert found.mark.line == 3
+
+
+WAYS = [
+    TerminalNotice(),
+    CommandNotice(("sh", "-c", "cat > 'a b'")),
+    WebhookNotice("https://x/y?z", {"B": "1", "A": "2"}),
+    MqttNotice("h", "t", 1, True, "u", "p"),
+]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
+def test_what_is_written_can_be_read_again(way: NoticeConfig) -> None:
+    assert read_written(written(way)) == way
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"terminal": {"x": 1}}', '{"terminal": {}, "command": {}}', "null"])
+def test_what_was_never_written_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="no way to send notices"):
+        read_written(text)

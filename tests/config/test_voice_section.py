@@ -1,0 +1,62 @@
+"""The ``voice`` section of a robot file: all that it may say, and what is wrong with one."""
+
+import pytest
+
+from config.faults import InvalidFileError, Source
+from config.robot import VoiceConfig, robot_of
+from config.voice import DRIVERS
+from drivers.clock import SystemClock
+from drivers.voice.choose import Wish, make_voice
+
+
+def voice(*lines: str) -> VoiceConfig:
+    found = robot_of(Source("r.yaml", "robot: r\nvoice:\n" + "".join(f"  {line}\n" for line in lines))).voice
+    assert found is not None
+    return found
+
+
+def mistake(*lines: str) -> str:
+    with pytest.raises(InvalidFileError) as caught:
+        voice(*lines)
+    (fault,) = caught.value.faults
+    return f"{fault.message} | {fault.suggestion}"
+
+
+def test_all_of_it_is_read() -> None:
+    assert voice(
+        "driver: piper",
+        "voice: en-us+f2",
+        "speed: 170",
+        "language: en-us",
+        "volume: 80 %",
+        "device: USB",
+        "model: amy.onnx",
+    ) == VoiceConfig("piper", "en-us+f2", 170.0, "en-us", 0.8, "USB", "amy.onnx")
+    assert voice("driver: command", "command: my_tts --stdin").command == "my_tts --stdin"
+
+
+def test_what_is_left_out_is_as_usual() -> None:
+    assert voice("driver: auto") == VoiceConfig("auto", "", 150.0, "", 1.0, "", "", "")
+
+
+def test_every_driver_makes_a_voice() -> None:
+    for driver in DRIVERS:
+        made = make_voice(Wish(driver, model="amy.onnx", command="my_tts"), SystemClock(), print)
+        assert not made.health().online
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (("driver: piper",), "a voice with 'driver: piper' needs 'model' | model: en_US-amy-medium.onnx"),
+        (("driver: command",), "a voice with 'driver: command' needs 'command'"),
+        (("driver: command", "command: my_tts 'a"), "'command' cannot be taken apart as a shell would"),
+        (("driver: espeek",), "'driver' cannot be 'espeek' | did you mean 'espeak'?"),
+        (("speed: 20",), "'speed' must be at least 80"),
+        (("speed: 150 wpm",), "'speed' needs a plain number"),
+        (("volume: 300 %",), "'volume' must be at most 200"),
+        (("pitch: 3",), "has no key 'pitch'"),
+    ],
+)
+def test_a_mistake_is_told_in_words(lines: tuple[str, ...], words: str) -> None:
+    assert words in mistake(*lines)

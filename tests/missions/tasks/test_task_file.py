@@ -1,0 +1,116 @@
+"""The file of the queue: whose it is, what it refuses, and that two programs may begin with it at once."""
+
+import sqlite3
+import stat
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from missions.tasks.lock import Taken, is_locked, locked
+from missions.tasks.schema import VERSION, folder, open_db, prepare
+from missions.tasks.task import TaskError
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_file_is_for_its_owner_alone_and_waits_for_the_disk(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "missiontree" / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute("INSERT INTO task SELECT * FROM task WHERE 0")
+        settings = {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in PRAGMAS}
+        modes = {each.name: stat.S_IMODE(each.stat().st_mode) for each in path.parent.iterdir()}
+    assert settings == PRAGMAS
+    assert set(modes.values()) == {0o600}
+    assert "tasks.db-wal" in modes
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+
+PRAGMAS = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "user_version": VERSION}
+
+
+def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    path.touch(mode=0o644)
+    open_db(path).close()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_a_newer_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute(f"PRAGMA user_version = {VERSION + 1}")
+    with pytest.raises(TaskError, match=f"is of version {VERSION + 1}, made by a newer MissionTree") as raised:
+        open_db(path)
+    assert raised.value.hint == "pip install --upgrade missiontree"
+
+
+def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    path.write_text("my notes" * 1000, encoding="utf-8")
+    with pytest.raises(TaskError, match="is no queue of tasks: file is not a database") as raised:
+        open_db(path)
+    assert raised.value.hint == f"mv {path} {path}.broken"
+    assert path.read_text(encoding="utf-8") == "my notes" * 1000
+
+
+def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(TaskError, match="Not a directory") as raised:
+        open_db(tmp_path / "file" / "missiontree" / "tasks.db")
+    assert "XDG_STATE_HOME" in raised.value.hint
+
+
+def test_a_disk_without_a_write_ahead_log_is_refused() -> None:
+    with (
+        closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
+        pytest.raises(TaskError, match="cannot keep a queue safe"),
+    ):
+        prepare(connection, Path("tasks.db"))
+
+
+def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+
+    def begin(_: int) -> int:
+        with closing(open_db(path)) as connection:
+            (count,) = connection.execute("SELECT COUNT(*) FROM task").fetchone()
+            return int(count)
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(begin, range(16))) == [0] * 16
+
+
+def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    look = "import sys, pathlib; from missions.tasks.schema import open_db; open_db(pathlib.Path(sys.argv[1])).close()"
+    insert = "INSERT INTO attempt (task, number, began) VALUES (1, ?, 0)"
+    with closing(open_db(path)) as ours:
+        ours.execute("PRAGMA foreign_keys = OFF")
+        ours.execute(insert, (1,))
+        open_db(path).close()
+        # The last to close puts an end to the write-ahead log, and must see that it is not the last.
+        subprocess.run([sys.executable, "-c", look, str(path)], cwd=ROOT, check=True)
+        ours.execute(insert, (2,))
+        with closing(open_db(path)) as other:
+            assert other.execute("SELECT COUNT(*) FROM attempt").fetchone()[0] == 2
+
+
+def test_the_folder_is_among_the_users_state(tmp_path: Path) -> None:
+    assert folder({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "missiontree"
+    assert folder({"XDG_STATE_HOME": "not/absolute"}) == Path.home() / ".local/state/missiontree"
+
+
+def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "serve.lock"
+    assert not is_locked(path)
+    with locked(path):
+        assert is_locked(path)
+        with pytest.raises(Taken, match=r"serve\.lock: is held by process \d+"), locked(path):
+            pass
+    assert not is_locked(path)
+    with locked(path):
+        pass

@@ -1,0 +1,174 @@
+"""Missions that ask who somebody is: with eyes that know the world, and with those that search its pictures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from config.library import find
+from config.robot import load_robot
+from config.world import WorldConfig, load_world
+from drivers.api import Notice
+from missions.assembly.gallery import drawn_gallery, gallery, recogniser
+from missions.assembly.interests import Interests, interests_of
+from missions.assembly.truth_names import TrueNames
+from missions.executive.events import Event, FaultRaised, PerceptSeen
+from missions.executive.executive import Result
+from missions.library import load_mission
+from missions.order import Order
+from missions.people import People
+from missions.runner import Runner
+from perception.api import UNKNOWN, Box, Detection
+from perception.identity import Look, Nobody
+from perception.people import FisherPeople
+from perception.sighting import Sighting
+from tests.perception.people_drawn import pictures
+
+FIND = """
+mission: find
+params: {who: Ben}
+tree:
+  sequence:
+    - find_face: {name: "${who}", scans: 2}
+      as: person
+returns: {name: person.name, bearing: person.yaw}
+"""
+WHO = """
+mission: who
+tree:
+  sequence:
+    - find_face
+      as: person
+    - identify: ${person}
+      as: who
+      timeout: 4 s
+returns: {name: who.name}
+""".replace("    - find_face\n", "    - find_face:\n").replace("identify: ${person}", 'identify: "${person}"')
+
+
+def two_people(**known: bool) -> WorldConfig:
+    """Return the world of Anna and Ben, known or not."""
+    world = load_world(find("worlds", "two_people"))
+    return replace(world, people=tuple(replace(each, known=known.get(each.name, True)) for each in world.people))
+
+
+def ran(
+    tmp_path: Path, text: str, *, world: WorldConfig, eyes: str = "truth", params: Mapping[str, str] | None = None
+) -> tuple[Result, list[Event]]:
+    path, events = tmp_path / "mission.yaml", list[Event]()
+    path.write_text(text)
+    order = Order(str(path), params or {}, simulate="fast", world=world, eyes="truth" if eyes == "truth" else "pixels")
+    return Runner(order, listeners=[events.append]).run(), events
+
+
+@pytest.mark.parametrize("eyes", ["truth", "pixels"])
+def test_somebody_is_found_by_name_and_not_the_one_who_stands_nearest(tmp_path: Path, eyes: str) -> None:
+    result, events = ran(tmp_path, FIND, world=two_people(), eyes=eyes)
+    assert (result.result, result.returns["name"]) == ("success", "Ben"), result.reason
+    assert float(str(result.returns["bearing"])) < 0, "Ben stands to the right"
+    told = {face.get("name") for event in events if isinstance(event, PerceptSeen) for face in event.faces}
+    assert None in told, "at first it was not decided"
+    assert "Ben" in told
+
+
+def test_somebody_who_is_not_there_is_not_found_whoever_else_is(tmp_path: Path) -> None:
+    result, _ = ran(tmp_path, FIND, world=two_people(), params={"who": "Chidi"})
+    assert result.result == "failure"
+    assert "no face found in 2 scans" in result.reason
+
+
+@pytest.mark.parametrize("eyes", ["truth", "pixels"])
+def test_a_stranger_is_found_as_unknown(tmp_path: Path, eyes: str) -> None:
+    result, _ = ran(tmp_path, FIND, world=two_people(Anna=False), eyes=eyes, params={"who": UNKNOWN})
+    assert (result.result, result.returns["name"]) == ("success", UNKNOWN), result.reason
+    assert float(str(result.returns["bearing"])) > 0, "Anna stands to the left"
+
+
+def test_identify_says_who_it_is(tmp_path: Path) -> None:
+    result, _ = ran(tmp_path, WHO, world=two_people(Anna=False, Ben=False))
+    assert result.returns["name"] == UNKNOWN
+    result, _ = ran(tmp_path, WHO, world=two_people())
+    assert result.returns["name"] in ("Anna", "Ben")
+
+
+# --- who asks, and what it costs ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("step", "asks"),
+    [
+        ("face_seen", False),
+        ("face_seen: {within: 1 s}", False),
+        ('face_seen: {name: ""}', False),
+        ("face_seen: {name: Anna}", True),
+        ('faces_at_least: {number: 2, name: "${to}"}', True),
+        ("identify", True),
+        ("log: ${face.seen}", False),
+        ("log: ${face.name}", True),
+        ("log: ${face.undecided}", True),
+    ],
+)
+def test_names_are_looked_for_only_where_a_mission_asks(tmp_path: Path, step: str, asks: bool) -> None:
+    path = tmp_path / "ask.yaml"
+    path.write_text(f"mission: ask\nparams: {{to: Anna}}\ntree:\n  sequence:\n    - {step}\n    - wait: 1 s\n")
+    found = interests_of(load_mission(str(path)).tree, None)
+    assert found.faces
+    assert found.names is asks
+
+
+def test_where_nobody_asks_there_is_no_recogniser() -> None:
+    assert recogniser(Interests(), lambda _: None, drawn=two_people().people) is None
+
+
+# --- whom it knows -------------------------------------------------------------------------------------------------
+
+
+def test_two_who_are_drawn_alike_are_told_of_and_strangers_are_not_learnt() -> None:
+    people, notices = two_people().people, list[Notice]()
+    alike = [replace(each, look="anna") for each in people]
+    drawn_gallery(alike, notices.append)
+    assert [notice.what for notice in notices] == ["Anna and Ben look alike"]
+    notices.clear()
+    drawn_gallery([alike[0], replace(alike[1], known=False)], notices.append)
+    assert notices == []
+    assert isinstance(drawn_gallery([replace(each, known=False) for each in people], notices.append), Nobody)
+
+
+def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path: Path) -> None:
+    camera = load_robot(find("robots", "turtlebot2_arm")).camera
+    assert camera is not None
+    own = replace(camera, identity=replace(camera.identity, people=str(tmp_path / "people")))
+    notices = list[Notice]()
+    assert isinstance(gallery(own, notices.append), Nobody)
+    assert [(notice.what, notice.hint) for notice in notices] == [
+        ("it knows nobody yet, so that all are unknown", "mission person add NAME")
+    ]
+    notices.clear()
+    people = People(tmp_path / "people")
+    people.add("Anna", [picture[40:440, 120:520] for picture in pictures("anna", (1.2,), each=3)])
+    assert isinstance(gallery(own, notices.append), FisherPeople)
+    assert notices == []
+    (people.where / "Anna/001.png").write_bytes(b"broken")
+    assert isinstance(gallery(own, notices.append), Nobody)
+    assert "nobody can be recognised" in notices[0].what
+
+
+def test_what_is_the_matter_with_the_pictures_is_told_in_the_run(tmp_path: Path) -> None:
+    world = two_people()
+    alike = replace(world, people=tuple(replace(each, look="anna") for each in world.people))
+    _, events = ran(tmp_path, FIND, world=alike, eyes="pixels")
+    assert "Anna and Ben look alike" in [event.what for event in events if isinstance(event, FaultRaised)]
+
+
+def test_true_names_err_as_often_as_they_are_told_to() -> None:
+    people = two_people(Ben=False).people
+    shown = [
+        Sighting(Detection(Box(x, 0.0, 50.0, 50.0), 5.0), found=True, who=who) for x, who in ((1, "Anna"), (2, "Ben"))
+    ]
+    exact, poor = TrueNames(people, 0.0, Random(1)), TrueNames(people, 0.3, Random(1))
+    assert [exact.look(each.box, shown) for each in shown] == [Look("Anna", 1.0), Look("Ben", -1.0)]
+    assert exact.look(Box(9.0, 9.0, 50.0, 50.0), shown) is None
+    wrong = sum(poor.look(shown[0].box, shown) != Look("Anna", 1.0) for _ in range(1000))
+    assert 250 < wrong < 350

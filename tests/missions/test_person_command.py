@@ -1,0 +1,144 @@
+"""``mission person``: adding people from pictures and before a camera, listing and forgetting them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.cli import person
+from missions.cli.person.taking import EVERY, GUIDE, TOO_SOON, Taking
+from missions.cli.root import guarded
+from missions.people import People
+from perception.api import Image
+from perception.faces import HaarFaces
+from tests.missions.command import Outcome
+from tests.perception.people_drawn import crowd, pictures
+
+NOBODY = np.full((480, 640, 3), 120, np.uint8)
+
+
+@dataclass
+class Bench:
+    """A user's data folder, and pictures beside it."""
+
+    folder: Path
+    people: People
+    capsys: pytest.CaptureFixture[str]
+
+    def run(self, *words: str) -> Outcome:
+        self.capsys.readouterr()
+        code = guarded(lambda: person.command.main(list(words), standalone_mode=False))
+        printed = self.capsys.readouterr()
+        return Outcome(code, printed.out, printed.err)
+
+    def write(self, name: str, *images: Image) -> list[str]:
+        """Write pictures, and return their paths."""
+        found = [self.folder / f"{name}{number}.png" for number in range(len(images))]
+        for path, image in zip(found, images, strict=True):
+            assert cv2.imwrite(str(path), image)
+        return [str(path) for path in found]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    return Bench(tmp_path, People(tmp_path / "data/missiontree/people"), capsys)
+
+
+def near(look: str) -> list[Image]:
+    return pictures(look, (1.0, 1.3), each=2)
+
+
+def test_somebody_is_added_from_pictures_listed_and_forgotten(bench: Bench) -> None:
+    outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("Anna: 4 pictures kept in ")
+    assert bench.run("add", "Ben", *bench.write("ben", *near("ben"))).code == 0
+    listed = bench.run("list")
+    assert [line.split()[:2] for line in listed.out.splitlines()[1:3]] == [["Anna", "4"], ["Ben", "4"]]
+    assert "of 100 looks at them" in listed.out
+    assert "of 100 at strangers" in listed.out
+    data = json.loads(bench.run("list", "--json").out)
+    assert [each["name"] for each in data["people"]] == ["Anna", "Ben"]
+    assert 0 <= data["rates"]["refused"] <= 1
+    assert bench.run("remove", "anna", "--yes").out == "Anna: 4 pictures deleted\n"
+    assert [each.name for each in bench.people.known()] == ["Ben"]
+
+
+def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(bench: Bench) -> None:
+    good, bad = bench.write("good", *near("anna")), bench.write("bad", NOBODY, crowd("anna", "ben"))
+    outcome = bench.run("add", "Anna", *good, *bad)
+    assert outcome.code == 1
+    assert f"{bad[0]}: there is no face in it" in outcome.err
+    assert f"{bad[1]}: there are 2 faces in it" in outcome.err
+    assert good[0] not in outcome.err
+    assert not bench.people.where.exists()
+
+
+def test_too_few_pictures_are_refused(bench: Bench) -> None:
+    outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")[:2]))
+    assert outcome.code == 1
+    assert "2 pictures of Anna are too few\n  try: it takes 3 at least" in outcome.err
+    assert not bench.people.where.exists()
+
+
+def test_who_looks_like_somebody_known_is_told_to(bench: Bench) -> None:
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    outcome = bench.run("add", "Zoe", *bench.write("twin", *near("anna")))
+    assert outcome.code == 0
+    assert "Zoe looks like Anna" in outcome.err
+
+
+def test_a_name_that_cannot_be_is_refused_before_anybody_poses(bench: Bench) -> None:
+    outcome = bench.run("add", "unknown", "--camera", "/nowhere.mp4")
+    assert outcome.code == 1
+    assert "'unknown' is what strangers are called" in outcome.err
+
+
+def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench) -> None:
+    folder = bench.folder / "film"
+    folder.mkdir()
+    for number, image in enumerate([NOBODY, *near("anna") * 5]):
+        assert cv2.imwrite(str(folder / f"{number:02}.png"), image)
+    outcome = bench.run("add", "Anna", "--camera", str(folder), "--count", "3", "--seconds", "60")
+    assert outcome.code == 0, outcome.err
+    assert "Look straight into the camera." in outcome.err
+    assert "waiting: there is no face in it" in outcome.err
+    assert len(bench.people.portraits("Anna")) == 3
+
+
+def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None:
+    taking = Taking(HaarFaces(), count=3)
+    good = near("anna")[0]
+    assert taking.guide == GUIDE[0]
+    assert taking.offer(NOBODY, 0.0) == "there is no face in it"
+    assert taking.offer(crowd("anna", "ben"), 0.1) == "there are 2 faces in it"
+    blurred = np.asarray(cv2.GaussianBlur(good, (0, 0), 3.5), np.uint8)
+    assert "blurred" in taking.offer(blurred, 0.2)
+    assert taking.offer(good, 0.3) == ""
+    assert taking.offer(good, 0.3 + EVERY / 2) == TOO_SOON
+    assert taking.guide == GUIDE[2]
+    for number in (1, 2):
+        assert taking.offer(good, 0.3 + number * EVERY + 0.01 * number) == ""
+    assert taking.done
+    assert len(taking.portraits) == 3
+
+
+def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    outcome = bench.run("remove", "Anna", "Bob", "--yes")
+    assert outcome.code == 1
+    assert "nobody is called 'Bob'; nothing was deleted" in outcome.err
+    monkeypatch.setattr("click.confirm", lambda _: False)
+    assert bench.run("remove", "Anna").code == 1
+    assert [each.name for each in bench.people.known()] == ["Anna"]
+
+
+def test_a_list_of_nobody_says_what_to_type(bench: Bench) -> None:
+    assert "mission person add NAME" in bench.run("list").err
+    assert json.loads(bench.run("list", "--json").out) == {"people": [], "rates": None}

@@ -1,0 +1,104 @@
+"""What missions say and play: from the file to the voice, how it is told of, and given out again from a record."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from behaviours.voice import Say
+from config.faults import InvalidFileError
+from drivers.api import Manner, MouthShape, Priority
+from drivers.clock import ManualClock
+from drivers.voice.printed import PrintedVoice
+from missions.executive.answers import Answers
+from missions.executive.asked_sight import AskedVoice
+from missions.executive.commands import robot_for
+from missions.library import load_mission
+from missions.replay.answering import AnsweringVoice
+from missions.replay.memory import Memory
+from missions.testing.recorders import Bench
+
+
+def arguments(folder: Path, step: str) -> Mapping[str, object]:
+    file = folder / "mission.yaml"
+    file.write_text(f"mission: sounds\nparams: {{which: bell, how: high}}\ntree: {{{step}}}\n", encoding="utf-8")
+    return {name: value.constant for name, value in load_mission(str(file)).tree.arguments.items()}
+
+
+def test_sounds_are_found_from_the_folder_of_the_mission(tmp_path: Path) -> None:
+    (tmp_path / "sounds").mkdir()
+    bell = tmp_path / "sounds" / "bell.wav"
+    bell.touch()
+    for step in ("play_sound: sounds/bell.wav", "play_sound: 'sounds/${which}.wav'", f"play_sound: {bell}"):
+        assert arguments(tmp_path, step) == {"sound": bell}
+    with pytest.raises(InvalidFileError, match=f"names a file that is not there: {tmp_path / 'gong.wav'}"):
+        arguments(tmp_path, "play_sound: gong.wav")
+
+
+def test_the_manner_is_checked_before_anything_is_said(tmp_path: Path) -> None:
+    step = "say: {text: Hi, voice: +f2, speed: 200, language: de, priority: '${how}'}"
+    found = arguments(tmp_path, step)
+    assert found == {"text": "Hi", "voice": "+f2", "speed": 200.0, "language": "de", "priority": "high"}
+    with pytest.raises(InvalidFileError, match="must be between 80 and 450"):
+        arguments(tmp_path, "say: {text: Hi, speed: 20}")
+    with pytest.raises(InvalidFileError, match="needs one of low, normal, high, got 'urgent'"):
+        arguments(tmp_path, "say: {text: Hi, priority: urgent}")
+
+
+def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
+    bench = Bench()
+    told: list[Mapping[str, object]] = []
+    leaf = bench.put(Say("say"), text="Hi")
+    voice = robot_for(leaf, bench.robot, lambda *command: told.append({**command[2], "to": command[0]})).voice
+    voice.say("Hi")
+    voice.say("Stop", Manner(speed=200), Priority.HIGH)
+    voice.play(Path("bell.wav"), Priority.LOW)
+    assert told == [
+        {"say": "Hi", "to": "voice"},
+        {"say": "Stop", "speed": 200, "priority": "high", "to": "voice"},
+        {"play": "bell.wav", "priority": "low", "to": "voice"},
+    ]
+    assert bench.voice.commands == [
+        "Hi",
+        ("Stop", Manner(speed=200), Priority.HIGH),
+        (Path("bell.wav"), Priority.LOW),
+    ]
+    assert voice.speaking() is bench.voice.said[0]
+
+
+def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> None:
+    clock, answers = ManualClock(10.0), Answers()
+    bell = tmp_path / "bell.wav"
+    bell.write_bytes(b"OggS" + bytes(15_996))  # a second of it
+    device = PrintedVoice(clock, lambda _: None)
+    device.open()
+    voice = AskedVoice("voice", device, answers)
+    answers.kept = answers.open = True
+    first, second = voice.say("one two three four five"), voice.play(bell, Priority.LOW)
+    heard = voice.speaking()
+    assert heard is not None
+    asked = (heard.started, tuple(heard.mouth), first.done(), second.started, second.done())
+    assert asked == (10.0, (), False, None, False)
+    third = voice.say("Stop", Manner(speed=200), Priority.HIGH)
+    third.cancel()
+    said = answers.take()
+    assert said[0][:3] == ("voice", "say", ("one two three four five", None, None))
+
+    differences: list[object] = []
+    memory = Memory(unheard=differences.append, otherwise=lambda *what: differences.append(what))
+    memory.begin(said)
+    again = AnsweringVoice("voice", memory, clock.now)
+    first, second = again.say("one two three four five"), again.play(bell, Priority.LOW)
+    heard = again.speaking()
+    assert heard is not None
+    assert (heard.started, tuple(heard.mouth), first.done(), second.started, second.done()) == asked
+    again.say("Stop", Manner(speed=200), Priority.HIGH).cancel()
+    memory.end()
+    assert differences == []
+    guessed = again.play(bell)
+    assert (guessed.done(), guessed.started) == (False, 10.0)
+    shapes: tuple[MouthShape, ...] = tuple(guessed.mouth)
+    assert shapes == ()
+    clock.advance(1.5)
+    assert guessed.done()
+    assert len(differences) == 1

@@ -1,0 +1,71 @@
+"""What people say and hear, and what is on the screen, in the tests of missions."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.missions.testing.playing import played, seen, write
+
+ASKS = """mission: m
+tree:
+  sequence:
+    - face: happy
+    - say: Would you like some coffee?
+    - show: "??"
+    - listen: {for: [yes please, "no", say it again], timeout: 6 s}
+      as: answer
+    - {face: surprised, if: answer == "say it again"}
+    - say: You said ${answer}.
+returns: {answer: answer}
+"""
+
+ROOM = """world: room
+walls: [{from: [0.4 m, 1 m], to: [3 m, 1 m]}]
+people:
+  - {name: Anna, at: [1.5 m, 0 m], acts: [{hears: coffee, after: 1 s, say: "Yes please!", times: 1}]}
+  - {name: Ben, look: ben, at: [1.5 m, 2 m]}
+  - {name: Dora, look: dora, at: [4.6 m, 0 m]}
+  - {name: Emil, look: emil, at: [4.5 m, -1 m], hears_within: 6 m}
+"""
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    write(tmp_path, {"room.yaml": ROOM})
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "expect: {returns: {answer: yes please}, said: [coffee, You said yes please.]}",
+        "expect: {heard_by: {Anna: [coffee, You said], Ben: [], Dora: [], Emil: [coffee]}}",
+        "expect: {showed: ['??'], moods: [happy]}",
+        "given: [microphone deaf], expect: {result: failure, reason: nothing heard, heard_by: {Anna: [coffee]}}",
+        "given: [microphone unplugged at 100 ms], expect: {reason: no sound from the microphone, faults: [microphone]}",
+        "given: [microphone deaf for 800 ms], expect: {returns: {answer: yes please}}",
+        "given: [{listen: {does: succeeds, result: say it again}}], expect: {moods: [happy, surprised]}",
+        "given: [{listen: {does: succeeds, result: say it again}}], expect: {said: [coffee, You said say it again.]}",
+        "given: [screen unplugged], expect: {result: error, reason: unplugged}",
+        "given: [screen unplugged at 100 ms], expect: {result: success, faults: [screen]}",
+    ],
+)
+def test_what_is_expected_comes_true(room: Path, body: str) -> None:
+    verdict = played(room, ASKS, f"world: room.yaml, {body}")
+    assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last]
+
+
+@pytest.mark.parametrize(
+    ("expect", "said"),
+    [
+        ("heard_by: {Ben: [coffee]}", "Ben heard nothing"),
+        ("heard_by: {Anna: []}", 'Anna heard "Would you like some coffee?", "You said yes please."'),
+        ("heard_by: {Anna: [You said, coffee]}", 'Anna heard "Would you like'),
+        ("showed: [coffee]", 'it showed "??"'),
+        ("moods: [happy, sad]", 'it looked "happy"'),
+        ("showed: []", 'it showed "??"'),
+    ],
+)
+def test_what_is_not_so_is_told(room: Path, expect: str, said: str) -> None:
+    verdict = played(room, ASKS, f"world: room.yaml, expect: {{{expect}}}")
+    assert said in " ".join(seen(verdict))
