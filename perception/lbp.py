@@ -32,13 +32,18 @@ def describe(crop: Grey) -> Vector:
     code = np.zeros((height, width), np.uint8)
     for bit, (down, right) in enumerate(_AROUND):
         neighbour = smooth[1 + down : 1 + down + height, 1 + right : 1 + right + width]
-        code |= (neighbour >= middle).astype(np.uint8) << bit
-    rows, columns = np.arange(height) * CELLS // height, np.arange(width) * CELLS // width
-    cell = rows[:, None] * CELLS + columns[None]
-    counts = np.bincount((cell * PATTERNS + _patterns()[code]).ravel(), minlength=LENGTH)
+        code |= (neighbour >= middle).view(np.uint8) << bit
+    counts = np.bincount((_cells(height, width) + _patterns()[code]).ravel(), minlength=LENGTH)
     shares = counts.reshape(CELLS * CELLS, PATTERNS).astype(np.float32)
     shares /= shares.sum(axis=1, keepdims=True)
     return np.asarray(np.sqrt(shares).ravel() / CELLS, np.float32)
+
+
+@cache
+def _cells(height: int, width: int) -> npt.NDArray[np.int64]:
+    """Return where in a description the cell of each pixel begins: (height, width)."""
+    rows, columns = np.arange(height) * CELLS // height, np.arange(width) * CELLS // width
+    return (rows[:, None] * CELLS + columns[None]) * PATTERNS
 
 
 @cache

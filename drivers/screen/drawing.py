@@ -120,8 +120,8 @@ def _waves(face: Expression) -> Iterator[Shape]:
     for side in SIDES:
         for number in (0, 1):
             near = (2 * face.breath + number / 2) % 1.0
-            x, tall = MIDDLE + side * (152 - 26 * near), 34 - 20 * near
-            arc = ((x, 118 - tall), (x + side * tall / 2, 118 - tall / 3), (x + side * tall / 2, 118 + tall / 3),
+            x, tall = MIDDLE + side * (142 - 18 * near), 34 - 20 * near
+            arc = ((x, 118 - tall), (x + side * tall / 3, 118 - tall / 3), (x + side * tall / 3, 118 + tall / 3),
                    (x, 118 + tall))  # fmt: skip
             yield Shape(arc, line=SKY, width=7, opacity=face.waves * _faded(near))
 

@@ -31,7 +31,8 @@
   }
 
   function step(time) {
-    const share = 1 - Math.exp(-Math.min(time - before, 100) / EASE);
+    const past = Math.min(Math.max(time - before, 0), 50); // a frame may have begun before its news came
+    const share = 1 - Math.exp(-past / EASE);
     before = time;
     moving = false;
     now = now.map((shape, place) =>

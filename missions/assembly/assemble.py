@@ -185,8 +185,8 @@ def _manners(
     if config.microphone is not None and "microphone" in chosen:
         hears = _hearing(config.microphone, voice, clock, simulation, wishes, ears)
     if config.screen is not None and "screen" in chosen:
-        face = screen(config.screen, clock, ears.out, ears.report)
-        face = face if voice is None else LivelyScreen(face, voice, clock)
+        shown = screen(config.screen, clock, ears.out, ears.report)
+        face = LivelyScreen(shown, voice, clock, ears.report)
     return None if voice is None else SmilingVoice(voice, face), hears, face
 
 

@@ -12,12 +12,14 @@ from drivers.api import (
     Manner,
     Mood,
     Mouth,
+    Notice,
     Priority,
     Report,
     Screen,
     Shown,
     Utterance,
     Voice,
+    unreported,
 )
 from drivers.clock import Clock
 from drivers.screen.pages import PageScreen
@@ -79,9 +81,12 @@ class Lips:
 
 
 class LivelyScreen:
-    """A ``screen`` whose mouth moves with the ``voice``: a ``drivers.api.Screen`` with a thread of its own."""
+    """A ``screen`` whose mouth moves with the ``voice``: a ``drivers.api.Screen`` with a thread of its own.
 
-    def __init__(self, screen: Screen, voice: Voice, clock: Clock) -> None:
+    Where it is a page, its address is told to ``report``.
+    """
+
+    def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: Report = unreported) -> None:
         self.name = screen.name
         self.mood: Callable[[Mood], None] = screen.mood
         self.show: Callable[[str], None] = screen.show
@@ -90,17 +95,21 @@ class LivelyScreen:
         self.health: Callable[[], Health] = screen.health
         self.rest: Callable[[], None] = screen.rest
         self._screen = screen
-        self._lips = Lips(voice, screen, clock)
+        self._report = report
+        self._lips = None if voice is None else Lips(voice, screen, clock)
         self._ending = Event()
         self._thread: Thread | None = None
 
     def open(self) -> None:
         """Open the screen, and begin to move its mouth. Safe more than once."""
+        if self._thread is not None:
+            return
         self._screen.open()
-        if self._thread is None:
-            self._ending.clear()
-            self._thread = Thread(target=self._run, name="lips", daemon=True)
-            self._thread.start()
+        if isinstance(self._screen, PageScreen) and self._screen.address:
+            self._report(Notice(self.name, "online", f"the face is at {self._screen.address}"))
+        self._ending.clear()
+        self._thread = Thread(target=self._run, name="lips", daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         """End it. Safe from any state, more than once."""
@@ -111,7 +120,7 @@ class LivelyScreen:
         self._screen.close()
 
     def _run(self) -> None:
-        while not self._ending.wait(FRAME):
+        while self._lips is not None and not self._ending.wait(FRAME):
             self._lips.step()
 
 

@@ -31,7 +31,7 @@ PAUSE = 0.05
 QUIET, BAR = -70.0, 40
 """The level in dBFS at which the bar is empty, and the signs that it has at 0 dBFS."""
 
-STEP, REST = 0.1, 2.0
+STEP, REST = 2.0, 2.0
 """Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
 
 HINT = "`pip install 'missiontree[listen]'` installs the recogniser"

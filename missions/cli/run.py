@@ -9,6 +9,7 @@ from typing import Literal
 
 import click
 
+from missions.cli.leash import leash_option
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
@@ -98,6 +99,7 @@ class RunCommand(click.Command):
     is_flag=True,
     help="Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",
 )
+@leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
 def command(
     name: str,
@@ -119,6 +121,7 @@ def command(
     record_frames: float | None,
     overwrite: bool,
     view: bool,
+    leash: int | None,
     as_json: bool,
 ) -> int:
     """Run a mission (a name or a file). Ctrl-C stops it, safely.
@@ -148,7 +151,7 @@ def command(
         pad=pad,
     )
     kept = record_wish(record, record_limit, record_frames, overwrite=overwrite, mission=name)
-    outputs = Outputs(events, film, kept, view=view)
+    outputs = Outputs(events, film, kept, view=view, leash=leash)
 
     def last_words(result: Result) -> None:
         if as_json:

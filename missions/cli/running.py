@@ -9,12 +9,13 @@ from typing import TextIO
 import click
 
 from missions.cli.film import Film
+from missions.cli.leash import leashed
 from missions.cli.live import Watcher
 from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.viewing import LiveView
-from missions.executive.events import JsonLines
 from missions.executive.executive import Result
+from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
 from missions.order import Order
 from missions.runner import Runner, end_process
@@ -26,12 +27,16 @@ LAST_WORDS_TIME = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """What comes of a run, as far as it was asked for: its events as lines, a film, a record, a live ``view``."""
+    """What comes of a run, as far as it was asked for: its events as lines, a film, a record, a live ``view``.
+
+    ``leash`` is the end of the pipe of a server that has started it.
+    """
 
     events: Path | None = None
     film: Path | None = None
     record: RecordWish | None = None
     view: bool = False
+    leash: int | None = None
 
 
 def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Result], None]) -> Result:
@@ -69,7 +74,7 @@ def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Resul
         if outputs.view:
             shown = LiveView(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
-        with shown:
+        with shown, leashed(outputs.leash, runner.executive, runner.stream):
             result = runner.run()
     for lost in runner.stream.lost:
         with suppress(OSError):

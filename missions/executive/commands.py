@@ -62,7 +62,7 @@ D = TypeVar("D", bound=Device)
 
 
 class _Told(Generic[D]):
-    """What all have in common: the device, a source, and a command that is told only when it differs from the last.
+    """What all have in common: the device, a source, and whom to tell of each command.
 
     What is only asked, the device itself is asked: ``state`` and its like are its own.
     """
@@ -75,7 +75,6 @@ class _Told(Generic[D]):
         self._device = device
         self._source = source
         self._tell = tell
-        self._last: Mapping[str, object] | None = None
 
     def open(self) -> None:
         """See drivers.api.Device."""
@@ -91,9 +90,7 @@ class _Told(Generic[D]):
         self._device.close()
 
     def _told(self, values: Mapping[str, object]) -> None:
-        if values != self._last:
-            self._last = values
-            self._tell(self.name, self._source, values)
+        self._tell(self.name, self._source, values)
 
 
 class ToldBase(_Told[Base]):

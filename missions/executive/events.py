@@ -1,17 +1,15 @@
 """The one stream of events that a run makes, and everything else listens to."""
 
-import json
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from queue import SimpleQueue
 from threading import Thread
-from typing import ClassVar, TextIO
+from typing import ClassVar
 
 from py_trees.common import Status
 
 from behaviours.node import Node
-from missions.executive.plain import plain
 
 STATUS_WORDS = {
     Status.RUNNING: "running",
@@ -289,15 +287,3 @@ def _events(told: Event | Change | Reset) -> Iterator[Event]:
 
 def _node_changed(time: float, tick: int, node: Node, word: str, reason: str) -> NodeChanged:
     return NodeChanged(time, tick, node.key, node.name, node.kind, node.line, word, reason)
-
-
-class JsonLines:
-    """Writes events to a text file, one JSON object a line, each flushed, so that a killed run keeps its past."""
-
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
-
-    def __call__(self, event: Event) -> None:
-        """Write one event."""
-        self._file.write(json.dumps(event.as_dict(), default=plain, ensure_ascii=False) + "\n")
-        self._file.flush()

@@ -22,6 +22,7 @@ class Teller:
         self._run = run
         self._stream = stream
         self._steered_by: Source | None = None
+        self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last of each part
 
     def noticed(self, notice: Notice) -> None:
         """Tell what a device says of itself."""
@@ -53,7 +54,10 @@ class Teller:
         self._run.wake()
 
     def commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
-        """Tell what a part was commanded."""
+        """Tell what a part was commanded, unless that is what the same source commanded last; words, every time."""
+        if to != "voice" and self._commands.get(to) == (source, values):
+            return
+        self._commands[to] = source, values
         self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
 
     def steered(self, steering: Steering) -> None:

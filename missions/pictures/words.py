@@ -130,4 +130,5 @@ def _act(act: ActConfig) -> str:
         if act.hears
         else "on hearing anything"
     )
-    return f"{when}: {', '.join(does)}"
+    often = {0: "", 1: ", once"}.get(act.times, f", {act.times} times")
+    return f"{when}{often}: {', '.join(does)}"

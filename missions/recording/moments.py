@@ -34,11 +34,10 @@ class Shortened:
             "spent": number(moment.spent),
             "overheld": moment.overheld,
         }
-        before = self._before.copy()
         try:
             answers = b",".join(self._answer(*answer) for answer in moment.answers)
         except Exception:
-            self._before = before  # none of its answers will stand there
+            self.forget()  # none of its answers will stand there
             raise
         return dumps(fields)[:-1] + b',"answers":[' + answers + b"]}"
 

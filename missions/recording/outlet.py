@@ -79,7 +79,7 @@ class Outlet:
             why = self.why or f"its process did not begin within {START_TIME:.0f} s"
             self.give_up(why)
             self.finish()
-            raise CannotRecordError(f"{self._path}: cannot be written: {why}", hint="name another file")
+            raise CannotRecordError(f"{self._path}: cannot be written: {why}", hint="another folder or disk, with room")
 
     def _start(self) -> None:
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]

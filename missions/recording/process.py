@@ -91,7 +91,11 @@ class Keeper:
                 raise OSError(error.errno, "another run is writing it just now") from error
             file.truncate(0)  # only now that it is nobody else's
             writer = RecordWriter(Sink(file.fileno()), _contents(waiting.popleft()), limit=self._limit)
-            writer.begin()
+            try:
+                writer.begin()
+            except OSError:
+                self._path.unlink()  # else it would be in the way of the next try
+                raise
             tell(ready=True)
             written = self._write(writer, waiting)
         if not written.whole:

@@ -119,7 +119,7 @@ class Record:
 
         In a piece that was cut out, the newest changes of before its beginning come first.
         """
-        found = [event for event in self._read(_event, *EVENTS.values(), "/moments") if event is not None]
+        found = [event for event in self._read(self._event, *EVENTS.values(), "/moments") if event is not None]
         found.sort(key=_order)
         status = "running"
         for event in found:  # a tick's result is what the root came to in it
@@ -181,12 +181,22 @@ class Record:
 
     def end(self) -> Ended | None:
         """Return how the run ended; None where the record does not tell."""
-        last = self.events[-1] if self.events else None
-        return last if isinstance(last, Ended) else None
+        return next((event for event in reversed(self.events) if isinstance(event, Ended)), None)
 
     @cached_property
     def _changes(self) -> list[NodeChanged]:
         return [event for event in self.events if isinstance(event, NodeChanged)]
+
+    def _event(self, topic: str, data: Any) -> Event | None:
+        """Return the event that a message tells of; of a tick, its status is not known here."""
+        if topic == "/moments":
+            # It is told when it is over. In real time it takes some, though for the tree that stands still.
+            spent = 0.0 if self.head.simulate == "fast" else float(data["spent"])
+            late = float(data["late"])
+            return Ticked(data["t"] + spent, data["tick"], "", late) if data["kind"] == "tick" else None
+        if topic == EVENTS["Logged"]:
+            return Logged(data["t"], data["kind"], data["message"])
+        return from_json(data, _KINDS[topic])
 
     def _read(self, read: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
         """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
@@ -194,15 +204,6 @@ class Record:
             with understanding(self.path):
                 found = read(topic, json.loads(data))
             yield found
-
-
-def _event(topic: str, data: Any) -> Event | None:
-    """Return the event that a message tells of; of a tick, its status is not known here."""
-    if topic == "/moments":
-        return Ticked(data["t"], data["tick"], "", float(data["late"])) if data["kind"] == "tick" else None
-    if topic == EVENTS["Logged"]:
-        return Logged(data["t"], data["kind"], data["message"])
-    return from_json(data, _KINDS[topic])
 
 
 def _figure(data: Any, field: str) -> tuple[float, float]:

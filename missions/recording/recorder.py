@@ -4,6 +4,7 @@ Whoever has something to keep only puts it into a queue. A thread sends that on 
 pieces of C is little, since it takes the interpreter from the ticks. All real work is the other process's.
 """
 
+import shlex
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -198,7 +199,7 @@ class Recorder:
     def _tell(self) -> None:
         """Report what nobody has been told of."""
         while self._outlet.troubles:
-            hint = f"what is there: mission record info {self.path}"
+            hint = f"mission record info {shlex.quote(str(self.path))}"
             self._report(Notice("record", "fault", self._outlet.troubles.popleft(), hint))
 
     def _run(self) -> None:

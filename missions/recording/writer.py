@@ -144,6 +144,8 @@ class RecordWriter:
     def close(self) -> Written:
         """Close the record as far as that is possible; return what became of it. Once."""
         self.flush()
+        if self._untold:
+            self.flush()  # for what was lost there was no room, but there may be for the news of it
         whole = not self._holes
         if whole:
             self._writer.finish()

@@ -8,11 +8,14 @@ from typing import Any
 from drivers.errors import DriverError
 from missions.executive.moment import Answer, Question
 
-COMMANDS = frozenset(
-    {"drive", "stop", "latch", "enable", "play", "tone", "light", "look", "move", "hold", "relax", "follow", "recover"}
-    | {"say", "cancel", "rest", "mood", "show", "mouth"}
-)
-"""What a part is told; the rest it is asked."""
+COMMANDS = {
+    "base": frozenset({"drive", "stop", "latch", "enable", "play", "tone", "light", "rest"}),
+    "head": frozenset({"look", "stop", "rest"}),
+    "arm": frozenset({"move", "hold", "relax", "follow", "recover", "rest"}),
+    "voice": frozenset({"say", "play", "cancel", "rest"}),
+    "screen": frozenset({"mood", "show", "mouth", "rest"}),
+}
+"""What each part is told; the rest it is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +59,7 @@ class Memory:
         """Begin a moment."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
-            if what in COMMANDS:
+            if what in COMMANDS.get(part, ()):
                 self._commands[part].append(Told(what, arguments, value))
             else:
                 self._answers[part, what, arguments].append(value)

@@ -21,13 +21,17 @@ SIDE = 1000
 
 
 def round_numbers(low: float, high: float, count: int) -> list[float]:
-    """Return about ``count`` round numbers from ``low`` to ``high``, evenly spaced."""
+    """Return about ``count`` round numbers from ``low`` to ``high``, evenly spaced; at least two, to make a scale."""
     span = high - low
     if span <= 0:
         return [low]
     power = 10.0 ** floor(log10(span / count))
-    step = power * next(each for each in STEPS if each * power * count >= span * 0.999)
-    return [number * step for number in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+    coarse = next(each for each in STEPS if each * power * count >= span * 0.999)
+    for step in (coarse * power, coarse * power / 2):
+        found = [number * step for number in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+        if len(found) > 1:
+            break
+    return found
 
 
 def share(time: float, moments: Moments) -> str:

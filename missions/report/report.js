@@ -54,8 +54,9 @@
     for (const [key, rows] of Object.entries(data.changes)) {
       const row = newest(rows, place);
       if (!row) continue;
-      const age = `${(data.times[place] - data.times[row[0]]).toFixed(1)} s`;
-      states[key] = [data.statuses[row[1]], data.texts[row[2]], age];
+      const status = data.statuses[row[1]];
+      const age = `${(data.times[place] - data.times[row[0]]).toFixed(1)} s${status === "running" ? "" : " ago"}`;
+      states[key] = [status, data.texts[row[2]], age];
     }
     showStates(states);
   }

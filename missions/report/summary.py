@@ -14,6 +14,14 @@ from missions.report.words import Named, counted, in_seconds, names_in
 STILL = 0.01
 """Metres and radians together that are no movement: reports tremble."""
 
+ENDS = {
+    "success": "It succeeded",
+    "failure": "It failed",
+    "interrupted": "It was stopped",
+    "error": "It was ended by an error",
+}
+"""How results are put into sentences."""
+
 MOST_NAMES = 4
 """As many things that were seen are named."""
 
@@ -26,7 +34,7 @@ def verdict(record: Record) -> tuple[str, str]:
         cut_off = f"The record ends at {in_seconds(record.until)}, before the mission did"
         return "", f"{piece or cut_off}: how the mission ended is not in it."
     why = f": {end.reason}" if end.reason else ""
-    did = {"success": "It succeeded", "failure": "It failed"}.get(end.result, f"It ended ({end.result})")
+    did = ENDS.get(end.result, f"It ended ({end.result})")
     return end.result, f"{did} after {in_seconds(end.seconds)} and {counted(end.ticks, 'tick')}{why}."
 
 
@@ -57,6 +65,11 @@ def faults(record: Record) -> list[FaultRaised]:
     return kept
 
 
+def detail_of(fault: FaultRaised) -> str:
+    """Return what is the matter with a part, without its name, which stands beside it anyway."""
+    return fault.detail.removeprefix(f"{fault.part}: ")
+
+
 def _failures(record: Record, drawing: Drawing) -> Iterator[str]:
     found = record.failures()
     if not found:
@@ -78,11 +91,11 @@ def _busiest(lanes: Sequence[Lane], drawing: Drawing) -> Iterator[str]:
 
 
 def _faults(record: Record) -> str:
-    found = faults(record)
+    found = [fault for fault in faults(record) if fault.what != "online"]
     if not found:
         return "No part of the robot reported a fault."
     first = found[0]
-    detail = f": {first.detail}" if first.detail else ""
+    detail = f": {detail_of(first)}" if first.detail else ""
     return f"{counted(len(found), 'fault report')}, first at {in_seconds(first.t)}: {first.part} {first.what}{detail}."
 
 

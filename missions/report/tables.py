@@ -9,7 +9,7 @@ from missions.pictures.page.markup import Markup, join, tag
 from missions.recording.read import Record
 from missions.report.percepts import Sighting
 from missions.report.slider import Moments
-from missions.report.summary import faults
+from missions.report.summary import detail_of, faults
 from missions.report.words import counted, in_seconds
 
 MOST_ROWS = 400
@@ -27,8 +27,8 @@ def faults_table(record: Record, moments: Moments) -> Markup:
     rows: list[Row] = [
         (
             event.t,
-            f"! {event.part} {event.what}",
-            "\n".join(filter(None, (event.detail, event.hint and f"try: {event.hint}"))),
+            f"{'✓' if event.what == 'online' else '!'} {event.part} {event.what}",
+            "\n".join(filter(None, (detail_of(event), event.hint and f"try: {event.hint}"))),
         )
         for event in faults(record)
     ]

@@ -61,7 +61,8 @@ class Courier:
     def flush(self, seconds: float) -> None:
         """Wait until all that is due was tried, for so many seconds at most."""
         self._emptied.clear()
-        self._emptied.wait(seconds)
+        if not self._ending.is_set():
+            self._emptied.wait(seconds)
 
     def _work(self) -> None:
         try:
@@ -72,6 +73,7 @@ class Courier:
         except TaskError as error:
             self._tell(f"notices are not delivered: {error}")
         finally:
+            self._ending.set()
             self._emptied.set()
 
     def _round(self, outbox: Outbox) -> None:

@@ -116,7 +116,8 @@ class Queue:
 
         Raises TaskError if that was done before.
         """
-        return self._finish(claim.attempt, outcome, now)
+        with self._transaction():
+            return self._finish(claim.attempt, outcome, now)
 
     def recover(self, now: float) -> list[Task]:
         """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""

@@ -1,8 +1,8 @@
 """The run's side of a view: gathers what happens into few messages, and does what a person asks for.
 
 A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.pictures.tree_json``; the
-others say what is new: ``changed`` statuses by the key of their node, ``variables``, ``parts``, lines of the ``log``.
-In return comes ``{"do": ...}``, with one of ``ORDERS``.
+others say what is new: ``changed`` statuses and reasons by the key of their node, ``variables``, ``parts``, lines of
+the ``log``. In return comes ``{"do": ...}``, with one of ``ORDERS``.
 """
 
 import os
@@ -13,12 +13,15 @@ from contextlib import suppress
 from dataclasses import asdict, fields, is_dataclass
 from threading import Lock
 
+from behaviours.node import RUNNING, Node
 from drivers.clock import Clock
 from missions.executive.events import Event, NodeChanged, Ticked, VariableSet
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
 from missions.language.values import shown
 from missions.pictures.draw import one_line
+from missions.report.words import about
+from perception.api import Percept
 
 Json = dict[str, object]
 
@@ -64,6 +67,8 @@ class Feed:
         self._in_tick = in_tick
         self._paused = self._over = False
         self._tick, self._late, self._lates = 0, 0.0, 0
+        self._nodes = {node.key: node for node in executive.root.iterate() if isinstance(node, Node)}
+        self._running: dict[str, tuple[str, str, float]] = {}  # as they were told last
         # What is to be told yet, under the lock.
         self._changed: dict[str, tuple[str, str, float]] = {}
         self._variables: dict[str, str | None] = {}
@@ -119,6 +124,7 @@ class Feed:
         executive = self._executive
         with self._lock:
             changed, self._changed = self._changed, {}
+            self._renew_reasons(changed)
             variables, self._variables = self._variables, {}
             log, parts = list(self._log), self._parts
             self._log.clear()
@@ -136,6 +142,19 @@ class Feed:
         if parts is not None:
             told["parts"] = [asdict(part) for part in parts]
         return told
+
+    def _renew_reasons(self, changed: dict[str, tuple[str, str, float]]) -> None:
+        """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
+        for key, now in changed.items():
+            self._running.pop(key, None)
+            if now[0] == "running":
+                self._running[key] = now
+        for key, told in self._running.items():
+            node = self._nodes.get(key)
+            if node is not None and node.status is RUNNING:
+                now = ("running", _short(node.reason), told[2])
+                if now != told:
+                    changed[key] = self._running[key] = now
 
     def do(self, message: Mapping[str, object]) -> None:
         """Do what a view asks for; what is none of ``ORDERS`` is ignored."""
@@ -172,7 +191,9 @@ def _printable(line: str) -> str:
 
 
 def _told(value: object) -> str:
-    """Return a value in words: an object by its plainest fields."""
+    """Return a value in words: what is seen as people say it, another object by its plainest fields."""
+    if isinstance(value, Percept):
+        return about(value)
     if not is_dataclass(value):
         return shown(value)
     plain = {each.name: getattr(value, each.name) for each in fields(value)}

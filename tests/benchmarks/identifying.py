@@ -6,6 +6,7 @@ to 3 m; of recorded clips the first half, and asked in the second. Each person i
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -80,8 +81,8 @@ def measure(taught: Portraits, asked: Portraits) -> Rates:
         for look in looks(everybody, portraits):
             rates.nearest.add(look.name == name)
     for picture in strangers():
-        found = everybody.look(picture, Box(0.0, 0.0, picture.shape[1], picture.shape[0]))
-        rates.faces.add(found is not None and found.verdict != UNKNOWN)
+        seen = everybody.look(picture, Box(0.0, 0.0, picture.shape[1], picture.shape[0]))
+        rates.faces.add(seen is not None and seen.verdict != UNKNOWN)
     for stranger in taught if len(taught) > 1 else ():
         others = fisher_people({name: each for name, each in taught.items() if name != stranger})
         for name, portraits in asked.items():
@@ -120,13 +121,16 @@ def drawn(people: Sequence[str] = tuple(LOOKS), *, each: int = 6, seed: int = 11
     return taught, {look: faces(pictures(look, FAR, each=each, seed=seed + 50)) for look in people}
 
 
-def clips(folder: Path = FOOTAGE) -> tuple[Portraits, Portraits]:
-    """Take the faces of the recorded clips: what teaches from their first halves, what is asked from the second."""
+def clips(folder: Path = FOOTAGE, *, step: int = 1) -> tuple[Portraits, Portraits]:
+    """Take the faces of the recorded clips, from each ``step``-th frame.
+
+    What teaches is from their first halves, what is asked from the second.
+    """
     taught, asked = {}, {}
     for name in CLIPS:
         detector, found = HaarFaces(), list[Image]()
         ends: list[int] = []
-        for image in _frames(folder / f"{name}.mkv"):
+        for image in islice(_frames(folder / f"{name}.mkv"), 0, None, step):
             faces = detector.detect(image)
             found += [portrait(image, faces[0].box)] if faces else []
             ends.append(len(found))

@@ -39,7 +39,7 @@ def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
         "  - {name: ball, shape: ball, colour: yellow, at: [1 m, 1 m, 75 cm], size: 0.2 m}\n"
         "  - {name: crate, shape: box, colour: red, at: [2 m, 2 m], size: [0.3 m, 0.3 m, 0.3 m]}\n"
         "robots: [{name: R2, marker: 7, at: [2.5 m, -2 m], heading: 3 rad}]\n"
-        "physics: {slip: 3 %, lag: 100 ms, gyro_noise: 45 deg/s, dropouts: 2 %}\n"
+        "physics: {slip: 3 %, lag: 100 ms, gyro_noise: 45 deg/s, dropouts: 2 %, mishearing: 5 %}\n"
         "camera: {noise: 5}\n",
     )
     assert world.height == 3.0
@@ -54,7 +54,7 @@ def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
     )
     (robot,) = world.robots
     assert (robot.name, robot.marker, robot.x, robot.heading) == ("R2", 7, 2.5, 3.0)
-    assert astuple(world.physics) == (*(pytest.approx(value) for value in (0.03, 0.1, pi / 4, 0.02)), None)
+    assert astuple(world.physics) == (*(pytest.approx(value) for value in (0.03, 0.1, pi / 4, 0.02)), None, 0.05)
     assert (world.noise, world.dropouts) == pytest.approx((5.0, 0.02))
 
 
@@ -65,19 +65,21 @@ def test_what_people_do_is_read(tmp_path: Path) -> None:
         "  - name: Anna\n"
         "    at: [2 m, 0 m]\n"
         "    facing: away\n"
+        "    hears_within: 2 m\n"
         "    acts:\n"
         "      - {at: 5 s, turn: away}\n"
         "      - {at: 6 s, turn: 1 rad}\n"
         '      - {hears: hello, say: "Hello, robot!", nod: true}\n'
-        "      - {hears: anything, after: 2 s, leave: true}\n",
+        "      - {hears: anything, after: 2 s, times: 2, leave: true}\n",
     ).people
     assert anna.facing == "away"
     assert anna.acts == (
         ActConfig(5.0, None, 0.6, "", nod=False, turn="away", leave=False),
         ActConfig(6.0, None, 0.6, "", nod=False, turn=1.0, leave=False),
         ActConfig(None, "hello", 0.6, "Hello, robot!", nod=True, turn=None, leave=False),
-        ActConfig(None, "", 2.0, "", nod=False, turn=None, leave=True),
+        ActConfig(None, "", 2.0, "", nod=False, turn=None, leave=True, times=2),
     )
+    assert anna.hears_within == 2.0
 
 
 FLOOR = "size: [1 m, 1 m, 1 m]"
@@ -131,6 +133,8 @@ def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str,
         ("{at: 1 s, hears: hello, nod: true}", "an act needs either 'at' or 'hears'"),
         ("{at: 1 s}", "nothing is done here"),
         ("{at: 1 s, after: 2 s, nod: true}", "'after' is for what somebody hears"),
+        ("{at: 1 s, times: 2, nod: true}", "'times' is for what somebody hears"),
+        ("{hears: hello, times: 0, nod: true}", "'times' must be at least 1"),
         ("{at: 1 s, nods: true, nod: true}", "an act has no key 'nods'"),
         ("{hears: [], nod: true}", "'hears' needs a text"),
         ("{at: 1 s, turn: sideways}", "'turn' needs an angle"),

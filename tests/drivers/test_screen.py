@@ -43,7 +43,7 @@ def unlike(one: Image, other: Image) -> float:
 def test_moods_are_told_apart_from_three_metres(one: Mood, other: Mood) -> None:
     # A display 15 cm wide, seen from 3 m, in 48 pixels: each 3.6 minutes of arc, where a good eye resolves 1.
     far = photograph(Shown(one), (48, 36)), photograph(Shown(other), (48, 36))
-    assert unlike(*far) > 3.0
+    assert unlike(*far) > 5.0
 
 
 @pytest.mark.parametrize("mood", Mood)
@@ -52,7 +52,7 @@ def test_films_show_the_face_of_the_page(mood: Mood) -> None:
     page = resvg_py.svg_to_bytes(svg_string=svg(face, "", (400, 300)))
     seen = cv2.imdecode(np.frombuffer(bytes(page), np.uint8), cv2.IMREAD_COLOR)
     assert seen is not None
-    apart = {other: unlike(seen, photograph(Shown(other, mouth=0.4), (400, 300))) for other in Mood}
+    apart = {other: unlike(seen.astype(np.uint8), photograph(Shown(other, mouth=0.4), (400, 300))) for other in Mood}
     assert apart.pop(mood) < 1.6  # where edges are soft
     assert min(apart.values()) > 2.5
 

@@ -181,8 +181,8 @@ def test_what_is_said_aloud_goes_by_its_number(moments: Moments) -> None:
     second.cancel()
     assert [first.done(), second.done()] == [False, True]
     assert [(what, arguments, value) for _, what, arguments, value in moments.said()] == [
-        ("say", ("one",), 1),
-        ("say", ("two",), 2),
+        ("say", ("one", None, None), 1),
+        ("say", ("two", None, None), 2),
         ("done", (1,), False),
         ("done", (2,), False),
         ("cancel", (2,), None),
@@ -275,8 +275,9 @@ def test_a_sample_asks_what_was_not_asked_and_what_never_changes_once(moments: M
     moments.robot.head.pose()
     moments.answers.sample()
     questions = [(part, what) for part, what, _, _ in moments.said()]
-    assert len(questions) == len({*questions}) == 14
+    assert len(questions) == len({*questions})
     assert questions[0] == ("head", "pose")
+    assert {("base", "limits"), ("base", "steering"), ("arm", "states"), ("ranger", "scan")} < {*questions}
     moments.begin()
     moments.answers.sample()
     assert not {"limits", "place"} & {what for _, what, _, _ in moments.said()}

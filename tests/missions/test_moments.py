@@ -20,6 +20,7 @@ from missions.executive.events import Event, NodeChanged, ReflexFired, Stream, T
 from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, Executive
 from missions.executive.guard import Guard
 from missions.executive.moment import Answer, Moment
+from missions.executive.standstill import SAMPLE_EVERY
 from missions.order import Order
 from missions.runner import Runner
 from missions.testing.recorders import Bench, good
@@ -154,12 +155,16 @@ def test_lateness_is_an_event_only_beyond_a_period(driving: Scene) -> None:
     assert [moment.late for moment in driving.moments] == [0.04, 0.06]
 
 
-def test_the_parts_that_a_mission_does_not_ask_are_looked_at_every_fifth_tick() -> None:
+def test_the_parts_that_a_mission_does_not_ask_are_looked_at_now_and_then() -> None:
     scene = Scene(Dawdle("dawdle"))
-    for _ in range(11):
+    for _ in range(2 * SAMPLE_EVERY + 1):
         scene.tick()
     asked_for = [{what for _, what, _, _ in moment.answers} for moment in scene.moments]
-    assert [number for number, questions in enumerate(asked_for, 1) if "steering" in questions] == [1, 6, 11]
+    assert [number for number, questions in enumerate(asked_for, 1) if "steering" in questions] == [
+        1,
+        1 + SAMPLE_EVERY,
+        1 + 2 * SAMPLE_EVERY,
+    ]
 
 
 def test_without_anybody_who_listens_nothing_is_kept(driving: Scene) -> None:

@@ -12,7 +12,8 @@ from behaviours.node import Node
 from behaviours.run import Run
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
-from missions.executive.events import Event, JsonLines, Stream, VariableSet
+from missions.executive.events import Event, Stream, VariableSet
+from missions.executive.json_lines import JsonLines
 from missions.executive.plain import plain
 from missions.executive.variables import Changes
 
@@ -28,6 +29,13 @@ class Leaf(Node):
 
     def give_up(self) -> None:
         """Do nothing."""
+
+
+class Uncopied(list[int]):
+    """A list of the user's own that cannot be copied."""
+
+    def copy(self) -> "Uncopied":
+        raise RuntimeError("no copy")
 
 
 class Told:
@@ -58,6 +66,13 @@ def heard(file: Path, text: str, ticks: int) -> list[tuple[int, str, str, object
     for _ in range(ticks):
         mission.tick()
     return [(event.tick, event.scope, event.name, event.value) for event in events if isinstance(event, VariableSet)]
+
+
+def test_a_value_that_cannot_be_copied_ends_no_run(told: Told) -> None:
+    told.run.variables["row"] = row = Uncopied([1])
+    ((name, value),) = told.news()
+    assert name == "row"
+    assert value is row
 
 
 def test_a_variable_is_told_when_it_has_another_value(told: Told) -> None:

@@ -21,7 +21,7 @@ def _lines(box: Box, time: float | None) -> Iterator[Markup]:
         yield tag("span", box.case if box.case == "else" else f"case {box.case}", class_="case")
     yield _title(box, live=live)
     if time is not None:
-        yield _state(box.status, box.reason, f"{time - box.since:.1f} s" if box.since is not None else "")
+        yield _state(box.status, box.reason, "" if box.since is None else _age(box.status, time - box.since))
     for name, text in box.untold.items():
         yield _argument(name, text)
     if box.keep_as:
@@ -53,6 +53,11 @@ def _title(box: Box, *, live: bool) -> Markup:
         ),
         class_="title",
     )
+
+
+def _age(status: Status, seconds: float) -> str:
+    """Return for how long it has been running, or when that ended, as the script of a report writes it too."""
+    return f"{seconds:.1f} s" if status == "running" else f"{seconds:.1f} s ago"
 
 
 def _state(status: Status, reason: str, age: str) -> Markup:

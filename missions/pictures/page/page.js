@@ -5,7 +5,7 @@
  * A script that comes after it may use
  *   missiontree.data                  what document(..., data) was given, or null
  *   missiontree.showStates(states)    states[key] = [status, reason, age]: how each node and modifier stands; reason and
- *                                     age ("3.2 s") may be left out; those that are not named are idle. It needs the
+ *                                     age ("3.2 s", "3.2 s ago") may be left out; those that are not named are idle. It needs the
  *                                     tree of a drawing that has a time: at(drawing, {}, 0.0)
  *   missiontree.showNode(key)         unfold what hides a node, and go to it
  * and may listen to the event "node" of the document: the keyboard or the mouse is on another node, detail.key.

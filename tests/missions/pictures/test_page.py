@@ -114,7 +114,7 @@ def test_the_tree_is_named_and_has_an_item_for_every_node(browser: Browser, file
 def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, file: Path) -> None:
     tab = shown(browser, file, page(greeting()))
     assert "running 3.1 s off by 4 deg" in tab.find("treeitem", "track_face").name
-    assert "success 3.1 s a face at 12 deg" in tab.find("treeitem", "find_face").name
+    assert "success 3.1 s ago a face at 12 deg" in tab.find("treeitem", "find_face").name
     assert "hold 500 ms failure held for 0.3 s" in tab.find("treeitem", "face_centred").name
     assert "idle" in tab.find("treeitem", "gesture").name
     assert "as it stood at 6.25 s" in tab.text()

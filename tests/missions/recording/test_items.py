@@ -19,6 +19,18 @@ class Mine:
         self.secret = secret
 
 
+class Row(list[int]):
+    """A list of the user's own."""
+
+
+class Table(dict[str, int]):
+    """A dictionary of the user's own."""
+
+
+class Group(set[int]):
+    """A set of the user's own."""
+
+
 def test_values_of_drivers_come_back_and_events_with_their_fields() -> None:
     pose, event = unpacked(packed([HeadPose(0.1, 0.2), NodeChanged(0.5, 3, "1.2", "say", "say", 4, "running", "")]))
     assert pose == HeadPose(0.1, 0.2)
@@ -37,8 +49,10 @@ def test_values_of_drivers_come_back_and_events_with_their_fields() -> None:
 
 
 def test_of_a_value_of_the_user_the_name_remains() -> None:
-    values = [Mine(7), Status.RUNNING, Quantity(0.5, "length", "50 cm")]
-    mine, status, length = (vars(each)["value"] for each in unpacked(packed([_set(value) for value in values])))
+    values = [Mine(7), Status.RUNNING, Quantity(0.5, "length", "50 cm"), Row([1, 2]), Row([3]), Table(a=1), Group({1})]
+    found = [vars(each)["value"] for each in unpacked(packed([_set(value) for value in values]))]
+    mine, status, length, *holders = found
+    assert [str(each) for each in holders] == ["<Row>", "<Row>", "<Table>", "<Group>"]
     assert str(mine) == "<Mine>"
     assert str(status) == "<Status>"
     assert length == 0.5

@@ -59,6 +59,13 @@ def test_an_answer_that_was_never_told_is_missed() -> None:
         Restored().read(json.loads(written.written(moment(2, list(ANSWERS)))))
 
 
+def test_a_moment_that_cannot_be_written_takes_no_later_one_along() -> None:
+    written, restored = Shortened(), Restored()
+    with pytest.raises(OverflowError):
+        written.written(moment(1, [*ANSWERS, ("base", "drive", (Velocity(10**400, 0.0),), None)]))
+    assert restored.read(json.loads(written.written(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
+
+
 def test_an_error_is_an_answer() -> None:
     written, restored = Shortened(), Restored()
     told = moment(1, [("base", "drive", (Velocity(0.1, 0.0),), NotConnected("base: gone", hint="plug it in"))])

@@ -8,6 +8,7 @@ from click.testing import CliRunner, Result
 from mcap.reader import make_reader
 
 from missions.cli.record import command
+from missions.executive.events import Logged
 from missions.recording.info import lines_about
 from missions.recording.read import open_record
 from tests.missions.recording.small_record import FILES, JPEG, TREE, items, moments, write
@@ -111,6 +112,14 @@ def test_lines_hold_every_message(path: Path, tmp_path: Path) -> None:
     assert len(lines) == sum(1 for _ in open_record(path).container.messages())
     assert lines[0]["topic"] == "/mission"
     assert [line["t"] for line in lines if line["topic"] == "/moments"] == [moment.t for moment in moments()]
+
+
+def test_half_a_letter_is_written_as_json_writes_it(tmp_path: Path) -> None:
+    path = write(tmp_path / "odd.mcap", [Logged(0.1, "voice", "half \ud800 a letter")])
+    assert run("export", path, "--jsonl", tmp_path / "all.jsonl", "--csv", tmp_path / "tables").exit_code == 0
+    lines = [json.loads(line) for line in (tmp_path / "all.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert [line["message"]["message"] for line in lines if line["topic"] == "/log"] == ["half \ud800 a letter"]
+    assert [row["message"] for row in rows(tmp_path / "tables" / "log.csv")] == ["half \\ud800 a letter"]
 
 
 def test_a_folder_holds_pictures_files_and_tables(path: Path, tmp_path: Path) -> None:

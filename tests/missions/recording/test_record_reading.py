@@ -1,3 +1,4 @@
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +38,12 @@ def test_events_come_back_in_order_with_the_ticks_between_them(record: Record) -
     assert [(tick.tick, tick.late) for tick in ticks if tick.late is not None] == [(20, 0.06)]
     assert isinstance(record.events[-1], Ended)
     assert record.end() == record.events[-1]
+
+
+def test_in_real_time_a_tick_comes_behind_what_came_of_it(tmp_path: Path) -> None:
+    late = [replace(event, t=event.t + 5e-5) if isinstance(event, NodeChanged) else event for event in items()]
+    record = open_record(write(tmp_path / "wire.mcap", late, head=replace(HEAD, simulate="wire")))
+    assert [event.status for event in record.events if isinstance(event, Ticked)][-2:] == ["running", "success"]
 
 
 def test_views_and_pictures_come_back_with_their_times(record: Record) -> None:
@@ -115,6 +122,11 @@ def folder(path: Path) -> Path:
     return path
 
 
+def pipe(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -126,6 +138,7 @@ def folder(path: Path) -> Path:
             "was written by a newer MissionTree; this one reads format 1\n  try: pip install --upgrade missiontree",
         ),
         (folder, "cannot be read: Is a directory"),
+        (pipe, "no record: it is not even a file"),
         (lambda path: path, "cannot be read: No such file or directory"),
     ],
 )

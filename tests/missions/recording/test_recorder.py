@@ -11,9 +11,10 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from threading import Event as Flag
-from threading import Lock
+from threading import Lock, Thread
 
 import numpy as np
 import pytest
@@ -110,7 +111,8 @@ def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
     ("make", "words"),
     [
         (lambda path: path / "no" / "a.mcap", "No such file"),
-        (lambda path: path, "is there already"),
+        (lambda path: path, "is no file"),
+        (lambda path: _piped(path / "a.mcap"), "is no file"),
         (lambda path: _written(path / "a.mcap"), "is there already"),
     ],
 )
@@ -123,6 +125,11 @@ def test_a_record_that_cannot_be_begun_says_so_and_leaves_no_process(
     assert recorder._outlet._process is None
 
 
+def _piped(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
 def _written(path: Path) -> Path:
     path.write_text("mine", encoding="utf-8")
     return path
@@ -133,6 +140,30 @@ def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None
     with recording(path, overwrite=True) as (recorder, _):
         assert not recorder.close()
     assert counts_of(path) == {"/mission": 1}
+
+
+def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, _):
+        recorder.moment(moment(1, 0.01))
+        other = Recorder(path, overwrite=True)
+        with closing(other), pytest.raises(CannotRecordError, match="another run is writing it"):
+            other.open(Contents(HEAD, FILES), ManualClock())
+        assert not recorder.close()
+    assert counts_of(path)["/moments"] == 1
+
+
+def test_a_record_that_cannot_be_begun_leaves_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    recorder = Recorder(path)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        with closing(recorder), pytest.raises(CannotRecordError, match="File too large"):
+            recorder.open(Contents(HEAD, FILES), ManualClock())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not path.exists()
 
 
 def test_what_cannot_be_packed_costs_itself_alone(tmp_path: Path) -> None:
@@ -255,6 +286,35 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
     assert "mission record info" in told[0].hint
     assert 0 < loss.counts["/moments"] < count
     assert times_of(path)[0] == 0.01
+
+
+def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.recording.recorder.MOST", 500)
+    with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
+
+        def tick() -> None:
+            for number in range(50_000):
+                recorder.moment(moment(number, number / 100))
+
+        os.kill(writer_of(recorder), signal.SIGSTOP)
+        ticking = Thread(target=tick)
+        ticking.start()
+        wait_until(lambda: len(recorder._waiting) >= 250)
+        os.kill(writer_of(recorder), signal.SIGKILL)
+        ticking.join(20)
+        assert not ticking.is_alive()
+        assert "killed by signal 9" in told[0].what
+
+
+def test_pictures_that_found_no_room_take_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missions.recording.recorder.MOST", 1)
+    with recording(tmp_path / "a.mcap", frames=1000.0, patient=True) as (recorder, _):
+        for frame in islice(noise(), 50):
+            recorder.frame(frame)
+        wait_until(lambda: not recorder._waiting)
+        assert recorder._picture_bytes == 0
 
 
 def test_the_health_of_devices_is_sampled(tmp_path: Path) -> None:

@@ -187,6 +187,27 @@ def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
     assert told == expected
 
 
+def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, write = tmp_path / "a.mcap", os.write
+
+    def nearly_full(number: int, data: memoryview) -> int:
+        if len(data) > 1000:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(number, data)
+
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
+        writer.begin()
+        monkeypatch.setattr("missions.recording.sink.os.write", nearly_full)
+        writer.add(Picture(1.0, os.urandom(5000), None))
+        written = writer.close()
+    assert written.lost == {"/camera": 1}
+    mend(path)
+    assert [message["counts"] for topic, _, message in read(path)[1] if topic == "/lost"] == [{"/camera": 1}]
+
+
 def test_chunks_after_a_hole_can_be_read_without_the_one_that_is_missing(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", moments(), every=10)
     answers = [message["answers"] for topic, _, message in read(path)[1] if topic == "/moments"]

@@ -104,10 +104,14 @@ def test_a_thinned_line_keeps_its_ends_and_its_peaks_and_is_no_longer_than_can_b
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e5), st.integers(2, 8))
 def test_round_numbers_are_few_even_and_within(low: float, span: float, count: int) -> None:
     numbers = round_numbers(low, low + span, count)
-    assert len(numbers) <= count + 1
+    assert 2 <= len(numbers) <= count + 2
     assert all(low - 1e-6 * span <= number <= low + span * (1 + 1e-6) for number in numbers)
     steps = {round((other - one) / span, 6) for one, other in pairwise(numbers)}
     assert len(steps) <= 1
+
+
+def test_a_scale_has_two_numbers_at_least() -> None:
+    assert round_numbers(-4.7, 4.6, 3) == [-2.5, 0.0, 2.5]
 
 
 @given(series, st.sampled_from(["%", "°"]))

@@ -8,8 +8,10 @@ import pytest
 from missions.executive.events import Ended, FaultRaised
 from missions.recording.items import Missed, Picture, Seen
 from missions.recording.read import open_record
+from missions.report.slider import moments_of
 from missions.report.study import Study, study
 from missions.report.summary import faults, sentences, verdict
+from missions.report.tables import faults_table
 from missions.report.words import about, about_all, in_words
 from perception.api import UNKNOWN, Marker, Thing
 from tests.missions.pictures.drawn import HOSTILE
@@ -26,7 +28,7 @@ def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
         f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
         f"The first failure was at 5.00 s, of drive (m.yaml, line 2): {HOSTILE}; nodes failed at 1 more moment.",
         "Most of the time went into track_face: 2.90 s (m.yaml, line 3).",
-        f"2 fault reports, first at 4.50 s: base offline: {HOSTILE}.",
+        f"1 fault report, first at 4.50 s: base offline: {HOSTILE}.",
         "1 of 119 ticks came more than a tick late, worst by 80 ms at 3.00 s.",
         "The base drove 0.2 m and turned 0° in all.",
         "What it followed was 11.5° from the middle of the picture (root mean square), and 11.5° at most, at 1.01 s.",
@@ -70,9 +72,18 @@ def replace_view(item: Item) -> Item:
     return item._replace(view=replace(item.view, faces=())) if isinstance(item, Seen) else item
 
 
-def test_an_end_that_is_neither_success_nor_failure_is_told_in_its_word(tmp_path: Path) -> None:
+def test_a_run_that_somebody_has_stopped_is_told_so(tmp_path: Path) -> None:
     path = write(tmp_path / "stopped.mcap", [Ended(1.0, "m", "interrupted", "Ctrl-C", 1.0, 20)])
-    assert verdict(open_record(path)) == ("interrupted", "It ended (interrupted) after 1.00 s and 20 ticks: Ctrl-C.")
+    assert verdict(open_record(path)) == ("interrupted", "It was stopped after 1.00 s and 20 ticks: Ctrl-C.")
+
+
+def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(tmp_path: Path) -> None:
+    gone = FaultRaised(1.0, "base", "offline", "base: no report")
+    path = write(tmp_path / "back.mcap", [gone, FaultRaised(2.0, "base", "online", "base: reports again")])
+    record = open_record(path)
+    assert "1 fault report, first at 1.00 s: base offline: no report." in list(sentences(study(record)))
+    table = str(faults_table(record, moments_of(record)))
+    assert ("! base offline" in table, "✓ base online" in table, "base: " in table) == (True, True, False)
 
 
 BALL = Thing(4, 1.0, face(1.0).box, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "", "red", "ball")

@@ -27,6 +27,9 @@ EVENTS: Sequence[Event] = (
     node(2.0, "ask", "success", key="1.2"),
     CommandSent(2.0, 1, "voice", "say (1.3)", {"say": "Hello, you"}),
     Logged(2.0, "voice", "Hello, you"),
+    CommandSent(2.0, 1, "screen", "face (1.4)", {"mood": "happy"}),
+    CommandSent(2.1, 1, "screen", "show (1.5)", {"show": "Hello there"}),
+    CommandSent(2.2, 1, "screen", "show (1.5)", {"show": ""}),
     node(2.0, "say", "running", key="1.3", kind="say"),
     FaultRaised(2.5, "arm", "offline", "the cable is out"),
     ReflexFired(2.6, 1, "bumper", "left", on=True),
@@ -44,6 +47,7 @@ def history() -> History:
     found.result = Result("m", "failure", "nobody found", 3.0, 60)
     found.pose = Pose2D(1.0, 2.0, 3.1)
     found.joints = {"elbow": 0.5}
+    found.heard_by = {"Anna": ["Hello, you", "Bye"], "Ben": []}
     found.returns = {"count": 2, "name": "Anna", "ready": True, "share": 0.1 + 0.2}
     return found
 
@@ -60,6 +64,9 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("after", [3.0]),
     ("said", ["Hello"]),
     ("never_said", ["Bye", "hello"]),
+    ("heard_by", [("Anna", ("Hello", "Bye")), ("Anna", ("Bye",)), ("Ben", ())]),
+    ("showed", ["there"]),
+    ("moods", ["happy"]),
     ("ran", [("look", 2), ("leaf", None), ("sequence", 1), ("ask", 1), ("nod", 0)]),
     ("never_ran", ["nod"]),
     ("succeeded", ["look", "tree"]),
@@ -88,6 +95,12 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("said", ["Hello", "Hello"], 'it said "Hello, you"'),
     ("said", [], 'it said "Hello, you"'),
     ("never_said", ["Hello"], 'it said "Hello, you"'),
+    ("heard_by", [("Anna", ("Bye", "Hello"))], 'Anna heard "Hello, you", "Bye"'),
+    ("heard_by", [("Anna", ())], 'Anna heard "Hello, you", "Bye"'),
+    ("heard_by", [("Ben", ("Hello",))], "Ben heard nothing"),
+    ("showed", ["Bye"], 'it showed "Hello there"'),
+    ("showed", [], 'it showed "Hello there"'),
+    ("moods", ["happy", "sad"], 'it looked "happy"'),
     ("ran", [("nod", None)], "'nod' never ran"),
     ("ran", [("look", 1)], "'look' started 2 times"),
     ("ran", [("look", 0)], "'look' started 2 times"),

@@ -10,7 +10,7 @@ from missions.executive.events import Event, Logged, NodeChanged, Stream, Ticked
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
 from missions.view.feed import LONGEST, MOST_LINES, Feed
-from perception.api import Scene
+from perception.api import Box, Face, Scene
 from tests.missions.pictures.drawn import plan_of, ready
 
 
@@ -52,6 +52,20 @@ def test_news_are_told_once_and_of_many_changes_only_the_last() -> None:
     assert not {"changed", "variables", "log"} & set(fed.feed.news())
 
 
+def test_what_runs_on_is_told_with_its_present_reason() -> None:
+    fed = Fed()
+    fed.executive.tick()
+    assert fed.feed.news()["changed"] == {"1": ("running", "", 0.0)}
+    fed.executive.root.feedback_message = "2.5 of\n1000 s"
+    assert fed.feed.news()["changed"] == {"1": ("running", "2.5 of 1000 s", 0.0)}
+    assert "changed" not in fed.feed.news()
+    fed.clock.advance(1000.0)
+    fed.executive.tick()
+    fed.executive.root.feedback_message = "not asked for any more"
+    assert fed.feed.news()["changed"] == {"1": ("success", "", 1000.0)}
+    assert "changed" not in fed.feed.news()
+
+
 def test_ticks_are_told_with_how_many_were_late() -> None:
     fed = Fed()
     fed.clock.advance(2.5)
@@ -63,7 +77,14 @@ def test_ticks_are_told_with_how_many_were_late() -> None:
 
 def test_values_are_told_in_words_that_fit_a_line() -> None:
     fed = Fed()
-    values: dict[str, object] = {"yes": True, "gone": None, "long": "x" * 1000, "scene": Scene(1.0, 100.0, 20.0)}
+    face = Face(1, 1.0, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5)
+    values: dict[str, object] = {
+        "yes": True,
+        "gone": None,
+        "long": "x" * 1000,
+        "scene": Scene(1.0, 100.0, 20.0),
+        "who": face,
+    }
     for name, value in values.items():
         fed.feed(VariableSet(0.0, 1, "1.2", name, value))
     told = fed.feed.news()["variables"]
@@ -72,6 +93,7 @@ def test_values_are_told_in_words_that_fit_a_line() -> None:
         "1.2 gone": None,
         "1.2 long": "x" * (LONGEST - 1) + "…",
         "1.2 scene": "Scene: stamp 1, brightness 100, contrast 20",
+        "1.2 who": "face 1, 1.5 m, straight ahead",
     }
 
 
@@ -128,11 +150,11 @@ def test_a_view_stops_the_run_and_nonsense_does_nothing() -> None:
 def test_a_step_is_made_only_while_paused() -> None:
     fed = Fed()
     fed.feed.do({"do": "step"})
-    assert not fed.executive._steps.acquire(blocking=False)
+    assert fed.executive._steps.empty()
     fed.feed.do({"do": "pause"})
     assert fed.feed.news()["paused"] is True
     fed.feed.do({"do": "step"})
-    assert fed.executive._steps.acquire(blocking=False)
+    assert not fed.executive._steps.empty()
     fed.feed.do({"do": "resume"})
     assert fed.feed.news()["paused"] is False
 

@@ -1,0 +1,41 @@
+"""The identity section of a camera, and strangers in a world."""
+
+import pytest
+
+from config.faults import InvalidFileError, Source
+from config.identity import IdentityConfig
+from config.robot import CameraConfig, robot_of
+from config.world import read_world
+
+
+def camera(identity: str) -> CameraConfig:
+    found = robot_of(Source("r.yaml", f"robot: r\ncamera:\n  source: 0\n{identity}")).camera
+    assert found is not None
+    return found
+
+
+def test_people_are_recognised_without_a_section() -> None:
+    assert camera("").identity == IdentityConfig("", "fisher", "")
+
+
+def test_folder_method_and_model_are_read() -> None:
+    found = camera("  identity: {people: ~/them, method: sface, model: ~/sface.onnx}\n").identity
+    assert found == IdentityConfig("~/them", "sface", "~/sface.onnx")
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("{method: sface}", "'sface' needs 'model'"),
+        ("{method: eigen}", "'method' cannot be 'eigen'"),
+        ("{poeple: here}", "no key 'poeple'"),
+    ],
+)
+def test_mistakes_are_shown(section: str, said: str) -> None:
+    with pytest.raises(InvalidFileError, match=said):
+        camera(f"  identity: {section}\n")
+
+
+def test_people_of_a_world_are_known_unless_it_says_otherwise() -> None:
+    text = "world: w\npeople:\n  - {name: Anna, at: [1.5 m, 0 m]}\n  - {name: Zoe, at: [2.5 m, 1 m], known: false}\n"
+    assert [person.known for person in read_world(Source("w.yaml", text)).people] == [True, False]

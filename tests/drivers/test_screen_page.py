@@ -1,0 +1,349 @@
+"""The face as a page: who may ask for it, what a browser shows of it, and what becomes of it when the robot goes."""
+
+import json
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+from http.client import HTTPConnection, HTTPResponse
+from threading import Event
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api import Image, Mood, Notice, Shown
+from drivers.clock import SystemClock
+from drivers.screen.drawing import draw
+from drivers.screen.expression import expression
+from drivers.screen.frame import frame
+from drivers.screen.pages import PageScreen
+from drivers.screen.server import LISTENERS
+from drivers.screen.svg import numbers
+from tests.browser import Browser, Tab, chromium
+from tests.waiting import wait_until
+
+PATIENCE = 30.0
+SIZE = (640, 480)
+
+
+@pytest.fixture
+def screen() -> Iterator[PageScreen]:
+    screen = PageScreen(SystemClock())
+    screen.open()
+    yield screen
+    screen.close()
+
+
+def port_of(screen: PageScreen) -> int:
+    return int(screen.address.rstrip("/").rpartition(":")[2])
+
+
+def ask(screen: PageScreen, path: str, *, host: str = "127.0.0.1", method: str = "GET") -> tuple[HTTPResponse, str]:
+    with closing(HTTPConnection("127.0.0.1", port_of(screen), timeout=PATIENCE)) as connection:
+        connection.request(method, path, headers={"Host": host})
+        response = connection.getresponse()
+        return response, response.read().decode()
+
+
+class Listener:
+    """A page that listens, without a browser."""
+
+    def __init__(self, screen: PageScreen) -> None:
+        self._connection = HTTPConnection("127.0.0.1", port_of(screen), timeout=PATIENCE)
+        self._connection.request("GET", "/events")
+        self._response = self._connection.getresponse()
+        self.status = self._response.status
+
+    def next(self) -> dict[str, Any]:
+        """Return the next news; an empty dictionary once there will be no more."""
+        while line := self._response.readline():
+            if line.startswith(b"data: "):
+                news: dict[str, Any] = json.loads(line.removeprefix(b"data: "))
+                return news
+        return {}
+
+    def until(self, label: str) -> dict[str, Any]:
+        """Read until the news say this, and return them."""
+        while (news := self.next())["label"] != label:
+            pass
+        return news
+
+    def close(self) -> None:
+        self._response.close()
+        self._connection.close()
+
+
+# --- the server -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("/", "text/html"),
+        ("/?kiosk", "text/html"),
+        ("/page.js", "text/javascript"),
+        ("/page.css", "text/css"),
+        ("/face.svg", "image/svg+xml"),
+    ],
+)
+def test_all_it_serves_may_only_ask_the_same_server(screen: PageScreen, path: str, kind: str) -> None:
+    response, text = ask(screen, path)
+    assert (response.status, response.getheader("Content-Type")) == (200, f"{kind}; charset=utf-8")
+    assert "default-src 'none'" in str(response.getheader("Content-Security-Policy"))
+    assert "://" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_the_page_has_the_face_at_first_sight(screen: PageScreen) -> None:
+    screen.mood(Mood.SAD)
+    screen.show("</svg><script>alert('no')</script>")
+    _, text = ask(screen, "/")
+    assert "sad face" in text
+    assert "<script>alert" not in text
+    assert "$" not in text
+
+
+@pytest.mark.parametrize("host", ["localhost", "localhost:8321", "127.0.0.1:1", "[::1]:8321", "192.168.1.7"])
+def test_who_names_this_computer_is_answered(screen: PageScreen, host: str) -> None:
+    assert ask(screen, "/", host=host)[0].status == 200
+
+
+@pytest.mark.parametrize("host", ["robot.example", "localhost.example:8321", "", "[", "127.0.0.1.example"])
+@pytest.mark.parametrize("path", ["/", "/events"])
+def test_a_name_that_was_pointed_at_this_computer_is_refused(screen: PageScreen, host: str, path: str) -> None:
+    assert ask(screen, path, host=host)[0].status == 403
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
+def test_it_is_only_to_be_looked_at(screen: PageScreen, method: str) -> None:
+    assert ask(screen, "/", method=method)[0].status == 501
+
+
+def test_what_is_not_there_is_not_found(screen: PageScreen) -> None:
+    assert ask(screen, "/../expression.py")[0].status == 404
+
+
+def test_news_are_sent_when_the_face_changes_and_once_a_second_besides(screen: PageScreen) -> None:
+    screen.mood(Mood.HAPPY)
+    with closing(Listener(screen)) as page:
+        usual = page.next()
+        assert usual == page.next()  # a happy face is still
+        screen.show("hello")
+        assert page.until("happy face: hello")["lines"] == ["hello"]
+        screen.mouth(1.0)
+        shut = [numbers(shape) for shape in draw(expression(Shown(Mood.HAPPY, "hello"), 0.0), "hello").shapes]
+        while page.next()["shapes"] == shut:
+            pass
+        while page.next()["shapes"] != shut:  # 0.3 s later, by itself
+            pass
+
+
+def test_four_pages_may_listen_and_the_next_when_one_has_gone(screen: PageScreen) -> None:
+    screen.mood(Mood.LISTENING)  # moves, so it is soon seen that one has gone
+    pages = [Listener(screen) for _ in range(LISTENERS)]
+    assert [page.status for page in pages] == [200] * LISTENERS
+    assert screen.health().counters == {"pages": LISTENERS}
+    with closing(Listener(screen)) as late:
+        assert late.status == 503
+    pages.pop().close()
+    wait_until(lambda: screen.health().counters == {"pages": LISTENERS - 1})
+    pages.append(Listener(screen))
+    assert pages[-1].next()["label"] == "listening face"
+    for page in pages:
+        page.close()
+
+
+def test_at_the_end_a_page_is_told_that_the_robot_sleeps(screen: PageScreen) -> None:
+    with closing(Listener(screen)) as page:
+        page.until("neutral face")
+        screen.close()
+        page.until("asleep face")
+        while page.next():
+            pass
+
+
+def test_neither_silent_nor_slow_browsers_keep_it_from_closing(screen: PageScreen) -> None:
+    screen.mood(Mood.ASLEEP)
+    with socket.create_connection(("127.0.0.1", port_of(screen))) as silent, socket.socket() as slow:
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.connect(silent.getpeername())
+        slow.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        wait_until(lambda: screen.health().counters == {"pages": 1})
+        for number in range(100):  # more than its buffers take
+            screen.show("much too much " * 5000 + str(number))
+            Event().wait(0.01)
+        screen.close()
+        assert screen.address == ""
+    # The threads have ended: a fixture looks.
+
+
+def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
+    other = PageScreen(SystemClock())
+    other.open()
+    assert other.health().online
+    assert other.address not in ("", screen.address)
+    other.close()
+
+
+def test_a_port_that_is_taken_is_waited_for(screen: PageScreen) -> None:
+    told: list[Notice] = []
+    port = port_of(screen)
+    other = PageScreen(SystemClock(), port=port, report=told.append)
+    other.open()
+    assert (other.health().online, other.address) == (False, "")
+    assert f"127.0.0.1 port {port}" in other.health().detail
+    assert [notice.kind for notice in told] == ["offline"]
+    assert "ss -ltnp" in told[0].hint
+    other.mood(Mood.HAPPY)
+    screen.close()
+    wait_until(lambda: other.health().online)
+    assert "happy face" in ask(other, "/")[1]
+    wait_until(lambda: len(told) == 2)
+    assert (told[1].kind, other.address in told[1].what) == ("online", True)
+    other.close()
+
+
+def test_one_that_waits_for_a_port_can_be_closed(screen: PageScreen) -> None:
+    other = PageScreen(SystemClock(), port=port_of(screen))
+    other.open()
+    other.close()
+    assert other.health().detail == "screen: not opened yet"
+
+
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser(chromium()) as browser:
+        yield browser
+
+
+@pytest.fixture
+def tab(browser: Browser, screen: PageScreen) -> Tab:
+    return browser.open(screen.address, size=SIZE)
+
+
+def seen(tab: Tab) -> Image:
+    image = cv2.imdecode(np.frombuffer(tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image.astype(np.uint8)
+
+
+def unlike(one: Image, other: Image) -> float:
+    """Return by how much two pictures differ, in grey levels on average."""
+    return float(np.abs(one.astype(int) - other).mean())
+
+
+def label(tab: Tab) -> str:
+    return tab.find("image").name
+
+
+def mouth(tab: Tab) -> float:
+    """Return how far the mouth is open on the page, in units of its sheet."""
+    height = tab.evaluate("document.querySelectorAll('path[fill=\"#7c1f35\"]')[0].getBBox().height")
+    return float(height)
+
+
+def test_the_page_asks_its_own_server_alone_and_nothing_goes_wrong(tab: Tab, screen: PageScreen) -> None:
+    screen.show("hello")
+    wait_until(lambda: "hello" in tab.text())
+    names = ("", "page.css", "page.js", "events")
+    assert set(tab.requests) == {screen.address + name for name in names}
+    assert tab.errors == []
+
+
+@pytest.mark.parametrize("mood", [mood for mood in Mood if mood is not Mood.SPEAKING])
+def test_a_mood_is_to_be_seen(tab: Tab, screen: PageScreen, mood: Mood) -> None:
+    screen.mood(mood)
+    wait_until(lambda: label(tab) == f"{mood} face")
+    drawn = frame(expression(Shown(mood), 2.3), "", SIZE)
+    wait_until(lambda: unlike(seen(tab), drawn) < 3.5)  # whatever blinks and moves comes past this now and then
+
+
+def test_words_are_to_be_seen_as_they_are_and_vanish(tab: Tab, screen: PageScreen) -> None:
+    screen.mood(Mood.HAPPY)
+    still = frame(expression(Shown(Mood.HAPPY), 0.0), "", SIZE)
+    wait_until(lambda: unlike(seen(tab), still) < 3)
+    screen.show("Hello <b>Anna</b> & Zoë")
+    wait_until(lambda: label(tab) == "happy face: Hello <b>Anna</b> & Zoë")
+    assert " ".join(tab.text().split()) == "Hello <b>Anna</b> & Zoë"
+    above = frame(expression(Shown(Mood.HAPPY), 0.0), "Hello <b>Anna</b> & Zoë", SIZE)
+    wait_until(lambda: unlike(seen(tab)[:320], above[:320]) < 3)
+    assert (seen(tab)[330:].max(axis=2) > 128).mean() > 0.05
+    screen.show("")
+    wait_until(lambda: label(tab) == "happy face")
+    assert tab.text().strip() == ""
+    wait_until(lambda: unlike(seen(tab), still) < 3)
+
+
+def test_the_mouth_moves_with_speech_and_shuts_after_it(tab: Tab, screen: PageScreen) -> None:
+    assert mouth(tab) < 10
+
+    def speak() -> bool:
+        screen.mouth(1.0)
+        return mouth(tab) > 30
+
+    wait_until(speak)
+    wait_until(lambda: mouth(tab) < 10)
+
+
+def test_the_face_does_not_jump_from_mood_to_mood(tab: Tab, screen: PageScreen) -> None:
+    screen.mood(Mood.ASLEEP)
+    wait_until(lambda: label(tab) == "asleep face")
+    tab.evaluate("""
+        globalThis.heights = [];
+        new MutationObserver(() => heights.push(document.querySelectorAll('path[fill="#7c1f35"]')[0].getBBox().height))
+            .observe(document.querySelector("#face"), {subtree: true, attributes: true, attributeFilter: ["d"]});
+    """)
+    screen.mood(Mood.SURPRISED)
+    wait_until(lambda: mouth(tab) > 36)
+    heights = tab.evaluate("heights")
+    assert any(heights[0] + 1 < height < heights[-1] - 1 for height in heights)
+
+
+def test_a_page_that_hears_nothing_for_three_seconds_sleeps_until_the_robot_is_back(
+    tab: Tab, screen: PageScreen
+) -> None:
+    screen.show("help")
+    wait_until(lambda: label(tab) == "neutral face: help")
+    clock = SystemClock()
+    with screen._lock:  # as if the robot hung
+        wait_until(lambda: label(tab) == "asleep face")
+        assert clock.now() > 1.8  # the last news were up to a second old
+        wait_until(lambda: unlike(seen(tab), frame(expression(Shown(Mood.ASLEEP), 1.0), "", SIZE)) < 3.5)
+        assert tab.text().strip() == ""
+    wait_until(lambda: label(tab) == "neutral face: help")
+    wait_until(lambda: tab.text().strip() == "help")
+
+
+def test_a_page_that_stays_open_shows_the_next_run(tab: Tab, screen: PageScreen) -> None:
+    port = port_of(screen)
+    screen.close()
+    wait_until(lambda: label(tab) == "asleep face")
+    other = PageScreen(SystemClock(), port=port)
+    other.open()
+    other.mood(Mood.HAPPY)
+    wait_until(lambda: label(tab) == "happy face")
+    other.close()
+
+
+def test_a_page_of_another_release_loads_itself_again(tab: Tab, screen: PageScreen) -> None:
+    tab.evaluate("document.documentElement.dataset.edition = 'old'; globalThis.old = true; 0")
+    screen.mood(Mood.HAPPY)
+    wait_until(lambda: not tab.evaluate("globalThis.old ?? false"))
+    wait_until(lambda: label(tab) == "happy face")
+
+
+def test_it_fills_a_screen_of_any_shape_with_the_face_in_its_middle(browser: Browser, screen: PageScreen) -> None:
+    screen.mood(Mood.HAPPY)
+    for size in ((800, 480), (480, 800)):
+        image = seen(browser.open(screen.address, size=size))
+        assert image.shape == (size[1], size[0], 3)
+        bright = image.max(axis=2) > 128
+        rows, columns = np.nonzero(bright)
+        assert (columns.min() + columns.max()) / 2 == pytest.approx(size[0] / 2, abs=3)
+        assert abs((rows.min() + rows.max()) / 2 - size[1] / 2) < 0.1 * size[1]
+        assert np.ptp(columns) > 0.6 * min(size)
+        corners = image[[0, 0, -1, -1], [0, -1, 0, -1]]
+        assert (corners == corners[0]).all()

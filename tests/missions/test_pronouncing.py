@@ -1,0 +1,75 @@
+"""How the robot's ears come by the words that they listen for, and what is said where they cannot."""
+
+from pathlib import Path
+
+import pytest
+
+from config.microphone import MicrophoneConfig
+from drivers.api import unreported
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import BadRequest, NotConnected
+from drivers.microphone.captured import CapturedMicrophone
+from drivers.microphone.wav import WavMicrophone
+from missions.assembly import pronouncing
+from missions.assembly.hearing import hearing, microphone
+from missions.assembly.pronouncing import lexicon_for, unpronounceable
+
+pytest.importorskip("pocketsphinx")
+
+
+def test_the_robot_file_goes_before_the_dictionary() -> None:
+    config = MicrophoneConfig(pronunciations={"hello": "HH AY"})
+    assert lexicon_for(config, ["hello"], SystemClock()).pronunciations("hello")[0] == ("HH", "AY")
+
+
+def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
+    pytest.importorskip("espeakng_loader")
+    assert unpronounceable(MicrophoneConfig(), ["hello", "wheatleyon"]) == []
+    lexicon = lexicon_for(MicrophoneConfig(), ["hello", "wheatleyon"], SystemClock())
+    assert lexicon.pronunciations("wheatleyon")[0][0] == "W"
+    assert lexicon.pronunciations("hello")
+
+
+def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pronouncing, "find_spec", lambda _: None)
+    assert unpronounceable(MicrophoneConfig(), ["hello", "wheatleyon"]) == ["wheatleyon"]
+
+
+def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monkeypatch: pytest.MonkeyPatch) -> None:
+    def silent(*_: object) -> str:
+        raise ValueError("phoneme 'q' is none of the voice en-us")
+
+    monkeypatch.setattr(pronouncing, "_phones", silent)
+    with pytest.raises(BadRequest, match="nobody knows how these are pronounced: wheatleyon") as caught:
+        lexicon_for(MicrophoneConfig(), ["wheatleyon"], SystemClock())
+    assert "pronunciations" in caught.value.hint
+
+
+def test_vosk_knows_its_own_words() -> None:
+    assert unpronounceable(MicrophoneConfig(recogniser="vosk", model="m"), ["wheatleyon"]) == ()
+
+
+def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pronouncing, "english", lambda _: None)
+    assert unpronounceable(MicrophoneConfig(), ["hello"]) == ()
+    with pytest.raises(NotConnected, match="pocketsphinx, which understands speech, is not installed") as caught:
+        lexicon_for(MicrophoneConfig(), ["hello"], SystemClock())
+    assert "missiontree[listen]" in caught.value.hint
+
+
+def test_sound_comes_from_where_the_file_says() -> None:
+    clock = ManualClock()
+    assert isinstance(microphone(MicrophoneConfig(), clock, unreported), CapturedMicrophone)
+    assert isinstance(microphone(MicrophoneConfig("file", "a.wav"), clock, unreported), WavMicrophone)
+
+
+@pytest.mark.parametrize("config", [MicrophoneConfig(), MicrophoneConfig(recogniser="vosk", model="m")])
+def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneConfig, tmp_path: Path) -> None:
+    clock = ManualClock()
+    source = WavMicrophone(tmp_path / "none.wav", clock)
+    ears = hearing(config, source, ["hello robot"], clock, report=unreported)
+    assert (ears.words(), ears.refused(), ears.listened(), ears.level()) == ((), (), None, -90.0)
+    assert not ears.health().online
+    ears.rest()
+    ears.close()
+    ears.close()

@@ -1,0 +1,91 @@
+"""The robot's face in a run: a mouth that moves with the voice, smileys, and a page."""
+
+from threading import Event
+from urllib.request import urlopen
+
+import pytest
+
+from config.screen import ScreenConfig
+from drivers.api import Mood, Mouth, MouthShape
+from drivers.clock import SystemClock
+from drivers.screen.pages import PageScreen
+from drivers.screen.printed import PrintedScreen
+from missions.assembly.face import OPENINGS, Lips, LivelyScreen, SmilingVoice, screen
+from missions.testing.recorders import Bench
+
+
+def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> None:
+    bench = Bench()
+    lips = Lips(bench.voice, bench.screen, bench.clock)
+    lips.step()
+    assert bench.screen.commands == []  # it is not told again and again that nobody speaks
+    words = bench.voice.say("a moo")
+    words.mouth = (MouthShape(0.0, Mouth.OPEN), MouthShape(0.2, Mouth.CLOSED), MouthShape(0.3, Mouth.ROUND))
+    for _ in range(4):
+        lips.step()
+        bench.clock.advance(0.11)
+    words.ended = True
+    lips.step()
+    lips.step()
+    assert bench.screen.commands == [1.0, 1.0, 0.0, OPENINGS[Mouth.ROUND], 0.0]
+
+
+def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
+    bench = Bench()
+    lips = Lips(bench.voice, bench.screen, bench.clock)
+    bench.voice.say("Hello")
+    for _ in range(20):
+        bench.clock.advance(0.03)
+        lips.step()
+    openings = [each for each in bench.screen.commands if isinstance(each, float)]
+    assert 0.0 <= min(openings) < 0.1
+    assert 0.5 < max(openings) <= 0.6
+
+
+def test_every_shape_of_a_mouth_has_its_opening() -> None:
+    assert set(OPENINGS) == set(Mouth)
+
+
+@pytest.mark.parametrize(
+    ("text", "spoken", "moods"),
+    [("Hello :)", "Hello", [Mood.HAPPY]), ("at 8:00", "at 8:00", []), ("oh no :(", "oh no", [Mood.SAD])],
+)
+def test_smileys_set_the_mood_and_are_not_spoken(text: str, spoken: str, moods: list[Mood]) -> None:
+    bench = Bench()
+    SmilingVoice(bench.voice, bench.screen).say(text)
+    assert bench.voice.commands == [spoken]
+    assert bench.screen.commands == moods
+    SmilingVoice(bench.voice, None).say(text)
+    assert bench.voice.commands == [spoken, spoken]
+
+
+def test_the_screen_is_what_the_robot_file_says() -> None:
+    clock = SystemClock()
+    assert isinstance(screen(ScreenConfig("print"), clock, print, lambda _: None), PrintedScreen)
+    page = screen(ScreenConfig(mood="happy"), clock, print, lambda _: None)
+    assert isinstance(page, PageScreen)
+    assert page.shown().mood is Mood.HAPPY
+
+
+def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -> None:
+    bench = Bench()
+    page = PageScreen(SystemClock())
+    moved = Event()
+    bench.voice.say("Hello")
+    lively = LivelyScreen(page, bench.voice, bench.clock)
+    for _ in range(2):  # opened again after it was closed
+        lively.open()
+        lively.open()
+        lively.mood(Mood.HAPPY)
+        with urlopen(page.address) as answer:  # noqa: S310 - our own page
+            assert answer.status == 200
+        for _ in range(200):
+            bench.clock.advance(0.01)
+            if lively.shown().mouth > 0:
+                break
+            moved.wait(0.02)
+        assert lively.shown().mouth > 0
+        assert lively.shown().mood is Mood.HAPPY
+        lively.close()
+        lively.close()
+    assert not lively.health().online
