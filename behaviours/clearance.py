@@ -57,7 +57,9 @@ def safe_speed(way: float, *, braking: float, reaction: float) -> float:
     if math.isinf(way):
         return math.inf
     rolled = braking * reaction
-    return math.sqrt(rolled * rolled + 2 * braking * way) - rolled
+    return max(
+        0.0, math.sqrt(rolled * rolled + 2 * braking * way) - rolled
+    )  # the root of a square may fall short of it
 
 
 class Lookout:

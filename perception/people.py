@@ -55,13 +55,13 @@ class FisherPeople:
 def fisher_people(portraits: Mapping[str, Sequence[Image]]) -> FisherPeople:
     """Learn people from their portraits (``enrol``). Raises ValueError for nobody, or somebody without a portrait."""
     eyes = EyeFinder()
-    samples = {name: [_described(each, eyes) for each in pictures] for name, pictures in portraits.items()}
+    samples = {name: [described(each, eyes) for each in pictures] for name, pictures in portraits.items()}
     fisher = Fisher.fit({name: np.concatenate(each) if each else np.empty((0, 0), np.float32)
                          for name, each in samples.items()})  # fmt: skip
     return FisherPeople(fisher, calibrate(samples))
 
 
-def _described(picture: Image, eyes: EyeFinder) -> Vectors:
+def described(picture: Image, eyes: EyeFinder) -> Vectors:
     """Return the descriptions of a portrait and of its variants, which are the same each time."""
     face = face_in(picture)
     shown = crop(picture, face, eyes.find(picture, face))

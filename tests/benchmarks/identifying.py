@@ -6,7 +6,7 @@ to 3 m; of recorded clips the first half, and asked in the second. Each person i
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import combinations, islice
 from pathlib import Path
 
 import cv2
@@ -17,8 +17,10 @@ from missions.sweep.rate import wilson
 from perception.api import UNKNOWN, Box, Image
 from perception.crops import face_in, portrait
 from perception.faces import HaarFaces
+from perception.fisher import Fisher, calibrate
 from perception.identity import Look, Votes
-from perception.people import FisherPeople, fisher_people
+from perception.people import FisherPeople, described, fisher_people
+from perception.pupils import EyeFinder
 from tests.perception.people_drawn import FAR, NEAR, pictures, strangers
 
 FOOTAGE = Path(__file__).parents[2].parent / "shared/data/faces"
@@ -149,13 +151,41 @@ def _frames(path: Path) -> Iterator[Image]:
         film.release()
 
 
+def by_count(taught: Portraits, asked: Portraits) -> Iterator[tuple[int, int, Rates, float]]:
+    """Yield how many are known, how many choices of them there are, and the rates over all of these choices.
+
+    All others are strangers. The last is the share of looks at strangers that the worst choice accepts.
+    """
+    eyes = EyeFinder()
+    samples = {name: [described(each, eyes) for each in portraits] for name, portraits in taught.items()}
+    shown = {name: np.stack([described(each, eyes)[0] for each in portraits]) for name, portraits in asked.items()}
+    for count in range(1, len(samples)):
+        rates, worst, choices = Rates(), 0.0, list(combinations(samples, count))
+        for choice in choices:
+            known = {name: samples[name] for name in choice}
+            fisher = Fisher.fit({name: np.concatenate(each) for name, each in known.items()})
+            threshold, accepted = calibrate(known).threshold, Count()
+            for name, vectors in shown.items():
+                distances = [fisher.distances(vector) for vector in vectors]
+                nearest = [min(each, key=each.__getitem__) for each in distances]
+                found = [Look(who, threshold - each[who]) for who, each in zip(nearest, distances, strict=True)]
+                wanted = name if name in choice else UNKNOWN
+                single = rates.refused if name in choice else rates.accepted
+                voted = rates.voted_refused if name in choice else rates.voted_accepted
+                for look in found:
+                    single.add(look.verdict != wanted)
+                    if name not in choice:
+                        accepted.add(look.verdict != wanted)
+                for begin in range(0, len(found) - VOTED + 1, VOTED):
+                    voted.add(vote(found[begin : begin + VOTED]) != wanted)
+            worst = max(worst, accepted.share)
+        yield count, len(choices), rates, worst
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
     near, far = drawn()
     groups: dict[str, tuple[Portraits, Portraits]] = {"6 drawn people": (near, far)}
-    for count in (1, 2, 3):
-        some = list(near)[:count]
-        groups[f"{count} of them"] = ({name: near[name] for name in some}, {name: far[name] for name in some})
     if FOOTAGE.is_dir():
         real, later = clips()
         groups["4 people in clips"] = (real, later)
@@ -166,6 +196,11 @@ def main() -> None:
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for name, (taught, asked) in groups.items():
         print(f"| {name} | {' | '.join(measure(taught, asked).row)} |", flush=True)
+    print("\n| known of 6 drawn | refused | strangers accepted | worst choice | voted: refused | voted: accepted |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for count, choices, rates, worst in by_count(near, far):
+        cells = [f"{count} ({choices} choices)", *rates.row[1:3], f"{100 * worst:.0f} %", *rates.row[3:5]]
+        print(f"| {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

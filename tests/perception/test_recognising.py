@@ -14,7 +14,7 @@ from tests.perception.people_drawn import crowd, pictures
 
 
 def test_drawn_people_are_recognised_from_twice_as_far_and_strangers_are_not() -> None:
-    rates = measure(*drawn(("anna", "ben", "dora", "emil"), each=2))
+    rates = measure(*drawn(each=2))
     assert rates.nearest.share >= 0.95
     assert rates.refused.share <= 0.15
     assert rates.accepted.share <= 0.05
