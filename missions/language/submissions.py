@@ -98,11 +98,14 @@ def _take(
             meant = given.text if param.kind == "text" else default_value(given)
             values[name.text] = notes.value(replace(given, value=meant), f"'{name.text}'", param.convert)
     for param in params.values():
-        if param.name not in values:
-            if param.required:
-                notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', a {param.kind}", param.help)
-            values[param.name] = Value(None if param.required else param.default)
-        formula = values[param.name].template
+        missing = param.required and param.name not in values
+        if missing:
+            notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', a {param.kind}", param.help)
+        formula = values.setdefault(param.name, Value(None if missing else param.default)).template
+        if missing:  # said once: what comes of it is no fault of its own
+            inner.stored.add(param.name)
+            inner.awaited.add(param.name)
+            continue
         if formula is None:
             inner.params[param.name] = values[param.name].constant
             continue
