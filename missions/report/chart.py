@@ -27,7 +27,7 @@ def round_numbers(low: float, high: float, count: int) -> list[float]:
         return [low]
     power = 10.0 ** floor(log10(span / count))
     coarse = next(each for each in STEPS if each * power * count >= span * 0.999)
-    for step in (coarse * power, coarse * power / 2):
+    for step in (coarse * power / part for part in (1, 2, 5)):
         found = [number * step for number in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
         if len(found) > 1:
             break
