@@ -24,7 +24,7 @@ from missions.assembly.simulation import Simulation
 from missions.teleop.beside import Beside
 from missions.teleop.pad import pad_at
 from perception.api import Frame, Gaze, View
-from perception.eyes import Eyes, unwatched
+from perception.eyes import Eyes, Vision, unwatched
 
 PATIENCE = 0.005
 """Seconds that a servo's reply may be late."""
@@ -100,24 +100,7 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
     devices |= {device.name: device for device in (voice, hears, face) if device is not None}
     if config.camera is not None and "camera" in chosen:
         devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, ears.report)
-        real = config.camera if wishes.world is None or wishes.camera is not None else None
-        sight = parts.vision(
-            lambda stamp: gaze(stamp, base, head),
-            clock,
-            interests=wishes.interests,
-            detector=face_detector(config.camera),
-            lens=config.camera if simulation is None else None,
-            field_of_view=camera.field_of_view,
-            report=ears.report,
-            seen=ears.seen,
-            watched=ears.watched,
-            recogniser=recogniser(
-                wishes.interests,
-                ears.report,
-                camera=real,
-                drawn=() if wishes.world is None else wishes.world.people,
-            ),
-        )
+        sight = _vision(config.camera, camera, clock, lambda stamp: gaze(stamp, base, head), wishes, ears)
         eyes = Eyes(camera, sight)
     if wishes.pad is not None and base is not None:
         devices["pad"] = Beside(base, partial(pad_at, wishes.pad, clock), clock, report=ears.report)
@@ -134,6 +117,35 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
         groups={} if config.arm is None else config.arm.groups,
     )
     return Assembled(config.name, robot, devices, eyes, simulation)
+
+
+def _vision(
+    config: CameraConfig,
+    camera: Camera,
+    clock: Clock,
+    looked: Callable[[float], Gaze | None],
+    wishes: Wishes,
+    ears: Ears,
+) -> Vision:
+    """Return what searches the pictures of ``camera``, which ``looked`` says where at a time."""
+    world = wishes.world
+    return parts.vision(
+        looked,
+        clock,
+        interests=wishes.interests,
+        detector=face_detector(config),
+        lens=config if world is None else None,
+        field_of_view=camera.field_of_view,
+        report=ears.report,
+        seen=ears.seen,
+        watched=ears.watched,
+        recogniser=recogniser(
+            wishes.interests,
+            ears.report,
+            camera=config if world is None or wishes.camera is not None else None,
+            drawn=() if world is None else world.people,
+        ),
+    )
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
