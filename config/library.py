@@ -26,7 +26,7 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None) -> Pat
     if name in known:
         return known[name]
     path = Path(name)
-    if _is_file(path):
+    if is_file(path):
         return path
     if path.suffix in (".yaml", ".yml"):
         raise UnknownNameError(f"{seen(name)}: no such file")
@@ -34,8 +34,9 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None) -> Pat
     raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {close}")
 
 
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
+    """Say whether a file is there that can be asked for."""
     try:
         return path.is_file()
-    except OSError:  # a name that is too long, a folder that may not be read
+    except (OSError, ValueError):  # a name that is too long, a folder that may not be read, a zero in the name
         return False

@@ -95,7 +95,7 @@ def _mouth(face: Expression) -> Iterator[Shape]:
     rest = MOUTH_Y + 12 * face.curve
     reach = half * (0.5 + 0.75 * face.opening)
     upper = rest - 22 * face.opening * (1 - 0.7 * max(face.curve, 0.0))
-    lower = rest + 48 * face.opening
+    lower = rest + 40 * face.opening
 
     left, right = (MIDDLE - half, corner), (MIDDLE + half, corner)
     lip = (right, (MIDDLE + reach, lower), (MIDDLE - reach, lower), left)

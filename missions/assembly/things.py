@@ -8,8 +8,9 @@ from behaviours.tracking.follow import RuleBases
 from config.controller import load_controller
 from config.faults import InvalidFileError, did_you_mean
 from config.gesture import load_gesture
-from config.library import UnknownNameError, find, shipped
+from config.library import UnknownNameError, find, is_file, shipped
 from config.object import ObjectConfig, load_object, read_phrase
+from config.units import seen
 from drivers.api import Gesture
 from missions.language.plan import Step
 from missions.moves.keep import NewMove
@@ -63,9 +64,9 @@ def looked_for(tree: Step) -> tuple[Wanted, ...]:
 
 def file(name: str) -> Path:
     """Return the path of a file that is there. Raises LookupError."""
-    if not Path(name).is_file():
-        raise LookupError(f"names a file that is not there: {name}")
-    return Path(name)
+    if not is_file(path := Path(name)):
+        raise LookupError(f"names a file that is not there: {seen(name)}")
+    return path
 
 
 THINGS: Mapping[str, Callable[[str], object]] = {

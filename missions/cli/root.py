@@ -100,6 +100,7 @@ def guarded(work: Callable[[], object]) -> int:
     """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
     from config.faults import InvalidFileError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
+    from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.recording.faults import InvalidRecordError  # noqa: PLC0415
 
@@ -122,9 +123,10 @@ def guarded(work: Callable[[], object]) -> int:
     except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
         sys.stdout = None  # so that Python does not flush into the pipe at exit
         return SUCCESS
-    except OSError as error:  # a full disk behind stdout
+    except OSError as error:  # a name that is too long; without one, a full disk behind stdout
+        what = "cannot write" if error.filename is None else seen(str(error.filename))
         with suppress(OSError):
-            click.echo(f"mission: cannot write: {error.strerror or error}", err=True)
+            click.echo(f"mission: {what}: {error.strerror or error}", err=True)
         sys.stdout = None
         return USAGE
     except Exception as error:

@@ -26,7 +26,7 @@ from missions.testing.recorders.screen import RecordedScreen
 CALM = 2.3
 """A time at which nobody blinks."""
 
-SHOWN = st.builds(Shown, st.sampled_from(Mood), st.text(max_size=60), st.floats(0, 1))
+SHOWN = st.builds(Shown, st.sampled_from(Mood), st.text(max_size=60), st.floats(0, 1) | st.just(1.0))
 TIMES = st.floats(0, 1e6)
 
 

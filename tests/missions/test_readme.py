@@ -1,9 +1,18 @@
 """The README is true: each of its commands does what it says, and each of its files loads."""
 
+import fcntl
+import os
+import pty
 import re
 import shlex
+import shutil
 import signal
+import subprocess
+import sys
+import termios
+import wave
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -11,8 +20,10 @@ import pytest
 import skimage
 
 from config.robot import load_robot
+from missions.cli.root import guarded, mission
 from missions.library import load_mission
 from tests.missions.command import Process, command
+from tests.perception.people_drawn import pictures
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
@@ -22,7 +33,7 @@ def commands() -> Iterator[str]:
     for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL):
         for line in block.splitlines():
             if line.startswith("$ mission "):
-                yield line.removeprefix("$ mission ").split("  #")[0].strip()
+                yield line.removeprefix("$ mission ").split(" #")[0].strip()
 
 
 def files() -> Iterator[tuple[str, str]]:
@@ -32,9 +43,18 @@ def files() -> Iterator[tuple[str, str]]:
         yield name + (".test.yaml" if kind == "tests:" else ".yaml"), block
 
 
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The record that the README speaks of."""
+    path = tmp_path_factory.mktemp("records") / "monday.mcap"
+    asked = ("run", "greet", "--simulate", "fast", "--eyes", "truth", "--record", str(path))
+    assert guarded(lambda: mission.main(list(asked), standalone_mode=False)) == 0
+    return path
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with the files that the README speaks of: its own, a photo and a video of a person."""
+    """A folder with the files that the README speaks of: its own, photos and a video of people."""
     for name, text in files():
         (tmp_path / name).write_text(text)
     picture = cv2.cvtColor(skimage.data.astronaut(), cv2.COLOR_RGB2BGR)
@@ -44,8 +64,26 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for _ in range(40):
         video.write(scene)
     video.release()
+    (tmp_path / "photos").mkdir()
+    for number, photo in enumerate(pictures("anna", (1.0, 1.3), each=2)):
+        cv2.imwrite(str(tmp_path / f"photos/anna{number}.jpg"), photo)
+    with wave.open(str(tmp_path / "quiet.wav"), "wb") as sound:
+        sound.setparams((1, 2, 16000, 0, "NONE", "not compressed"))
+        sound.writeframes(bytes(32000))
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def words(line: str) -> list[str]:
+    """Return the words of a command line as a shell hands them on."""
+    found = ([str(path) for path in sorted(Path().glob(word))] if "*" in word else [word] for word in shlex.split(line))
+    return [word for several in found for word in several]
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_shell_would_hand_these_words_on() -> None:
+    photos = [f"photos/anna{number}.jpg" for number in range(4)]
+    assert words('person add "Anna B" photos/anna*.jpg') == ["person", "add", "Anna B", *photos]
 
 
 def test_the_readme_has_commands_and_files() -> None:
@@ -53,9 +91,19 @@ def test_the_readme_has_commands_and_files() -> None:
     assert {name for name, _ in files()} == {"greet.yaml", "greet.test.yaml", "my_robot.yaml", "to_and_fro.yaml"}
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if not line.startswith("simulate")])
-def test_each_command_of_the_readme_works(line: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    outcome = command(capsys, *shlex.split(line))
+def of_kind(line: str) -> str:
+    """Return what this command needs in order to be tried."""
+    kinds = {"simulate": "devices", "hear": "microphone"}
+    return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
+
+
+@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "nothing"])
+def test_each_command_of_the_readme_works(
+    line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if "--record" not in line:
+        shutil.copy(record, folder)
+    outcome = command(capsys, *words(line))
     expected = 0
     if "--world empty" in line:
         expected = 1
@@ -68,7 +116,38 @@ def test_each_command_of_the_readme_works(line: str, folder: Path, capsys: pytes
         assert list((folder / "out").iterdir())
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if line.startswith("simulate")])
+@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "microphone"])
+def test_it_listens_to_a_recording_where_there_is_no_microphone(
+    line: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    del folder
+    assert command(capsys, *words(line), "--wav", "quiet.wav").code == 0
+
+
+@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "terminal"])
+def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, b"\x28\x00\x78\x00\x00\x00\x00\x00")  # 40 lines of 120 characters
+    screen = subprocess.Popen(
+        [sys.executable, "-m", "missions", *words(line)],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        cwd=folder,
+        env={**os.environ, "TERM": "xterm-256color"},
+        start_new_session=True,
+    )
+    os.close(slave)
+    shown = b""
+    with suppress(OSError):  # everybody has gone
+        while piece := os.read(master, 1 << 16):
+            shown += piece
+    os.close(master)
+    assert screen.wait() == 0, shown[-2000:]
+    assert b"greet the person" in shown
+
+
+@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "devices"])
 def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), folder=folder)
     first = process.wait_for_line(lambda text: text.startswith("{"))
