@@ -5,6 +5,7 @@ anything but the plain functions below, or touch an attribute that starts with a
 """
 
 import ast
+import keyword
 import re
 import warnings
 from collections.abc import Mapping
@@ -26,6 +27,17 @@ from missions.language.operators import (
 
 WORDS = {"true": True, "false": False, "null": None, "none": None}
 """Constants, as YAML writes them."""
+
+RESERVED = frozenset(
+    ["and", "async", "await", "else", "False", "for", "if", "in", "is", "lambda", "None", "not", "or", "True", "yield"]
+)
+"""Words that an expression cannot have as names: Python has a meaning for them within one."""
+
+NAMES = "|".join(word for word in keyword.kwlist if word not in RESERVED)
+OR_QUOTED = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({NAMES})\b""")
+
+BOLD_A = 0x1D41A
+"""MATHEMATICAL BOLD SMALL A; the rest of the alphabet follows it."""
 
 MAX_LENGTH = 1000
 """Characters of an expression."""
@@ -96,9 +108,10 @@ def parse(text: str, column: int = 0) -> Expression:
         raise ExpressionError("an empty expression", column)
     if len(stripped) > MAX_LENGTH:
         raise ExpressionError(f"an expression of more than {MAX_LENGTH} characters", column)
+    python = OR_QUOTED.sub(_as_name, stripped)
     try:
         with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
-            tree = ast.parse(stripped, mode="eval").body
+            tree = ast.parse(python, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         cure, place = _cure(stripped), 0
         if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
@@ -107,12 +120,22 @@ def parse(text: str, column: int = 0) -> Expression:
         raise ExpressionError(f"{seen(stripped)} is not an expression{cure}", column + max(0, place)) from None
     try:
         _check(tree)
-        return Expression(stripped, tree, _reads(stripped, tree, column))
+        return Expression(stripped, tree, _reads(python, tree, column))
     except _NotAllowedError as error:
-        start, end = _characters(stripped, error.node)
+        start, end = _characters(python, error.node)
         raise ExpressionError(str(error), column + start, end - start) from None
     except RecursionError:
         raise ExpressionError("an expression nested too deep", column) from None
+
+
+def _as_name(found: re.Match[str]) -> str:
+    """Return a word of Python's, such as ``from``, as a name of as many characters that the parser takes for it.
+
+    Python knows its own words by their plain letters, and takes a bold one for a plain one in names alone (NFKC,
+    reference manual 2.3).
+    """
+    quoted, word = found.groups()
+    return str(quoted) if word is None else chr(BOLD_A + ord(word[0]) - ord("a")) + word[1:]
 
 
 def _cure(text: str) -> str:

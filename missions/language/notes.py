@@ -1,6 +1,5 @@
 """What the checker knows while it reads one mission, and the faults that it has found."""
 
-import keyword
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +8,7 @@ from behaviours.leaf import Leaf
 from config.faults import Fault, Mark, Source, did_you_mean, note, one_of
 from config.marked import Node, Scalar
 from config.units import seen
-from missions.language.expressions import WORDS, Expression, ExpressionError, Read
+from missions.language.expressions import RESERVED, WORDS, Expression, ExpressionError, Read
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 from missions.language.values import Convert, Template, Value, template
@@ -88,7 +87,7 @@ class Notes:
         """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""
         if not node.text.isidentifier():
             self.fault(node.mark, f"{what} needs a plain word, got {seen(node.text)}", "such as 'last_seen'")
-        elif keyword.iskeyword(node.text) or node.text in {*STATE, *WORDS, *FUNCTIONS}:
+        elif node.text in {*STATE, *WORDS, *FUNCTIONS, *RESERVED}:
             self.fault(node.mark, f"{what} cannot be '{node.text}', which means something in expressions already")
 
     def value(self, node: Scalar, what: str, convert: Convert) -> Value:

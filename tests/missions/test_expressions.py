@@ -1,5 +1,6 @@
 """Expressions: what they can say, and that they can do nothing else."""
 
+import keyword
 from dataclasses import dataclass
 
 import pytest
@@ -7,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from config.units import Bare, Quantity
-from missions.language.expressions import MAX_LENGTH, ExpressionError, parse
+from missions.language.expressions import MAX_LENGTH, RESERVED, ExpressionError, parse
 from missions.language.operators import MAX_TEXT
 
 
@@ -356,3 +357,13 @@ FORMULAS = st.recursive(
 @given(FORMULAS)
 def test_every_well_formed_formula_has_a_value_or_a_reason(text: str) -> None:
     reads_or_says_why(text)
+
+
+@pytest.mark.parametrize("word", sorted(set(keyword.kwlist) - RESERVED))
+def test_a_word_that_python_needs_elsewhere_may_be_a_name(word: str) -> None:
+    found = parse(f"'from {word}: ' + {word} + é.{word} + \"{word}\"")
+    assert [(read.dotted, found.text[read.column :][: read.length]) for read in found.reads] == [
+        (word, word),
+        (f"é.{word}", f"é.{word}"),
+    ]
+    assert found.evaluate({word: "Ben", "é": {word: "Anna"}}) == f"from {word}: BenAnna{word}"
