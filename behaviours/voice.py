@@ -6,6 +6,7 @@ from pathlib import Path
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.smileys import split
 from drivers.api import Manner, Priority, Utterance
 
 PRIORITIES = tuple(each.name.lower() for each in Priority)
@@ -48,10 +49,12 @@ class Say(Uttering):
     """Speak.
 
     Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
-    once; what it breaks off is said again from its beginning afterwards.
+    once; what it breaks off is said again from its beginning afterwards. A smiley in the text is not spoken: it sets
+    the mood of the face. The mouth moves with the words.
     """
 
     word = "say"
+    uses = frozenset({"screen"})
     text: str = argument("text", "what to say", principal=True)
     voice: str | None = argument("text", "whose voice, such as en-us+f2; else as the robot file says", default=None)
     speed: float | None = argument(
@@ -62,7 +65,10 @@ class Say(Uttering):
 
     def utter(self, priority: Priority) -> Utterance:
         manner = Manner(self.voice or "", self.speed or 0.0, self.language or "")
-        return self.robot.voice.say(self.text, manner, priority)
+        words, mood = split(self.text)
+        if mood is not None and self.robot.screen_part is not None:
+            self.robot.screen.mood(mood)
+        return self.robot.voice.say(words, manner, priority)
 
     @property
     def doing(self) -> str:

@@ -15,7 +15,7 @@ from missions.assembly import parts
 from missions.assembly.assembled import Assembled
 from missions.assembly.detectors import face_detector
 from missions.assembly.duplex import HalfDuplex
-from missions.assembly.face import LivelyScreen, SmilingVoice, screen
+from missions.assembly.face import LivelyScreen, screen
 from missions.assembly.gallery import recogniser
 from missions.assembly.hearing import Hearing, hearing, microphone
 from missions.assembly.interests import Interests
@@ -199,7 +199,7 @@ def _manners(
     if config.screen is not None and "screen" in chosen:
         shown = screen(config.screen, clock, ears.out, ears.report)
         face = LivelyScreen(shown, voice, clock, ears.report)
-    return None if voice is None else SmilingVoice(voice, face), hears, face
+    return voice, hears, face
 
 
 def _hearing(

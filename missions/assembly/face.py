@@ -1,30 +1,24 @@
-"""The robot's face: its screen, a mouth that moves with the voice, and smileys that set its mood."""
+"""The robot's face: its screen, and a mouth that moves with the voice."""
 
 from collections.abc import Callable
 from math import cos, pi
-from pathlib import Path
 from threading import Event, Thread
 
 from config.screen import ScreenConfig
 from drivers.api import (
-    AS_USUAL,
     Health,
-    Manner,
     Mood,
     Mouth,
     Notice,
-    Priority,
     Report,
     Screen,
     Shown,
-    Utterance,
     Voice,
     unreported,
 )
 from drivers.clock import Clock
 from drivers.screen.pages import PageScreen
 from drivers.screen.printed import PrintedScreen
-from drivers.screen.smileys import split
 
 OPENINGS = {
     Mouth.CLOSED: 0.0,
@@ -122,29 +116,3 @@ class LivelyScreen:
     def _run(self) -> None:
         while self._lips is not None and not self._ending.wait(FRAME):
             self._lips.step()
-
-
-class SmilingVoice:
-    """A ``voice`` that does not speak smileys: they set the mood of a ``screen``, where there is one."""
-
-    def __init__(self, voice: Voice, screen: Screen | None) -> None:
-        self.name = voice.name
-        self.open: Callable[[], None] = voice.open
-        self.rest: Callable[[], None] = voice.rest
-        self.close: Callable[[], None] = voice.close
-        self.health: Callable[[], Health] = voice.health
-        self.speaking: Callable[[], Utterance | None] = voice.speaking
-        self._voice = voice
-        self._screen = screen
-
-    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
-        """See drivers.api.Voice."""
-        plain, mood = split(text)
-        said = self._voice.say(plain, manner, priority)
-        if mood is not None and self._screen is not None:
-            self._screen.mood(mood)
-        return said
-
-    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
-        """See drivers.api.Voice."""
-        return self._voice.play(path, priority)

@@ -28,7 +28,6 @@ from missions.assembly.assemble import Ears, gaze, with_carriers
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.conversation import Conversation
 from missions.assembly.detectors import face_detector
-from missions.assembly.face import SmilingVoice
 from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
 from missions.assembly.seeing import Flaws, Glimpse, SteppedEyes, TrueSight
@@ -94,7 +93,7 @@ def twin_robot(
         head_part=twins.head,
         arm_part=twins.arm,
         ranger_part=twins.range,
-        voice_part=None if twins.voice is None else SmilingVoice(twins.voice, twins.screen),
+        voice_part=twins.voice,
         sight_part=sight,
         hearing_part=twins.microphone,
         screen_part=twins.screen,

@@ -1,11 +1,12 @@
 """Speaking: as long as it takes, silent when halted, and on a voice that is queued for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from behaviours.voice import PlaySound, Say
-from drivers.api import Manner, Priority
+from drivers.api import Manner, Mood, Priority
 from drivers.errors import BadRequest, DeviceFault
 from drivers.voice.printed import PrintedVoice
 from missions.testing.recorders import CANCEL, GONE, Bench
@@ -32,6 +33,17 @@ def test_a_halt_makes_it_fall_silent_once() -> None:
     bench.halt(leaf)
     bench.halt(leaf)
     assert bench.voice.commands == ["Hello!", CANCEL]
+
+
+def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one() -> None:
+    bench = Bench()
+    bench.tick(saying(bench, "Hello :)"))
+    assert bench.voice.commands == ["Hello"]
+    assert bench.screen.commands == [Mood.HAPPY]
+    leaf = saying(bench, "Goodbye :(")
+    leaf.robot = replace(leaf.robot, screen_part=None)
+    assert bench.tick(leaf) is RUNNING
+    assert bench.voice.commands == ["Hello", "Goodbye"]
 
 
 def test_each_start_says_it_again() -> None:

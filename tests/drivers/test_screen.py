@@ -1,4 +1,4 @@
-"""The robot's face: its moods from afar, blinks, words and smileys, drawn as SVG and as images alike."""
+"""The robot's face: its moods from afar, blinks and words, drawn as SVG and as images alike."""
 
 from itertools import combinations
 from xml.etree import ElementTree as ET
@@ -17,7 +17,6 @@ from drivers.screen.expression import BLINK, BLINK_EVERY, expression
 from drivers.screen.frame import frame
 from drivers.screen.page import news, picture
 from drivers.screen.printed import PrintedScreen
-from drivers.screen.smileys import split
 from drivers.screen.svg import numbers, svg
 from drivers.screen.words import LINES, arranged
 from drivers.sim.twins.screen import ScreenTwin
@@ -160,46 +159,6 @@ def test_a_film_writes_what_it_can(text: str) -> None:
     assert (below.max(axis=2) > 128).mean() > 0.01
     blank = photograph(Shown(text=" "), size)
     assert unlike(blank, photograph(Shown(), size)) == 0
-
-
-# --- smileys ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "left", "mood"),
-    [
-        ("Hello :)", "Hello", Mood.HAPPY),
-        (":-) Hello", "Hello", Mood.HAPPY),
-        ("Well done :D, Anna", "Well done, Anna", Mood.HAPPY),
-        ("Great ;)))", "Great", Mood.HAPPY),
-        ("I am lost :(", "I am lost", Mood.SAD),
-        ("No soup :'-( today.", "No soup today.", Mood.SAD),
-        ("You are here :O!", "You are here!", Mood.SURPRISED),
-        ("Good night 😴", "Good night", Mood.ASLEEP),
-        ("Danke😀", "Danke", Mood.HAPPY),
-        ("Danke 😀", "Danke", Mood.HAPPY),
-        ("so sad ☹️ then glad 🙂", "so sad then glad", Mood.HAPPY),
-        (":)", "", Mood.HAPPY),
-        ("at 8:00", "at 8:00", None),
-        ("see http://robot/:D", "see http://robot/:D", None),
-        ("a list:(1)", "a list:(1)", None),
-        ("plain  words ", "plain  words ", None),
-        ("", "", None),
-    ],
-)
-def test_smileys_set_the_mood_and_are_not_spoken(text: str, left: str, mood: Mood | None) -> None:
-    assert split(text) == (left, mood)
-
-
-@given(st.text())
-def test_only_smileys_are_taken_out_of_a_text(text: str) -> None:
-    left, mood = split(text)
-    if mood is None:
-        assert left == text
-    else:
-        assert len(left) < len(text)
-        letters = iter(text)
-        assert all(letter in letters for letter in left)
 
 
 # --- without a display ------------------------------------------------------------------------------------------------

@@ -361,7 +361,14 @@ def test_who_listens_to_the_moments_changes_nothing() -> None:
     assert changes == without
     assert none == []
     assert [(moment.kind, moment.tick) for moment in moments] == [("tick", event.tick) for event in ticks]
-    assert {part for moment in moments for part, _, _, _ in moment.answers} == {"base", "head", "arm", "sight", "voice"}
+    assert {part for moment in moments for part, _, _, _ in moment.answers} == {
+        "base",
+        "head",
+        "arm",
+        "sight",
+        "voice",
+        "screen",
+    }
 
 
 def test_in_simulated_time_no_tick_is_late() -> None:

@@ -1,16 +1,14 @@
-"""The robot's face in a run: a mouth that moves with the voice, smileys, and a page."""
+"""The robot's face in a run: a mouth that moves with the voice, and a page."""
 
 from threading import Event
 from urllib.request import urlopen
-
-import pytest
 
 from config.screen import ScreenConfig
 from drivers.api import Mood, Mouth, MouthShape
 from drivers.clock import SystemClock
 from drivers.screen.pages import PageScreen
 from drivers.screen.printed import PrintedScreen
-from missions.assembly.face import OPENINGS, Lips, LivelyScreen, SmilingVoice, screen
+from missions.assembly.face import OPENINGS, Lips, LivelyScreen, screen
 from missions.testing.recorders import Bench
 
 
@@ -44,19 +42,6 @@ def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
 
 def test_every_shape_of_a_mouth_has_its_opening() -> None:
     assert set(OPENINGS) == set(Mouth)
-
-
-@pytest.mark.parametrize(
-    ("text", "spoken", "moods"),
-    [("Hello :)", "Hello", [Mood.HAPPY]), ("at 8:00", "at 8:00", []), ("oh no :(", "oh no", [Mood.SAD])],
-)
-def test_smileys_set_the_mood_and_are_not_spoken(text: str, spoken: str, moods: list[Mood]) -> None:
-    bench = Bench()
-    SmilingVoice(bench.voice, bench.screen).say(text)
-    assert bench.voice.commands == [spoken]
-    assert bench.screen.commands == moods
-    SmilingVoice(bench.voice, None).say(text)
-    assert bench.voice.commands == [spoken, spoken]
 
 
 def test_the_screen_is_what_the_robot_file_says() -> None:
