@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from rich.console import Group
 from rich.text import Text
 
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, ReflexFired, VariableSet
+from missions.executive.events import (
+    CommandSent,
+    Event,
+    FaultRaised,
+    Logged,
+    NodeChanged,
+    Notified,
+    ReflexFired,
+    VariableSet,
+)
 from missions.pictures.draw import at
 from missions.pictures.drawing import SIGNS, Box, Status
 from missions.pictures.states import Now, now_of
@@ -121,6 +130,8 @@ def said(event: Event) -> str:
     match event:
         case Logged():
             return f'robot: "{event.text}"' if event.level == "voice" else f"{event.level}: {event.text}"
+        case Notified():
+            return f"notice: {event.text}"
         case FaultRaised():
             return f"! {event.part} {event.what}: {event.detail}"
         case ReflexFired():

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 
-from missions.executive.events import Logged, ReflexFired
+from missions.executive.events import Logged, Notified, ReflexFired
 from missions.pictures.page.markup import Markup, join, tag
 from missions.recording.read import Record
 from missions.report.percepts import Sighting
@@ -41,11 +41,11 @@ def faults_table(record: Record, moments: Moments) -> Markup:
 
 
 def log_table(record: Record, moments: Moments) -> Markup:
-    """Return what was said and logged."""
+    """Return what was said, notified and logged."""
     rows = [
-        (event.t, SPEAKERS.get(event.level, event.level), event.text)
+        (event.t, SPEAKERS.get(event.level, event.level) if isinstance(event, Logged) else "notice", event.text)
         for event in record.events
-        if isinstance(event, Logged)
+        if isinstance(event, Logged | Notified)
     ]
     return _table(rows, moments, "Nothing was said or logged.")
 

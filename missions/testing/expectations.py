@@ -28,7 +28,7 @@ ASKEW = math.radians(10)
 CROOKED = math.radians(3)
 """The same for a joint."""
 
-EMPTY = ("said", "showed", "moods", "faults", "reflexes")
+EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
 """The keys whose list may be empty, which means that there must be none."""
 
 
@@ -257,6 +257,7 @@ READERS: dict[str, Read] = {
     "heard_by": _heard_by,
     "showed": _texts,
     "moods": _moods,
+    "notified": _texts,
     "ran": _counts,
     "never_ran": _nodes,
     "succeeded": _nodes,

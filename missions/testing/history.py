@@ -7,7 +7,16 @@ from dataclasses import dataclass, field
 from behaviours.leaf import RUNNING, Leaf
 from behaviours.node import Node
 from drivers.api import Pose2D, Velocity
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, ReflexFired, Ticked
+from missions.executive.events import (
+    CommandSent,
+    Event,
+    FaultRaised,
+    Logged,
+    NodeChanged,
+    Notified,
+    ReflexFired,
+    Ticked,
+)
 from missions.executive.executive import Result
 from missions.executive.modifiers import MODIFIERS
 from missions.language.outcomes import ends
@@ -47,7 +56,8 @@ class History:
 
     ``claimed`` names what two leaves drove at a time, ``moving`` says whether the base moved at the last tick, ``pose``
     where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``said`` is what the
-    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen, in order.
+    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen, and
+    ``notified`` what it told whoever had given the task, in order.
     ``result`` and ``returns`` are the mission's, once it has ended.
     """
 
@@ -57,6 +67,7 @@ class History:
     heard_by: Mapping[str, list[str]] = field(default_factory=dict)
     showed: list[str] = field(default_factory=list)
     moods: list[str] = field(default_factory=list)
+    notified: list[str] = field(default_factory=list)
     claimed: str = ""
     told: list[Callable[[Happening], None]] = field(default_factory=list)
     result: Result | None = None
@@ -93,6 +104,8 @@ class History:
             case Logged(level="voice"):
                 self.said.append(event.text)
                 self._happens(Happening(event.t, ("robot",), "says", event.text, self._speaker))
+            case Notified():
+                self.notified.append(event.text)
             case CommandSent(to="voice"):
                 self._speaker = f"{event.source.rpartition('(')[2].rstrip(')')}."
             case CommandSent(to="screen"):

@@ -187,6 +187,10 @@ def _joints(wanted: Expectation, history: History) -> Iterator[Miss]:
             yield item.mark, f"'{joint}' was at {math.degrees(found):.1f} deg"
 
 
+def _notified(wanted: Expectation, history: History) -> Iterator[Miss]:
+    yield from _in_turn("notified", history.notified, wanted)
+
+
 def _returns(wanted: Expectation, history: History) -> Iterator[Miss]:
     for item in wanted.items:
         name, value = item.value
@@ -205,6 +209,7 @@ CHECKS: Mapping[str, Callable[[Expectation, History], Iterator[Miss]]] = {
     "heard_by": _heard_by,
     "showed": _showed,
     "moods": _moods,
+    "notified": _notified,
     "ran": _ran,
     "never_ran": _never_ran,
     "succeeded": _succeeded,

@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from missions.executive.events import Notified
 from missions.recording.read import Record
 from missions.replay.play import JUMP, Player
-from missions.replay.screen import Screen, lines
+from missions.replay.screen import Screen, lines, said
 
 KEYS = [
     " ",
@@ -152,6 +153,10 @@ def test_a_failure_shows_why(alone: Record) -> None:
     player = Player(alone)
     player.press("f")
     assert any("✗" in row and "no face found" in row for row in shown(alone, player))
+
+
+def test_notices_are_told() -> None:
+    assert said(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
 
 
 def test_a_small_terminal_shows_what_runs(greeted: Record) -> None:

@@ -11,7 +11,7 @@ from missions.recording.read import open_record
 from missions.report.slider import moments_of
 from missions.report.study import Study, study
 from missions.report.summary import faults, sentences, verdict
-from missions.report.tables import faults_table
+from missions.report.tables import faults_table, log_table
 from missions.report.words import about, about_all, in_words
 from perception.api import UNKNOWN, Marker, Thing
 from tests.missions.pictures.drawn import HOSTILE
@@ -84,6 +84,11 @@ def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(t
     assert "1 fault report, first at 1.00 s: base offline: no report." in list(sentences(study(record)))
     table = str(faults_table(record, moments_of(record)))
     assert ("! base offline" in table, "✓ base online" in table, "base: " in table) == (True, True, False)
+
+
+def test_the_log_holds_what_was_said_and_what_was_notified(found: Study) -> None:
+    table = str(log_table(found.record, moments_of(found.record)))
+    assert all(words in table for words in ("the robot", "somebody", "Anna: Hello", "notice", "Anna was met"))
 
 
 BALL = Thing(4, 1.0, face(1.0).box, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "", "red", "ball")

@@ -18,6 +18,7 @@ from missions.executive.events import (
     FaultRaised,
     Logged,
     NodeChanged,
+    Notified,
     ReflexFired,
     VariableSet,
 )
@@ -60,7 +61,19 @@ DRAWING = Drawing(
 WHERE = replace(HEAD, mission="m", values={"patience": "5 s"}, robot=HOSTILE)
 FILES = {"mission/greet.yaml": HOSTILE.encode()}
 
-Item = NodeChanged | VariableSet | CommandSent | FaultRaised | Logged | ReflexFired | Ended | Moment | Seen | Picture
+Item = (
+    NodeChanged
+    | VariableSet
+    | CommandSent
+    | FaultRaised
+    | Logged
+    | Notified
+    | ReflexFired
+    | Ended
+    | Moment
+    | Seen
+    | Picture
+)
 
 
 def picture(shade: int) -> bytes:
@@ -106,6 +119,7 @@ def items() -> list[Item]:
         ReflexFired(FAILED, 100, "bumper", "left", True),
         Logged(3.0, "voice", HOSTILE),
         Logged(3.5, "person", "Anna: Hello"),
+        Notified(3.6, 70, "Anna was met"),
         *(_moment(tick) for tick in range(2, 121)),
         *(Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(1, 6)),
         *(Picture(float(second), picture(40 * second), None) for second in range(1, 6)),

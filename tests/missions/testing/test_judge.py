@@ -6,7 +6,7 @@ import pytest
 
 from config.faults import Mark
 from drivers.api import Pose2D
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, ReflexFired
+from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Notified, ReflexFired
 from missions.executive.executive import Result
 from missions.testing.expectations import Expectation, Item, Place
 from missions.testing.history import History
@@ -31,6 +31,8 @@ EVENTS: Sequence[Event] = (
     CommandSent(2.1, 1, "screen", "show (1.5)", {"show": "Hello there"}),
     CommandSent(2.2, 1, "screen", "show (1.5)", {"show": ""}),
     node(2.0, "say", "running", key="1.3", kind="say"),
+    Notified(2.2, 1, "Anna was found"),
+    Notified(2.3, 1, "Anna was told"),
     FaultRaised(2.5, "arm", "offline", "the cable is out"),
     ReflexFired(2.6, 1, "bumper", "left", on=True),
     ReflexFired(2.7, 1, "bumper", "left", on=False),
@@ -67,6 +69,7 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("heard_by", [("Anna", ("Hello", "Bye")), ("Anna", ("Bye",)), ("Ben", ())]),
     ("showed", ["there"]),
     ("moods", ["happy"]),
+    ("notified", ["found", "told"]),
     ("ran", [("look", 2), ("leaf", None), ("sequence", 1), ("ask", 1), ("nod", 0)]),
     ("never_ran", ["nod"]),
     ("succeeded", ["look", "tree"]),
@@ -101,6 +104,8 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("showed", ["Bye"], 'it showed "Hello there"'),
     ("showed", [], 'it showed "Hello there"'),
     ("moods", ["happy", "sad"], 'it looked "happy"'),
+    ("notified", ["told", "found"], 'it notified "Anna was found", "Anna was told"'),
+    ("notified", [], 'it notified "Anna was found", "Anna was told"'),
     ("ran", [("nod", None)], "'nod' never ran"),
     ("ran", [("look", 1)], "'look' started 2 times"),
     ("ran", [("look", 0)], "'look' started 2 times"),
