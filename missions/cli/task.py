@@ -1,7 +1,7 @@
 """``mission task``: missions that are to be run later, in turn, or again and again; ``mission serve`` runs them."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -16,6 +16,7 @@ from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
 from missions.cli.serve import now, queue_file, server_lock
 from missions.columns import in_columns
+from missions.language.plan import Plan
 from missions.library import find_mission, shipped_missions
 from missions.order import Order, Simulate
 from missions.tasks.channels import channels_of
@@ -28,6 +29,9 @@ from missions.tasks.times import first_time, local_zone, read_at, read_every
 
 LATE = 3600.0
 """Seconds after which a task that has a time is missed, unless somebody says otherwise."""
+
+POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
+"""What is done about an interrupted task, by what its mission says of that."""
 
 NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
@@ -66,9 +70,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     "--if-interrupted",
     "interrupted",
     type=click.Choice(["retry", "give-up"]),
-    default="retry",
-    show_default=True,
-    help="What to do where nobody knows how far it came: after a power cut, say.",
+    help="What to do where nobody knows how far it came, after a power cut, say; else what the mission says, or retry.",
 )
 @click.option("--robot", metavar="NAME", help="The robot to run on; it moves, unless --simulate.")
 @click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
@@ -82,7 +84,7 @@ def add(
     every: str | None,
     late: float | None,
     retry: int,
-    interrupted: Interrupted,
+    interrupted: Interrupted | None,
     robot: str | None,
     simulate: Simulate | None,
     world: str | None,
@@ -90,7 +92,7 @@ def add(
 ) -> int:
     """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission serve`."""
     order = Order(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
-    _check(order)
+    plan = _check(order)
     time = now()
     due, repetition = _when(at, every, time)
     new = NewTask(
@@ -101,7 +103,7 @@ def add(
         due=due,
         late=LATE if late is None and (at or every) else late,
         every=repetition,
-        policy=Policy(interrupted, retries=retry),
+        policy=Policy(interrupted or POLICIES[plan.if_interrupted], retries=retry),
     )
     with _queue() as (queue, _):
         number = queue.add(new, time)
@@ -112,14 +114,14 @@ def add(
     return SUCCESS
 
 
-def _check(order: Order) -> None:
-    """Raise what `mission run` would raise for this order, before anything moves."""
+def _check(order: Order) -> Plan:
+    """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
     from missions.runner import load  # noqa: PLC0415 - the other subcommands need none of what it imports
 
     check_order(order)
-    load(order, order.robot_file())
     if order.simulation is not None:
         order.world_file()
+    return load(order, order.robot_file())
 
 
 def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:

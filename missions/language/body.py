@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
+from config.units import seen
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
 from missions.language.params import Param, read_params
@@ -12,18 +13,25 @@ from missions.language.plan import MISSION, SWITCH, Property, Step
 from missions.language.properties import read_properties
 from missions.language.values import Value
 
-KEYS = ("mission", "summary", "params", "tree", "returns", "properties")
+KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
+
+IF_INTERRUPTED = ("retry", "give_up")
+"""What to do about the mission as a task of which nobody knows how far it came."""
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A mission file, read. ``returns`` are the results that it hands back, by name."""
+    """A mission file, read. ``returns`` are the results that it hands back, by name.
+
+    ``if_interrupted`` is one of ``IF_INTERRUPTED``; empty where the file says nothing of it.
+    """
 
     mission: str
     summary: str
     tree: Step | None
     returns: dict[str, Value]
     properties: tuple[Property, ...] = ()
+    if_interrupted: str = ""
 
 
 Take = Callable[[Notes, dict[str, Param], str], None]
@@ -47,7 +55,8 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
     notes.stored |= stored_names(node, {word: leaf.open_ended for word, leaf in notes.leaves.items()})
     tree = read_step(notes, node)
     properties = read_properties(notes, root.get("properties"), tree)
-    return Body(mission, summary, tree, read_returns(notes, root.get("returns")), properties)
+    returns = read_returns(notes, root.get("returns"))
+    return Body(mission, summary, tree, returns, properties, _if_interrupted(notes, root))
 
 
 def _header(notes: Notes, root: Mapping, key: str, *, required: bool = False) -> str:
@@ -60,6 +69,16 @@ def _header(notes: Notes, root: Mapping, key: str, *, required: bool = False) ->
         notes.fault(node.mark, f"'{key}' needs a text")
         return ""
     return node.text
+
+
+def _if_interrupted(notes: Notes, root: Mapping) -> str:
+    node = root.get("if_interrupted")
+    if node is None:
+        return ""
+    said = node.text if isinstance(node, Scalar) else ""
+    if said not in IF_INTERRUPTED:
+        notes.fault(node.mark, f"'if_interrupted' cannot be {seen(said)}", one_of(said, IF_INTERRUPTED))
+    return said
 
 
 def read_returns(notes: Notes, node: Node | None) -> dict[str, Value]:

@@ -89,7 +89,8 @@ def _check(
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:
         raise InvalidFileError(notes.faults)
-    return Plan(body.mission, body.summary, dict(notes.params), tree, source, body.returns, body.properties)
+    params = dict(notes.params)
+    return Plan(body.mission, body.summary, params, tree, source, body.returns, body.properties, body.if_interrupted)
 
 
 def _check_depth(notes: Notes, tree: Step) -> None:

@@ -126,7 +126,10 @@ class Property:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A whole mission, checked. ``params`` hold this run's values, ``returns`` what it tells in the end."""
+    """A whole mission, checked. ``params`` hold this run's values, ``returns`` what it tells in the end.
+
+    ``if_interrupted`` (``retry``, ``give_up``; empty where it says nothing) is for the mission as a task.
+    """
 
     mission: str
     summary: str
@@ -135,3 +138,4 @@ class Plan:
     source: Source
     returns: Mapping[str, Value] = field(default_factory=dict)
     properties: tuple[Property, ...] = ()
+    if_interrupted: str = ""

@@ -11,6 +11,7 @@ from config.gesture import load_gesture
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.catalogue import sentence
+from missions.language.body import IF_INTERRUPTED
 from missions.language.params import TYPES
 from missions.language.plan import MISSION
 from missions.language.properties import FORMS, PROPERTIES
@@ -36,6 +37,10 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
                 "type": "object",
                 "propertyNames": NAME,
                 "additionalProperties": _param(),
+            },
+            "if_interrupted": {
+                "description": "What to do about it as a task when nobody knows how far it came.",
+                "enum": list(IF_INTERRUPTED),
             },
             "tree": NODE,
             "returns": {

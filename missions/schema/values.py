@@ -4,7 +4,6 @@
 validators pass over them. Patterns keep to what Python's and JavaScript's regular expressions have in common.
 """
 
-import keyword
 import math
 import re
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ from behaviours.leaf import Argument
 from config.units import EXAMPLES, UNITS, article
 from missions.catalogue import bounds, example, plain_default, sentence, terms
 from missions.language.arguments import OUTCOMES, SWITCHED
-from missions.language.expressions import WORDS
+from missions.language.expressions import RESERVED, WORDS
 from missions.language.notes import STATE
 from missions.language.operators import FUNCTIONS
 
@@ -29,7 +28,7 @@ SCALAR = ["string", "number", "boolean"]
 
 _UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _ABOVE_ZERO = r"(?=[0-9.]*[1-9])"
-_TAKEN = sorted({*keyword.kwlist, *STATE, *WORDS, *FUNCTIONS})
+_TAKEN = sorted({*RESERVED, *STATE, *WORDS, *FUNCTIONS})
 
 # A word as Python has it, with letters of any alphabet: no ASCII sign but the underscore, no digit in front.
 _SIGNS = r"\s!-/:-@\[-\^`{-~"

@@ -432,6 +432,10 @@ def test_a_mistake_is_told_under_its_word(lines: list[str], under: str, message:
         ("mission: m\ntree:\n", [(2, "", "a behaviour is missing here", "")]),
         ("mission:\ntree: succeed", [(1, "", "'mission' needs a text", "")]),
         ("mission: m\nsummary: [a]\ntree: succeed", [(2, "[", "'summary' needs a text", "")]),
+        (
+            "mission: m\nif_interrupted: give up\ntree: succeed",
+            [(2, "give up", "'if_interrupted' cannot be 'give up'", "did you mean 'give_up'?")],
+        ),
         ("mission: m\ntre: succeed\ntree: succeed", [(2, "tre", "a mission has no key 'tre'", "did you mean 'tree'?")]),
         (
             "mission: m\ntree:\n  - say: Hi\n",

@@ -121,6 +121,15 @@ def test_a_repetition_and_its_policy_are_kept(user: User) -> None:
     assert (task["late"], task["series"]) == (3600.0, 1)
 
 
+def test_a_mission_says_what_becomes_of_it_unless_whoever_asks_does(user: User) -> None:
+    user.add()
+    user.mission.write_text(TELL.replace("tree:", "if_interrupted: give_up\ntree:"), encoding="utf-8")
+    user.add()
+    user.add("--if-interrupted", "retry")
+    policies = [task["policy"] for task in user.tasks()]
+    assert [policy["interrupted"] for policy in policies if isinstance(policy, dict)] == ["retry", "give-up", "retry"]
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [
