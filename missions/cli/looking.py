@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import radians
 from pathlib import Path
 
 from config.colours import COLOURS
@@ -11,11 +12,15 @@ from missions.assembly.detectors import face_detector
 from perception.api import Box, Detection, Image, Marker, Scene, Thing
 from perception.finder import FaceFinder
 from perception.geometry import Pinhole
+from perception.identity import Recogniser
 from perception.markers import MarkerKind, MarkerSense
 from perception.pupils import EyeFinder
 from perception.scene import measure
 from perception.things import ThingSense
 from perception.wanted import Wanted
+
+IDEAL = CameraConfig("", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
+"""The camera of pictures of which nobody says what has taken them."""
 
 PERIOD = 0.04
 """Seconds that count as passing from frame to frame."""
@@ -31,11 +36,12 @@ class Still:
 
 @dataclass(frozen=True, slots=True)
 class SeenFace:
-    """A face, its eyes, and how far away it may be in metres."""
+    """A face, its eyes, how far away it may be in metres, and whose it is where that was asked and can be said."""
 
     box: Box
     eyes: tuple[Box, ...]
     distance: float
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +57,20 @@ class Seen:
 class Looker:
     """Looks at one frame after another: at a picture for itself, at a film from frame to frame.
 
-    ``camera`` is the lens and the detector, None for an ideal one of 60 degrees and Haar.
+    ``camera`` is the lens and the detector; ``people`` knows whose the faces are.
     """
 
-    def __init__(self, camera: CameraConfig | None, things: Sequence[Wanted], markers: str | None) -> None:
+    def __init__(
+        self,
+        camera: CameraConfig,
+        things: Sequence[Wanted] = (),
+        markers: str | None = None,
+        people: Recogniser | None = None,
+    ) -> None:
         self._camera = camera
         self._wanted = tuple(things)
         self._family = markers
+        self._people = people
         self._detector = face_detector(camera)
         self._eyes = EyeFinder()
         self._film: Path | None = None
@@ -74,7 +87,7 @@ class Looker:
         found: Sequence[Detection] = (
             self._detector.detect(image) if still else [sighting.detection for sighting in self._finder.find(image)]
         )
-        faces = tuple(SeenFace(each.box, self._eyes.find(image, each.box), lens.distance(each.box)) for each in found)
+        faces = tuple(self._face(image, each.box, lens) for each in found)
         things: tuple[Thing, ...] = ()
         markers: tuple[Marker, ...] = ()
         for look in (0, 1) if still else (1,):  # what is followed counts once it was seen twice: a picture twice over
@@ -82,6 +95,11 @@ class Looker:
             things = self._things.sense(frame, lens, None)
             markers = () if self._markers is None else self._markers.sense(frame, lens, None)
         return Seen(faces, things, markers, measure(image, stamp=number * PERIOD))
+
+    def _face(self, image: Image, box: Box, lens: Pinhole) -> SeenFace:
+        look = None if self._people is None else self._people.look(image, box)
+        name = "" if look is None else look.verdict
+        return SeenFace(box, self._eyes.find(image, box), lens.distance(box), name)
 
     def _begin(self) -> None:
         """Forget what was followed: another file begins."""
@@ -91,6 +109,4 @@ class Looker:
 
     def _lens(self, width: int, height: int) -> Pinhole:
         camera = self._camera
-        if camera is None:
-            return Pinhole(width, height, 1.0471975512)
         return Pinhole(width, height, camera.field_of_view, camera.centre, camera.distortion)

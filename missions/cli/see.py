@@ -9,11 +9,13 @@ import click
 
 from config.library import find
 from config.robot import load_robot
+from drivers.api import Notice
 from drivers.camera.pictures import pictures
 from drivers.errors import BadRequest
+from missions.assembly.gallery import gallery
 from missions.assembly.things import wanted
 from missions.cli.drawings import Drawings
-from missions.cli.looking import Looker, Seen, SeenFace
+from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
 from perception.annotate import annotate
 from perception.api import Box, Marker, Thing
 from perception.markers import DICTIONARIES
@@ -42,6 +44,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
     metavar="[FAMILY]",
     help="Look for markers too: 4x4_50, apriltag_36h11...",
 )
+@click.option("--people", is_flag=True, help="Say whose faces they are, of those whom `mission person` knows.")
 @click.option("--robot", metavar="NAME", help="Whose camera: its lens, for distances, and its detector of faces.")
 @click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw it all, into OUT.")
@@ -49,12 +52,15 @@ def command(
     files: tuple[str, ...],
     things: tuple[Wanted, ...],
     markers: str | None,
+    people: bool,
     robot: str | None,
     as_json: bool,
     folder: Path | None,
 ) -> int:
     """Look for faces, and for more, in pictures, videos and folders of them."""
-    looker = Looker(None if robot is None else load_robot(find("robots", robot)).camera, things, markers)
+    camera = None if robot is None else load_robot(find("robots", robot)).camera
+    known = gallery(camera or IDEAL, _warn) if people else None
+    looker = Looker(camera or IDEAL, things, markers, known)
     drawn = None if folder is None else Drawings(folder, files)
     try:
         for path, number, image in pictures(files):
@@ -69,12 +75,17 @@ def command(
     return 0
 
 
+def _warn(notice: Notice) -> None:
+    click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
 def _data(path: Path, number: int, seen: Seen) -> dict[str, object]:
     """Return what a frame shows for JSON."""
     return {
         "file": str(path),
         "frame": number,
         "faces": [_numbers(face.box) for face in seen.faces],
+        "names": [face.name for face in seen.faces],
         "eyes": [[_numbers(eye) for eye in face.eyes] for face in seen.faces],
         "things": [
             {"name": each.name, "shape": each.shape, "box": _numbers(each.box), "distance": _metres(each.distance)}
@@ -102,11 +113,15 @@ def _words(seen: Seen) -> str:
     """Say what a frame shows."""
     count = len(seen.faces)
     faces = f"{count} face{'s' if count > 1 else ''}" if count else "no face"
-    places = [f"{_size(face.box)}{EYES[len(face.eyes)]}" for face in seen.faces]
+    places = [f"{_named(face)}{_size(face.box)}{EYES[len(face.eyes)]}" for face in seen.faces]
     others = [f"{each.name} {_size(each.box)}{_away(each)}" for each in seen.things]
     others += [f"marker {each.number} {_size(each.box)}{_away(each)}, {_turned(each)}" for each in seen.markers]
     scene = f"brightness {seen.scene.brightness:.0f}, contrast {seen.scene.contrast:.0f}"
     return "; ".join([faces + (": " + places[0] if places else ""), *places[1:], *others, scene])
+
+
+def _named(face: SeenFace) -> str:
+    return f"{face.name}, " if face.name else ""
 
 
 def _size(box: Box) -> str:
@@ -124,7 +139,7 @@ def _turned(marker: Marker) -> str:
 def _marks(seen: Seen) -> Iterator[tuple[Box, str]]:
     """Yield what is drawn: boxes with their labels."""
     for face in seen.faces:
-        yield face.box, f"face{_away(face)}"
+        yield face.box, f"{face.name or 'face'}{_away(face)}"
         yield from ((eye, "") for eye in face.eyes)
     yield from ((each.box, f"{each.name}{_away(each)}") for each in seen.things)
     yield from ((each.box, f"{each.number}{_away(each)}") for each in seen.markers)

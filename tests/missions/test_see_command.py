@@ -9,6 +9,7 @@ import pytest
 import skimage.data
 
 from tests.missions.command import Outcome, command, events_of
+from tests.perception.people_drawn import pictures
 
 Mission = Callable[..., Outcome]
 
@@ -93,3 +94,18 @@ def test_with_a_robot_its_lens_and_its_detector_count(mission: Mission) -> None:
     outcome = mission("see", "--robot", "net.yaml", "room.png")
     assert outcome.code == 2
     assert "mission models fetch yunet" in outcome.err
+
+
+def test_whose_faces_they_are_is_said_on_request(mission: Mission) -> None:
+    nobody = mission("see", "--people", "astronaut.png")
+    assert "1 face: unknown, " in nobody.out
+    assert "mission person add NAME" in nobody.err
+    for number, photo in enumerate(pictures("anna", (1.0, 1.3), each=2)):
+        cv2.imwrite(f"anna{number}.png", photo)
+    for number, photo in enumerate(pictures("ben", (1.0, 1.3), each=2)):
+        cv2.imwrite(f"ben{number}.png", photo)
+    for name in ("anna", "ben"):
+        assert mission("person", "add", name.title(), *(f"{name}{number}.png" for number in range(3))).code == 0
+    seen = events_of(mission("see", "--people", "--json", "anna3.png", "ben3.png").out.splitlines())
+    assert [each["names"] for each in seen] == [["Anna"], ["Ben"]]
+    assert mission("see", "anna3.png").out.startswith("anna3.png frame 0: 1 face: ")
