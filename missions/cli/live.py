@@ -103,7 +103,7 @@ class Watcher:
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
             return
-        line = Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.detail}")
+        line = Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}")
         if event.hint:
             line.append(f"\n            try: {event.hint}")
         self._console.print(line)

@@ -136,6 +136,11 @@ class FaultRaised(Event):
     detail: str
     hint: str = ""
 
+    @property
+    def plain(self) -> str:
+        """What is the matter, without the part's name, for where that stands beside it."""
+        return self.detail.removeprefix(f"{self.part}: ")
+
 
 @dataclass(slots=True)
 class Logged(Event):

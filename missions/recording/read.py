@@ -112,6 +112,7 @@ class Record:
         self.whole = container.whole
         self.until = until
         self.cut_from = cut_from
+        self._figures: dict[str, list[tuple[float, dict[str, float]]]] = {}
 
     @cached_property
     def events(self) -> Sequence[Event]:
@@ -148,7 +149,10 @@ class Record:
     def series(self, name: str) -> tuple[list[float], list[float]]:
         """Return the times and values of one of ``SERIES``, where they are known. Raises KeyError for another name."""
         topic, field = SERIES[name]
-        found = [pair for pair in self._read(lambda _, data: _figure(data, field), topic) if isfinite(pair[1])]
+        if topic not in self._figures:  # all that is drawn of a part stands in the same messages
+            fields = [other for told, other in SERIES.values() if told == topic]
+            self._figures[topic] = list(self._read(lambda _, data: _told(data, fields), topic))
+        found = [(time, known[field]) for time, known in self._figures[topic] if field in known]
         return [time for time, _ in found], [value for _, value in found]
 
     def statuses(self, time: float) -> Mapping[str, NodeChanged]:
@@ -206,10 +210,11 @@ class Record:
             yield found
 
 
-def _figure(data: Any, field: str) -> tuple[float, float]:
-    """Return when a figure was told, and its value: not a number where it was not known."""
-    value = data[field] if data["quality"] == "good" else None
-    return data["t"], float("nan" if value is None else value)
+def _told(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, float]]:
+    """Return when figures were told, and the values of those that were known."""
+    good = data["quality"] == "good"
+    values = {name: float(data[name]) for name in fields if good and data[name] is not None}
+    return data["t"], {name: value for name, value in values.items() if isfinite(value)}
 
 
 def _order(event: Event) -> tuple[float, int]:

@@ -133,7 +133,7 @@ def said(event: Event) -> str:
         case Notified():
             return f"notice: {event.text}"
         case FaultRaised():
-            return f"! {event.part} {event.what}: {event.detail}"
+            return f"! {event.part} {event.what}: {event.plain}"
         case ReflexFired():
             return f"! {event.what} {event.where}".rstrip() + ("" if event.on else " over")
         case CommandSent() if RARE & set(event.values):

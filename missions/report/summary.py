@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Sequence
 from math import degrees
 
-from missions.executive.events import FaultRaised, Ticked
+from missions.executive.events import FaultRaised, NodeChanged, Ticked
 from missions.pictures.drawing import Drawing
+from missions.pictures.symbols import CONDITION
 from missions.recording.read import Record
 from missions.report.following import rms
 from missions.report.study import Study
@@ -65,21 +66,38 @@ def faults(record: Record) -> list[FaultRaised]:
     return kept
 
 
-def detail_of(fault: FaultRaised) -> str:
-    """Return what is the matter with a part, without its name, which stands beside it anyway."""
-    return fault.detail.removeprefix(f"{fault.part}: ")
-
-
 def _failures(record: Record, drawing: Drawing) -> Iterator[str]:
-    found = record.failures()
-    if not found:
-        yield "No node failed."
+    """Say which node the run failed by, and which actions failed besides: conditions that say no are none of them."""
+    names, found, cause = names_in(drawing), record.failures(), _cause(record)
+    if cause is not None:
+        node = names.get(cause.node, Named(cause.name, f"line {cause.line}"))
+        yield f"What it failed by was {node.title} ({node.place}), at {in_seconds(cause.t)}."
+    actions = {box.key for box in drawing.root.walk() if not box.children and box.symbol != CONDITION}
+    others = [change for change in found if change.node in actions and change is not cause]
+    besides = " besides" if cause is not None else ""
+    if not others:
+        yield f"No action failed{besides}."
         return
-    first, more = found[0], len({change.t for change in found}) - 1
-    node = names_in(drawing).get(first.node, Named(first.name, f"line {first.line}"))
-    why = f": {first.reason}" if first.reason else ""
-    others = f"; nodes failed at {counted(more, 'more moment')}" if more else ""
-    yield f"The first failure was at {in_seconds(first.t)}, of {node.title} ({node.place}){why}{others}."
+    first = others[0]
+    node, why = names[first.node], f": {first.reason}" if first.reason else ""
+    began = f"first {node.title} ({node.place}), at {in_seconds(first.t)}{why}"
+    yield f"Actions failed{besides} {_times(len(others))}, {began}."
+
+
+def _cause(record: Record) -> NodeChanged | None:
+    """Return the change that the mission failed by: the deepest of those that handed its reason up in the end."""
+    end, cause = record.end(), None
+    if end is None or end.result != "failure":
+        return None
+    for change in reversed(record.failures()):
+        if change.reason != end.reason:
+            break
+        cause = change
+    return cause
+
+
+def _times(number: int) -> str:
+    return {1: "once", 2: "twice"}.get(number, f"{number} times")
 
 
 def _busiest(lanes: Sequence[Lane], drawing: Drawing) -> Iterator[str]:
@@ -95,7 +113,7 @@ def _faults(record: Record) -> str:
     if not found:
         return "No part of the robot reported a fault."
     first = found[0]
-    detail = f": {detail_of(first)}" if first.detail else ""
+    detail = f": {first.plain}" if first.detail else ""
     return f"{counted(len(found), 'fault report')}, first at {in_seconds(first.t)}: {first.part} {first.what}{detail}."
 
 

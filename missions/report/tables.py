@@ -9,7 +9,7 @@ from missions.pictures.page.markup import Markup, join, tag
 from missions.recording.read import Record
 from missions.report.percepts import Sighting
 from missions.report.slider import Moments
-from missions.report.summary import detail_of, faults
+from missions.report.summary import faults
 from missions.report.words import counted, in_seconds
 
 MOST_ROWS = 400
@@ -28,7 +28,7 @@ def faults_table(record: Record, moments: Moments) -> Markup:
         (
             event.t,
             f"{'✓' if event.what == 'online' else '!'} {event.part} {event.what}",
-            "\n".join(filter(None, (detail_of(event), event.hint and f"try: {event.hint}"))),
+            "\n".join(filter(None, (event.plain, event.hint and f"try: {event.hint}"))),
         )
         for event in faults(record)
     ]

@@ -76,7 +76,7 @@ def test_a_report_has_its_parts_by_name(tab: Tab) -> None:
     tab.find("image", "drive: 1 time, 1.00 s in all; 1 failure")
     tab.find("image", "Speed, asked 0 to 0.2 m/s, measured 0 to 0.2 m/s")
     tab.find("image", "The way of the base from above, 0.2 m long")
-    assert "The first failure was at 5.00 s, of drive (m.yaml, line 2)" in tab.text()
+    assert "What it failed by was drive (m.yaml, line 2), at 5.00 s" in tab.text()
 
 
 def test_the_slider_moves_the_tree_the_variables_the_picture_and_the_charts(tab: Tab) -> None:

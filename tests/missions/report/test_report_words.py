@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.executive.events import Ended, FaultRaised
+from missions.executive.events import Ended, FaultRaised, NodeChanged
 from missions.recording.items import Missed, Picture, Seen
 from missions.recording.read import open_record
 from missions.report.slider import moments_of
@@ -26,7 +26,8 @@ def said_of(tmp_path: Path, what: list[Item | Missed], *, eyes: str = "pixels") 
 def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
     assert list(sentences(found)) == [
         f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
-        f"The first failure was at 5.00 s, of drive (m.yaml, line 2): {HOSTILE}; nodes failed at 1 more moment.",
+        "What it failed by was drive (m.yaml, line 2), at 5.00 s.",
+        "No action failed besides.",
         "Most of the time went into track_face: 2.90 s (m.yaml, line 3).",
         f"1 fault report, first at 4.50 s: base offline: {HOSTILE}.",
         "1 of 119 ticks came more than a tick late, worst by 80 ms at 3.00 s.",
@@ -35,6 +36,12 @@ def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
         "The battery went from 80 % to 74 %.",
         "It saw face 1, first at 1.01 s.",
     ]
+
+
+def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:
+    lost = [NodeChanged(t, 20, "1.1", "track_face", "track_face", 1, "failure", "lost it") for t in (1.0, 2.0)]
+    told = said_of(tmp_path, [*items(), *lost])
+    assert "Actions failed besides twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
 
 
 def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: Study) -> None:
@@ -46,7 +53,7 @@ def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
     told = said_of(tmp_path, [FaultRaised(0.0, "base", "online", ""), end], eyes="")
     assert told == [
         "It succeeded after 1.00 s and 20 ticks.",
-        "No node failed.",
+        "No action failed.",
         "No part of the robot reported a fault.",
         "There is no camera in this record.",
     ]
