@@ -15,6 +15,9 @@ METADATA = "missiontree"
 FILES = "files"
 """The name of the metadata that say where each attached file was found."""
 
+LIMIT = "limit"
+"""The name of the metadata that say that a record was as large as it might get, and when that was."""
+
 TREE = "tree.json"
 """The attachment with the drawing of the mission's tree."""
 

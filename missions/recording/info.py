@@ -78,7 +78,8 @@ def _facts(record: Record, found: Stock) -> Iterator[tuple[str, str]]:
 def _result(record: Record) -> str:
     end = record.end()
     if end is None:
-        return "not recorded" + ("" if record.cut_from is None else ": this is a piece of a record")
+        cut = "" if record.cut_from is None else ": this is a piece of a record"
+        return "not recorded" + (": it had reached its limit (--record-limit)" if record.full else cut)
     return f"{end.result} after {end.seconds:.2f} s" + (f": {end.reason}" if end.reason else "")
 
 

@@ -18,7 +18,7 @@ from missions.pictures.drawing import Drawing
 from missions.pictures.tree_json import from_json as drawing_from_json
 from missions.recording.codec import from_json
 from missions.recording.faults import InvalidRecordError, understanding
-from missions.recording.head import TREE, Head
+from missions.recording.head import LIMIT, TREE, Head
 from missions.recording.identify import head_in, no_mcap
 from missions.recording.moments import Restored
 from missions.recording.topics import EVENTS
@@ -70,7 +70,8 @@ def open_record(path: Path) -> "Record":
         raise InvalidRecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     with understanding(path):
         began = began_at(head)
-    return Record(container, head, files, 0.0 if last is None else (last - began) / 1e9, _cut_from(tables.get(CUT)))
+    until = 0.0 if last is None else (last - began) / 1e9
+    return Record(container, head, files, until, _cut_from(tables.get(CUT)), full=LIMIT in tables)
 
 
 def began_at(head: Head) -> int:
@@ -91,7 +92,8 @@ class Record:
 
     ``files`` are those that the run was made of, by their names in the record. ``whole`` says that it was closed
     properly; ``until`` is the time of its last message. ``cut_from`` is where a piece begins that was cut out of
-    another record, and None for a record from its beginning. ``container`` is the file itself, for what works on it.
+    another record, and None for a record from its beginning. ``full`` says that it was as large as it might get, so
+    that the run went on without it. ``container`` is the file itself, for what works on it.
 
     What is asked for is read when it is asked for, and kept; pictures and percepts are not. InvalidRecordError is
     raised for messages that are not what this program writes; messages in a damaged stretch are just not there.
@@ -104,6 +106,8 @@ class Record:
         files: Mapping[str, bytes],
         until: float,
         cut_from: float | None,
+        *,
+        full: bool = False,
     ) -> None:
         self.container = container
         self.path: Path = container.path
@@ -112,6 +116,7 @@ class Record:
         self.whole = container.whole
         self.until = until
         self.cut_from = cut_from
+        self.full = full
         self._figures: dict[str, list[tuple[float, dict[str, float]]]] = {}
 
     @cached_property

@@ -12,7 +12,7 @@ from typing import Any
 
 from mcap.writer import Writer
 
-from missions.recording.head import FILES, METADATA, TREE, Contents
+from missions.recording.head import FILES, LIMIT, METADATA, TREE, Contents
 from missions.recording.items import Missed
 from missions.recording.schemas import schema
 from missions.recording.sink import Sink
@@ -140,6 +140,7 @@ class RecordWriter:
             self._lose(chunk, trouble.strerror or str(trouble))
         if self._sink.good + self._index + self._most > self._limit:
             self.ended = self._t
+            self._writer.add_metadata(LIMIT, {"t": f"{self._t:.3f}", "bytes": f"{self._limit:.0f}"})
 
     def close(self) -> Written:
         """Close the record as far as that is possible; return what became of it. Once."""

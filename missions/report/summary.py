@@ -33,7 +33,8 @@ def verdict(record: Record) -> tuple[str, str]:
     if end is None:
         piece = f"This is a piece of a record, from {in_seconds(record.cut_from)} on" if record.cut_from else ""
         cut_off = f"The record ends at {in_seconds(record.until)}, before the mission did"
-        return "", f"{piece or cut_off}: how the mission ended is not in it."
+        full = ", since it had reached its limit (--record-limit)" if record.full else ""
+        return "", f"{piece or cut_off}{full}: how the mission ended is not in it."
     why = f": {end.reason}" if end.reason else ""
     did = ENDS.get(end.result, f"It ended ({end.result})")
     return end.result, f"{did} after {in_seconds(end.seconds)} and {counted(end.ticks, 'tick')}{why}."

@@ -17,8 +17,10 @@ from mcap.reader import make_reader
 from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading, Velocity
 from missions.executive import events
 from missions.recording.head import Contents, Head
+from missions.recording.info import lines_about
 from missions.recording.items import Checked, Missed, Picture, Seen, packed, unpacked
 from missions.recording.mend import mend
+from missions.recording.read import open_record
 from missions.recording.schemas import HERE, schema
 from missions.recording.sink import Sink
 from missions.recording.topics import EVENTS, SCHEMAS
@@ -235,6 +237,8 @@ def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
     assert not written.lost
     assert 3e5 < path.stat().st_size < 5.4e5
     assert read(path)[0] == written.counts
+    assert open_record(path).full
+    assert any("not recorded: it had reached its limit" in line for line in lines_about(open_record(path)))
 
 
 def replace_stamp(picture: Picture, t: float) -> Picture:
