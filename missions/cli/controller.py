@@ -9,6 +9,7 @@ import click
 from behaviours.tracking.rules import RuleBases
 from config.controller import ControllerConfig, load_controller
 from config.library import find, shipped
+from missions.cli.outputs import writing
 from missions.controllers.bench import CONTROLLERS, bench, table
 from missions.controllers.words import lines_about
 
@@ -89,8 +90,6 @@ def read(name: str) -> tuple[ControllerConfig, RuleBases]:
 def _drawn(output: Path, draw: Callable[[], None]) -> None:
     if output.suffix != ".png":
         raise click.UsageError(f"'{output}': the name of the picture must end in .png")
-    try:
+    with writing(output, "-o"):
         draw()
-    except OSError as error:
-        raise click.UsageError(f"'{output}': cannot be written: {error.strerror}") from error
     click.echo(f"drew {output}", err=True)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.outputs import writing
 from missions.recording.read import open_record
 from missions.report.page import page
 from missions.report.study import Study, study
@@ -46,7 +47,8 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
     found = study(open_record(file), most_pictures=pictures if output is not None else 0)
     try:
         if output is not None:
-            output.write_text(page(found), encoding="utf-8")
+            with writing(output, "-o"):
+                output.write_text(page(found), encoding="utf-8")
             click.echo(f"wrote {output}")
         if plots is not None:
             _plot(found, plots)

@@ -12,6 +12,7 @@ from missions.cli.film import Film
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
 from missions.cli.orders import check_events, check_film, check_order, check_pad
+from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.viewing import LiveView
 from missions.executive.executive import Result
@@ -86,10 +87,8 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack) -> None:
     """Have events and a film written until ``closing`` ends."""
     if outputs.events is not None:
         check_events(outputs.events, runner.plan)
-        try:
+        with writing(outputs.events, "--events"):
             file = outputs.events.open("w", encoding="utf-8")
-        except OSError as error:
-            raise click.BadParameter(f"{outputs.events}: {error.strerror}", param_hint="--events") from error
         closing.callback(_close, file)
         runner.stream.listeners.append(JsonLines(file))
     if outputs.film is not None and runner.twins is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from missions.cli.options import behaviours_option
+from missions.cli.outputs import writing
 from missions.pictures import tree_json
 from missions.schema.mission import known_things, mission_schema
 from missions.vocabulary import vocabulary
@@ -29,8 +30,6 @@ def command(output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> N
     if output is None:
         click.echo(text)
         return
-    try:
+    with writing(output, "-o"):
         output.write_text(f"{text}\n", encoding="utf-8")
-    except OSError as error:
-        raise click.BadParameter(f"{output}: {error.strerror}", param_hint="-o") from error
     click.echo(f"wrote {output}", err=True)

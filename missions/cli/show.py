@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from missions.cli.options import SECONDS, behaviours_option, params_option
+from missions.cli.outputs import writing
 from missions.library import load_mission
 from missions.pictures.compare import compare
 from missions.pictures.draw import at, drawing_of, folded
@@ -113,8 +114,6 @@ def _write(dump: Dump, output: Path | None, form: str, name: str) -> None:
             raise click.UsageError(f"a terminal cannot show {form}\n  try: -o {Path(name).stem}.{form}")
         click.echo(dump, nl=False)
         return
-    try:
+    with writing(output, "-o"):
         output.write_bytes(dump if isinstance(dump, bytes) else dump.encode())
-    except OSError as error:
-        raise click.BadParameter(f"{output}: {error.strerror}", param_hint="-o") from error
     click.echo(f"wrote {output}", err=True)

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
+from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.testing import report
 from missions.testing.coverage import coverage, lines_of
@@ -133,7 +134,5 @@ def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
 
 
 def _write(path: Path, data: bytes, option: str) -> None:
-    try:
+    with writing(path, option):
         path.write_bytes(data)
-    except OSError as error:
-        raise click.BadParameter(f"{path}: {error.strerror}", param_hint=option) from error

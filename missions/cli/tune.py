@@ -14,6 +14,7 @@ from config.faults import Source
 from config.library import find
 from config.marked import read_source
 from missions.cli.controller import read
+from missions.cli.outputs import writing
 from missions.controllers.bench import bench, table
 from missions.controllers.scenario import SCENARIOS
 
@@ -80,10 +81,8 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
     after = RuleBases.from_mapping(parse_controller(Source(str(output), text)).values)
     for line in table(list(bench({"before": before, "after": after}, scenarios=SCENARIOS[:2]))):
         click.echo(line)
-    try:
+    with writing(output, "-o"):
         output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise click.UsageError(f"'{output}': cannot be written: {error.strerror}") from error
     click.echo(f"\nwrote {output}; to use it: track_face: {output}")
 
 

@@ -14,6 +14,7 @@ from drivers.sim.topview import TopView
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
 from missions.cli.options import SECONDS
+from missions.cli.outputs import writing
 from missions.order import DEFAULT_ROBOT
 from missions.pictures.plan import plan
 from missions.pictures.words import lines_about
@@ -62,10 +63,8 @@ def show(name: str, output: Path | None, camera: bool, time: float, robot: str) 
         data = plan(config.name, build_world(config), config.summary, time).encode()
     else:
         data = _png(_seen(config, load_robot(find("robots", robot)), time) if camera else _map(config, time))
-    try:
+    with writing(output, "-o"):
         output.write_bytes(data)
-    except OSError as error:
-        raise click.UsageError(f"'{output}': cannot be written: {error.strerror}") from error
     click.echo(f"drew {output}")
 
 

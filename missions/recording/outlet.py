@@ -70,6 +70,9 @@ class Outlet:
             raise CannotRecordError(f"{self._path}: is no file that could be written over", hint="name another file")
         if self._path.exists() and not self._overwrite:
             raise CannotRecordError(f"{self._path}: is there already", hint="another name, or --overwrite")
+        if not self._path.parent.is_dir():
+            folder = self._path.parent
+            raise CannotRecordError(f"{self._path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
         self._start()
         self.send(packed([contents]))
         wall = SystemClock()

@@ -223,7 +223,7 @@ def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
         (("party", "--camera", "-o", "party.svg"), "must end in .png"),
         (("party", "--camera"), "such as -o party.png"),
         (("party", "--at", "5"), "has no unit"),
-        (("party", "-o", "no/such/folder/party.svg"), "cannot be written: No such file"),
+        (("party", "-o", "no/such/folder/party.svg"), "there is no folder no/such/folder\n  try: mkdir -p"),
         (("prty",), "did you mean 'party'?"),
     ],
 )

@@ -208,7 +208,7 @@ def test_a_name_without_a_format_is_told_which_there_are(show: Show) -> None:
 def test_a_file_that_cannot_be_written_is_told_of(show: Show) -> None:
     outcome = show("greet", "-o", "nowhere/greet.svg")
     assert outcome.code == 2
-    assert "nowhere/greet.svg: No such file or directory" in outcome.err
+    assert "nowhere/greet.svg: there is no folder nowhere\n  try: mkdir -p nowhere" in outcome.err
 
 
 def test_without_its_extra_a_png_says_what_to_install(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -206,4 +206,4 @@ def test_a_report_that_cannot_be_written_is_told(folder: Path, capsys: pytest.Ca
     del folder
     outcome = command(capsys, "test", "-k", "second", "--junit", "nowhere/report.xml")
     assert outcome.code == USAGE
-    assert "nowhere/report.xml: No such file or directory" in outcome.err
+    assert "nowhere/report.xml: there is no folder" in outcome.err
