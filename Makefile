@@ -28,8 +28,9 @@ setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
 demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
 	$(BIN)/mission run greet
 
+# Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
 test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
-	$(BIN)/pytest --numprocesses auto --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --numprocesses auto --dist worksteal
 
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .
