@@ -1,4 +1,4 @@
-"""A film of a run in simulated time: what the camera sees, beside the room from above."""
+"""A film of a run in simulated time: what the camera sees, beside the room from above and the robot's face."""
 
 from pathlib import Path
 from types import TracebackType
@@ -6,6 +6,8 @@ from typing import Self
 
 import numpy as np
 
+from drivers.screen.expression import expression
+from drivers.screen.frame import frame
 from drivers.sim.render import Renderer
 from drivers.sim.topview import TopView
 from missions.assembly.twins import Twins
@@ -49,4 +51,8 @@ class Film:
         now, pose, view = twins.timeline.clock.now(), twins.pose(), twins.viewpoint()
         self._trail.append((pose.x, pose.y))
         above = self._map.draw(now, pose, camera=view, field_of_view=twins.lens.field_of_view, trail=self._trail)
-        self._movie.write(np.hstack((self._renderer.draw(view, now), above)))
+        panes = [self._renderer.draw(view, now), above]
+        if twins.screen is not None:
+            shown, height = twins.screen.shown(), twins.lens.height
+            panes.append(frame(expression(shown, now), shown.text, (height * 2 // 3, height)))
+        self._movie.write(np.hstack(panes))

@@ -10,6 +10,7 @@ from drivers.api import Image
 from missions.executive.events import Ticked
 from missions.pictures.draw import at
 from missions.recording.read import Record
+from missions.replay.face import RecordedFace
 from missions.replay.screen import running, states
 from perception.annotate import annotate
 from perception.api import Box, View
@@ -25,19 +26,23 @@ SAME = 1e-3
 
 
 def annotated(record: Record) -> Iterator[tuple[float, Image]]:
-    """Yield the time of each picture of a record, and the picture with marks and a caption.
+    """Yield the time of each picture of a record, and the picture with marks and a caption, beside the robot's face.
 
     A picture that cannot be decoded is left out.
     """
     views = [view for _, view in record.views() if view.looked is not None]
     stamps = [view.looked or 0.0 for view in views]
-    caption = _Caption(record)
+    caption, face = _Caption(record), RecordedFace(record)
     for stamp, data in record.frames():
         image = decoded(data)
         if image is not None:
             place = bisect_right(stamps, stamp + SAME) - 1
             marks = marks_of(views[place]) if place >= 0 else ()
-            yield stamp, np.vstack((annotate(image, marks), _strip(caption.at(stamp), image.shape[1])))
+            image = annotate(image, marks)
+            if face:
+                height = image.shape[0]
+                image = np.hstack((image, face.at(stamp, (height * 2 // 3, height))))
+            yield stamp, np.vstack((image, _strip(caption.at(stamp), image.shape[1])))
 
 
 def steady(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Image]:
