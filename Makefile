@@ -30,7 +30,7 @@ demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets i
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
 test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
-	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --numprocesses auto --dist worksteal
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist worksteal
 
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .

@@ -27,20 +27,14 @@ DIMENSIONS = 120
 RIDGE = 0.03
 """The share of the mean scatter that is added in each direction: in none of them do a few pictures show all of it."""
 
-OUTSIDE = 3.0
-"""What the part outside of that space counts where one person is known, in parts of what is inside; the more people,
-the less, by the square of their number: chosen on drawn people and clips, where it told strangers apart best."""
+OUTSIDE = 6.0
+"""What the part outside of that space counts, in parts of what is inside, where one person is known; the more people,
+the less, in proportion."""
 
-LONE = 1.0
-"""The threshold where one person is known, or the pictures are too few: nothing tells then how near strangers come."""
-
-LOWEST, HIGHEST = 1.0, 1.3
-"""Between which a threshold must lie, whatever a few pictures say. With two or three people known strangers pass:
-docs/people.md has the figures."""
-
-OTHER_DAYS = 1.3
-"""How much farther known people are in pictures that did not teach, beside those that are left out of the same series:
-drawn people at twice the distance, and clips a second later. Other days were not tried."""
+THRESHOLDS = (0.8, 0.9, 0.95, 1.0)
+"""The distance (in standard deviations) from which on somebody is a stranger, where one, two, three and more people are
+known. How near strangers come cannot be learnt from a few people, so it is not tried: these let 3 to 5 looks at
+strangers in 100 pass at most, at the cost of refusals (docs/people.md)."""
 
 FOLDS = 5
 """Parts into which pictures and persons are divided, to ask each part by what the others taught."""
@@ -50,9 +44,9 @@ FOLDS = 5
 class Calibration:
     """How well a gallery tells people apart, found by leaving out some of it in turn.
 
-    ``threshold`` is the distance (in standard deviations) from which on somebody is a stranger. ``refused`` is the
-    share 0..1 of looks at known people that did not give their name, ``accepted`` that of looks at strangers that gave
-    one: None where that could not be found out. ``looks`` are how many looks at known people that was asked of.
+    ``refused`` is the share 0..1 of looks at known people that did not give their name, ``accepted`` that of looks at
+    strangers that gave one: None where that could not be found out. ``looks`` are how many looks at known people that
+    was asked of. ``threshold`` is that of the whole gallery (``Fisher.threshold``).
     """
 
     threshold: float
@@ -80,7 +74,7 @@ class Fisher:
         self._white = white
         self._middles = middles
         self._scatter = scatter
-        self._outside = OUTSIDE / len(self.names) ** 2
+        self._outside = OUTSIDE / len(self.names)
 
     @classmethod
     def fit(cls, samples: Mapping[str, Vectors]) -> Self:
@@ -101,6 +95,11 @@ class Fisher:
         inverse = np.linalg.inv(scatter + RIDGE * total / size * np.eye(size))
         white = np.linalg.cholesky(inverse).astype(np.float32)
         return cls(list(samples), mean=mean, basis=basis, white=white, middles=middles @ white, scatter=total)
+
+    @property
+    def threshold(self) -> float:
+        """The distance, in standard deviations, from which on somebody is a stranger."""
+        return THRESHOLDS[min(len(self.names), len(THRESHOLDS)) - 1]
 
     def distances(self, vector: Vector) -> dict[str, float]:
         """Return how far a description is from each person, by name: the root mean square, in standard deviations."""
@@ -127,28 +126,23 @@ def _basis(centred: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.asarray(centred.T @ (vectors[:, keep] / np.sqrt(strength[keep])), np.float32)
 
 
-def calibrate(samples: Mapping[str, Sequence[Vectors]]) -> Calibration:
-    """Find the distance at which as many strangers are accepted as known people are refused.
+def calibrate(fisher: Fisher, samples: Mapping[str, Sequence[Vectors]]) -> Calibration:
+    """Find how often known people are refused and strangers accepted, by those who taught ``fisher``.
 
     ``samples`` has for each person, picture by picture, the descriptions of that picture and its variants. Some
     persons are left out in turn to be strangers, and some pictures of the others to be looks at them. All are of the
     same days as those that taught: expect more refusals on others.
     """
-    known: list[float] = []
-    strange: list[float] = []
+    refused, accepted = list[bool](), list[bool]()
     for taught, others, strangers in _parts(samples):
-        fisher = Fisher.fit(taught)
+        part = Fisher.fit(taught)
         for name, vectors in others.items():
-            found = fisher.all_distances(vectors)
-            right = found.argmin(axis=1) == fisher.names.index(name)
-            known += np.where(right, found.min(axis=1), np.inf).tolist()
+            found = part.all_distances(vectors)
+            known = (found.argmin(axis=1) == part.names.index(name)) & (found.min(axis=1) < part.threshold)
+            refused += (~known).tolist()
         for vectors in strangers:
-            strange += fisher.all_distances(vectors).min(axis=1).tolist()
-    if not (known and strange):
-        return Calibration(LONE, _share(known, LONE), None, len(known))
-    threshold = min(max(_balanced(OTHER_DAYS * np.array(known), np.array(strange)), LOWEST), HIGHEST)
-    accepted = float(np.mean(np.array(strange) <= threshold))
-    return Calibration(threshold, _share(known, threshold), accepted, len(known))
+            accepted += (part.all_distances(vectors).min(axis=1) < part.threshold).tolist()
+    return Calibration(fisher.threshold, _share(refused), _share(accepted), len(refused))
 
 
 def _parts(
@@ -172,17 +166,6 @@ def _parts(
             yield taught, others, strangers
 
 
-def _balanced(known: npt.NDArray[np.float64], strange: npt.NDArray[np.float64]) -> float:
-    """Return the distance at which the greater of both errors is least; of several, the one in their middle."""
-    places = np.unique(np.concatenate([known[np.isfinite(known)], strange]))
-    between = (places[:-1] + places[1:]) / 2 if len(places) > 1 else places
-    refused = np.mean(known[None] > between[:, None], axis=1)
-    accepted = np.mean(strange[None] <= between[:, None], axis=1)
-    worse = np.maximum(refused, accepted)
-    best = between[worse <= worse.min() + 1e-9]
-    return float((best[0] + best[-1]) / 2)
-
-
-def _share(known: Sequence[float], threshold: float) -> float | None:
-    """Return the share of distances beyond the threshold."""
-    return float(np.mean(np.array(known) > threshold)) if known else None
+def _share(hits: Sequence[bool]) -> float | None:
+    """Return the share of hits; None of nothing."""
+    return sum(hits) / len(hits) if hits else None

@@ -2,8 +2,11 @@
 
 Each pixel is written as eight bits: which of its neighbours are at least as bright. Those patterns that go over from
 dark to bright at most twice around the pixel are edges, corners and spots; all others count as one. How often each
-occurs in each of 8 x 8 cells describes the face (Ahonen, Hadid, Pietikäinen: Face description with local binary
+occurs in each of 5 x 5 cells describes the face (Ahonen, Hadid, Pietikäinen: Face description with local binary
 patterns, 2006). Square roots make the distance between two of them that of Hellinger.
+
+The patterns are coarse: finer ones are of pores and lashes, which a face of 40 pixels does not show, and say how far
+away somebody is rather than who it is.
 """
 
 from functools import cache
@@ -17,7 +20,13 @@ from perception.light import Grey, even_out
 Vector = npt.NDArray[np.float32]
 """A description: shape (LENGTH,), float32, of length 1."""
 
-CELLS = 8
+SMOOTH = 4.0
+"""Pixels of a crop by which it is smoothed (sigma): a face of 40 pixels is then described as one of 100 is."""
+
+FAR = 5
+"""Pixels from a pixel to the neighbours with which it is compared."""
+
+CELLS = 5
 PATTERNS = 59  # 58 that go over at most twice, and all others
 LENGTH = CELLS * CELLS * PATTERNS
 
@@ -26,12 +35,13 @@ _AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
 
 def describe(crop: Grey) -> Vector:
     """Return the description of a face: (LENGTH,), float32, of length 1."""
-    smooth = cv2.GaussianBlur(even_out(crop, tiles=2), (0, 0), 0.8)
-    height, width = smooth.shape[0] - 2, smooth.shape[1] - 2
-    middle = smooth[1:-1, 1:-1]
+    smooth = cv2.GaussianBlur(even_out(crop, tiles=2), (0, 0), SMOOTH)
+    height, width = smooth.shape[0] - 2 * FAR, smooth.shape[1] - 2 * FAR
+    middle = smooth[FAR:-FAR, FAR:-FAR]
     code = np.zeros((height, width), np.uint8)
     for bit, (down, right) in enumerate(_AROUND):
-        neighbour = smooth[1 + down : 1 + down + height, 1 + right : 1 + right + width]
+        top, left = FAR * (1 + down), FAR * (1 + right)
+        neighbour = smooth[top : top + height, left : left + width]
         code |= (neighbour >= middle).view(np.uint8) << bit
     counts = np.bincount((_cells(height, width) + _patterns()[code]).ravel(), minlength=LENGTH)
     shares = counts.reshape(CELLS * CELLS, PATTERNS).astype(np.float32)

@@ -49,7 +49,7 @@ class FisherPeople:
             return None
         distances = self._fisher.distances(describe(shown))
         name = min(distances, key=distances.__getitem__)
-        return Look(name, self.calibration.threshold - distances[name])
+        return Look(name, self._fisher.threshold - distances[name])
 
 
 def fisher_people(portraits: Mapping[str, Sequence[Image]]) -> FisherPeople:
@@ -58,7 +58,7 @@ def fisher_people(portraits: Mapping[str, Sequence[Image]]) -> FisherPeople:
     samples = {name: [described(each, eyes) for each in pictures] for name, pictures in portraits.items()}
     fisher = Fisher.fit({name: np.concatenate(each) if each else np.empty((0, 0), np.float32)
                          for name, each in samples.items()})  # fmt: skip
-    return FisherPeople(fisher, calibrate(samples))
+    return FisherPeople(fisher, calibrate(fisher, samples))
 
 
 def described(picture: Image, eyes: EyeFinder) -> Vectors:

@@ -1,5 +1,6 @@
 """What a person sees while a mission runs: a line for each thing done, and a live line for what runs now, and why."""
 
+from collections.abc import Mapping
 from contextlib import suppress
 from types import TracebackType
 from typing import Self, TextIO
@@ -12,6 +13,7 @@ from rich.text import Text
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from missions.executive.events import (
+    CommandSent,
     Ended,
     Event,
     FaultRaised,
@@ -73,6 +75,8 @@ class Watcher:
                 self._node(event)
             case FaultRaised():
                 self._fault(event)
+            case CommandSent(to="screen"):
+                self._face(event.values)
             case ReflexFired() if event.on and event.what in REFLEXES:
                 self._reflex(event)
             case Logged():
@@ -102,11 +106,20 @@ class Watcher:
 
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
+            if "http:" in event.detail:  # where the page with its face is
+                self._console.print(Text(f"  {event.plain}"))
             return
         line = Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}")
         if event.hint:
             line.append(f"\n            try: {event.hint}")
         self._console.print(line)
+
+    def _face(self, values: Mapping[str, object]) -> None:
+        """Show what is seen of the robot's face: for whoever has no display before them."""
+        if "mood" in values:
+            self._console.print(Text.assemble(("  face: ", "bold cyan"), str(values["mood"])))
+        if values.get("show"):
+            self._console.print(Text.assemble(("  shows: ", "bold cyan"), str(values["show"])))
 
     def _reflex(self, event: ReflexFired) -> None:
         what = f" base: {REFLEXES[event.what]}" + (f": {event.where}" if event.where else "")

@@ -6,13 +6,11 @@ from itertools import permutations
 from random import Random
 from typing import Any
 
-from behaviours.leaf import RUNNING
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
-from missions.executive.build import Scope, build
+from missions.executive.build import build
 from missions.executive.modifiers import Repeat
-from missions.executive.submission import Submission
 from missions.language.notes import STATE
 from missions.language.plan import Plan
 from missions.verify.abstract import abstract, durations, missing
@@ -21,7 +19,8 @@ from missions.verify.guesses import UNKNOWN, Sensed
 from missions.verify.instants import Timing
 from missions.verify.mocks import StandIn
 from missions.verify.monitors import Following, follow
-from missions.verify.snapshot import Row, Rows, Snapshots, frozen, thawed
+from missions.verify.scopes import Scopes
+from missions.verify.snapshot import Row, Rows, Snapshots
 from missions.verify.watch import Watch
 from missions.verify.zone import Rows as Times
 from missions.verify.zone import loosened
@@ -32,7 +31,7 @@ ORDERS = 5
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """All that decides how a run goes on: the nodes' fields, the variables, what monitors remember, and the times."""
+    """All that decides how a run goes on: the nodes' fields, live variables, what monitors remember, and the times."""
 
     rows: Rows
     variables: tuple[Row, ...]
@@ -57,11 +56,11 @@ class Model:
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
         self.monitors: tuple[Following, ...] = tuple(follow(promise, self.nodes) for promise in plan.properties)
-        self.watch.leaves = [node for node in self.nodes if isinstance(node, StandIn)]
+        self.watch.follow([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
         self.watch.rounds = frozenset(node.child for node in self.nodes if isinstance(node, Repeat) and _endless(node))
         self._snapshots = Snapshots(self.nodes, self.timing)
-        self._submissions = [node for node in self.nodes if isinstance(node, Submission)]
+        self._scopes = Scopes(tree, self.nodes, self.run.variables)
         self._seconds = sorted(durations(plan.tree))
 
     def tick(self) -> None:
@@ -78,28 +77,19 @@ class Model:
     def state(self) -> State:
         """Take the present state, in a form in which states that have the same future are equal."""
         rows, instants = self._snapshots.take()
-        times = self.timing.zone.later(instants, self._seconds[-1] if self._seconds else 0.0)
-        inner = (frozen(node.inner) if node.status is RUNNING else () for node in self._submissions)
-        variables = (frozen(self.run.variables), *inner)
-        return State(rows, variables, self.watch.happened, self.watch.moving, times)
+        times = self.timing.zone.later(instants)
+        return State(rows, self._scopes.take(rows), self.watch.happened, self.watch.moving, times)
 
     def put(self, state: State) -> None:
         """Put a state back, and begin a step from it."""
         self.timing.set(state.times)
         self._snapshots.put(state.rows)
-        for scope, kept in zip(self._scopes(), state.variables, strict=True):
-            scope.clear()
-            scope.update(thawed(kept))
+        self._scopes.put(state.variables)
         self.watch.begin(state.happened, state.moving)
 
     def coarser(self, state: State) -> State:
         """Return ``state`` with less known about its times."""
         return replace(state, times=loosened(state.times, self._seconds))
-
-    def _scopes(self) -> Iterator[Scope]:
-        yield self.run.variables
-        for node in self._submissions:
-            yield node.inner
 
 
 class Shuffler(Random):

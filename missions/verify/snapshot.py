@@ -1,7 +1,7 @@
 """Snapshots of the nodes and of variables: hashable, and equal where the future is."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from py_trees.common import Status
@@ -11,7 +11,8 @@ from behaviours.node import Node
 from missions.executive.modifiers import Repeat, Retry
 from missions.verify.fields import Fields, fields_of
 from missions.verify.guesses import Many
-from missions.verify.instants import Instant, Timing
+from missions.verify.instants import Instant, Some, Timing
+from missions.verify.mocks import StandIn
 
 Row = tuple[Any, ...]
 Rows = tuple[int, ...]
@@ -27,21 +28,39 @@ class At(NamedTuple):
     offset: float
 
 
+ANY = At(-1, 0.0)
+"""The present instant, for one from which a time is waited for that nobody knows: all comparisons of it are choices."""
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put."""
+    """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put.
+
+    ``resting`` has the numbers of the rows of a node that keeps nothing from a run of it, by the places of its
+    statuses: most nodes of most states are such.
+    """
 
     node: Node
     parent: int | None
     names: tuple[str, ...]
     at_rest: tuple[tuple[bool, object], ...]
+    resting: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def blank(self) -> bool:
+        """Say whether what would last beyond a run is as it was before the first."""
+        for name, (lasts, at_rest) in zip(self.names, self.at_rest, strict=True):
+            if lasts and getattr(self.node, name) is not at_rest:
+                return False
+        return True
 
     @classmethod
     def of(cls, node: Node, fields: Fields, nodes: Sequence[Node]) -> "Part":
         """Take what ``node`` has now as what it has at rest."""
         parent = next((place for place, other in enumerate(nodes) if node in other.children), None)
-        at_rest = tuple((name in fields.lasting, getattr(node, name)) for name in fields.names)
-        return cls(node, parent, fields.names, at_rest)
+        names = tuple(name for name in fields.names if name != "result" or not _gives_anew(node))
+        at_rest = tuple((name in fields.lasting, getattr(node, name)) for name in names)
+        return cls(node, parent, names, at_rest)
 
 
 class Snapshots:
@@ -51,26 +70,41 @@ class Snapshots:
         self._timing = timing
         counting = fields_of(nodes)
         self._parts = [Part.of(node, counting[type(node)], nodes) for node in nodes]
+        self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
         self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants
 
-    def take(self) -> tuple[Rows, list[int]]:
-        """Return the rows, and the places of the instants that they refer to, in the order of their numbers."""
-        instants: list[int] = []
+    def take(self) -> tuple[Rows, dict[int, float]]:
+        """Return the rows, and the places of the instants that they refer to, in the order of their numbers.
+
+        With each comes the longest time that is waited for from it on, in seconds.
+        """
+        instants: dict[int, float] = {}
         running: list[bool] = []
         rows = []
         for part in self._parts:
-            node = part.node
-            runs = node.status is RUNNING
+            status = part.node.status
+            runs = status is RUNNING
             running.append(runs)
             # How a node has ended matters to a parent that runs, and to nobody else.
             known = runs or part.parent is None or running[part.parent]
-            row: list[object] = [_place(node.status) if known else 0]
-            for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
-                value = getattr(node, name) if runs or lasts else at_rest
-                row.append(value if value is None or value is at_rest else _kept(value, node, name, instants))
-            rows.append(self._number(tuple(row), part.names))
+            place = _place(status) if known else 0
+            if runs or not part.blank:
+                rows.append(self._row(part, place, instants, runs=runs))
+                continue
+            if place not in part.resting:
+                part.resting[place] = self._row(part, place, instants, runs=False)
+            rows.append(part.resting[place])
         return tuple(rows), instants
+
+    def _row(self, part: Part, place: int, instants: dict[int, float], *, runs: bool) -> int:
+        """Return the number of the row that a node has now."""
+        node = part.node
+        row: list[object] = [place]
+        for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
+            value = getattr(node, name) if runs or lasts else at_rest
+            row.append(value if value is None or value is at_rest else _kept(value, node, name, instants))
+        return self._number(tuple(row), part.names)
 
     def _number(self, row: Row, names: tuple[str, ...]) -> int:
         """Return the number that stands for a row: states are compared often, and mostly made of old rows."""
@@ -85,9 +119,8 @@ class Snapshots:
 
     def put(self, rows: Rows) -> None:
         """Give every node its fields."""
-        for part, number in zip(self._parts, rows, strict=True):
+        for fields, number in zip(self._own, rows, strict=True):
             plain, instants = self._fields[number]
-            fields: dict[str, Any] = vars(part.node)
             fields.update(plain)
             for name, (place, offset) in instants.items():
                 fields[name] = Instant(self._timing, place, offset)
@@ -100,12 +133,20 @@ def _place(status: Status) -> int:
     return 2 if status is SUCCESS else 3 if status is FAILURE else 0
 
 
-def _kept(value: object, node: Node, name: str, instants: list[int]) -> object:
+def _gives_anew(node: Node) -> bool:
+    """Say whether a leaf's result is another at each tick before it is read, as of all that need no time to stop."""
+    return isinstance(node, StandIn) and not node.lingers
+
+
+def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
     """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
     if isinstance(value, Instant):
-        if value.place not in instants:
-            instants.append(value.place)
-        return At(instants.index(value.place), value.offset)
+        wait = getattr(node, "setting", 0.0)
+        if isinstance(wait, Some):
+            return ANY
+        # A modifier waits for its setting from an instant on; what a leaf keeps is the end of a wait itself.
+        instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
+        return At(list(instants).index(value.place), value.offset)
     if isinstance(value, str):
         return ""  # words for people
     if isinstance(value, tuple):

@@ -63,6 +63,14 @@ class Watch:
     changes: list[tuple[Node, Status]] = field(default_factory=list)
     reached: set[Node] = field(default_factory=set)
     went_round: bool = False
+    _rivals: "dict[StandIn, list[StandIn]]" = field(default_factory=dict)
+
+    def follow(self, leaves: "Sequence[StandIn]") -> None:
+        """Take the leaves that are to be followed."""
+        self.leaves = list(leaves)
+        self._rivals = {
+            leaf: [other for other in leaves if other is not leaf and leaf.drives & other.drives] for leaf in leaves
+        }
 
     def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
         """Begin a step."""
@@ -96,10 +104,10 @@ class Watch:
         """Hear of a leaf that starts."""
         self.reached.add(leaf)
         self.moving -= leaf.drives
-        live = [other for other in self.live if other is not leaf]
-        for other in live:
-            for part in sorted(leaf.drives & other.drives):
+        for other in self._rivals[leaf]:
+            for part in sorted(leaf.drives & other.drives) if other.acting else ():
                 self.breaches.append(Breach(ALONE, f"{other.place} and {leaf.place} both drive the {part}", leaf))
+        live = [other for other in self.live if other is not leaf] if self.monitors else []
         for monitor in self.monitors:
             self._note(monitor, monitor.started(leaf, live), leaf)
 
@@ -118,7 +126,7 @@ class Watch:
         for leaf in self.leaves:
             if leaf.status is not RUNNING and (leaf.live or leaf.acting):
                 self.wrong(leaf, "was not told to stop when it ended")
-        live = self.live
+        live = self.live if self.monitors else []
         for monitor in self.monitors:
             broken = monitor.rested(live)
             self._note(monitor, broken, next(iter(live), self.leaves[0]))

@@ -5,7 +5,7 @@ how much later instant i was than instant j. The last instant is now. A zone sta
 so one state of the exploration stands for infinitely many real ones, and no timing is left out.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 
 Bound = tuple[float, int]
@@ -48,14 +48,15 @@ class Zone:
             for k, rest in enumerate(to_j):
                 row[k] = min(row[k], plus(way, rest))
 
-    def later(self, keep: Sequence[int], longest: float) -> Rows:
+    def later(self, keep: Mapping[int, float]) -> Rows:
         """Return the zone of some time after now, with the instants ``keep`` alone, in that order, and a new now.
 
-        How long ago something was does not matter beyond the ``longest`` time that anything waits for.
+        How long ago one of them was does not matter beyond the longest time that anything waits for from it on: that
+        is what ``keep`` holds of each.
         """
         old = self.bounds
         rows = [[*(old[i][j] for j in keep), old[i][self.now]] for i in keep]
-        for place, row in enumerate(rows):
+        for place, (row, longest) in enumerate(zip(rows, keep.values(), strict=True)):
             if row[-1] <= (-longest, 1):
                 for other in rows:
                     other[place] = FREE

@@ -195,7 +195,7 @@ def test_find_person_turns_round_for_somebody_and_says_at_last_that_nobody_was_f
 def test_greet_everybody_greets_each_of_two_people_once() -> None:
     ran = Ran("greet_everybody", {"greeting": "Ahoy", "side": "15 deg"}, world="two_people")
     assert (ran.result.result, ran.result.reason) == ("success", "")
-    assert ran.said == ["Ahoy", "Ahoy"]
+    assert ran.said == ["Ahoy, Anna!", "Ahoy, Ben!"]
     assert ran.ends("find_face") == ["success", "success", "failure"]
 
 
@@ -244,7 +244,7 @@ def test_look_away_fails_in_the_dark(tmp_path: Path) -> None:
 
 
 def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
-    ran = Ran("follow_me", {"duration": "2 s", "distance": "0.5 m"}, world="two_people")
+    ran = Ran("follow_me", {"duration": "2 s", "distance": "0.6 m"}, world="two_people")
     assert ran.result.result == "success"
     assert ran.said == ["I will follow you."]
     speeds = [command["linear"] for command in ran.commands("base")]
@@ -253,7 +253,7 @@ def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
 
 
 def test_follow_me_stops_when_it_bumps_into_something() -> None:
-    far = {"duration": "10 s", "distance": "0.5 m"}
+    far = {"duration": "10 s", "distance": "0.6 m"}
     ran = Ran("follow_me", far, world="two_people", when=begins("follow_person"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
     assert ran.commands("base")[-1]["linear"] == 0.0
@@ -265,7 +265,7 @@ def test_patrol_goes_round_and_greets_once_whom_it_meets(tmp_path: Path) -> None
     figure = {"rounds": "1", "corners": "2", "side": "2 cm", "turn_speed": "110 deg/s"}
     ran = Ran("patrol", figure | {"look": "5 deg", "greeting": "All is well"}, world=str(world))
     assert (ran.result.result, ran.result.reason) == ("success", "")
-    assert ran.said == ["All is well"]
+    assert ran.said == ["All is well, Ben!"]
     assert ran.ends("drive") == ["success", "success"]
     assert ran.ends("turn") == ["success", "success"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from perception.fisher import HIGHEST, LONE, LOWEST, Calibration, Fisher, Vectors, calibrate
+from perception.fisher import THRESHOLDS, Calibration, Fisher, Vectors, calibrate
 
 LENGTH = 300
 PICTURES, VARIANTS = 8, 7
@@ -61,27 +61,37 @@ def test_one_description_alone_is_enough_not_to_fail() -> None:
     assert Fisher.fit({"p0": vector}).distances(vector[0])["p0"] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_the_threshold_of_people_who_are_far_apart_refuses_and_accepts_hardly_anybody() -> None:
-    found = calibrate(People(4).samples(*range(4)))
+def calibrated(samples: dict[str, list[Vectors]]) -> Calibration:
+    return calibrate(fitted(samples), samples)
+
+
+def test_people_who_are_far_apart_are_hardly_ever_refused_and_strangers_hardly_accepted() -> None:
+    found = calibrated(People(4).samples(*range(4)))
     assert found.looks > 0
     assert found.refused == pytest.approx(0.0, abs=0.03)
     assert found.accepted == pytest.approx(0.0, abs=0.03)
-    assert LOWEST <= found.threshold <= HIGHEST
 
 
 def test_people_who_are_alike_are_told_to_be_so() -> None:
-    found = calibrate(People(4, apart=0.05).samples(*range(4)))
+    found = calibrated(People(4, apart=0.05).samples(*range(4)))
     assert found.refused is not None
     assert found.accepted is not None
     assert found.refused + found.accepted > 0.2
 
 
+def test_the_fewer_are_known_the_nearer_somebody_must_be() -> None:
+    people = People(6)
+    found = [fitted(people.samples(*range(count))).threshold for count in range(1, 7)]
+    assert found == [*THRESHOLDS, *THRESHOLDS[-1:] * 2]
+    assert found == sorted(found)
+
+
 def test_of_one_person_it_is_not_known_how_near_strangers_come() -> None:
-    found = calibrate(People(1).samples(0))
-    assert found.threshold == LONE
+    found = calibrated(People(1).samples(0))
+    assert found.threshold == THRESHOLDS[0]
     assert found.accepted is None
     assert found.refused is not None
 
 
 def test_of_one_picture_nothing_is_known() -> None:
-    assert calibrate({"p0": [People(1).picture(0)]}) == Calibration(LONE, None, None, 0)
+    assert calibrated({"p0": [People(1).picture(0)]}) == Calibration(THRESHOLDS[0], None, None, 0)

@@ -1,5 +1,6 @@
 """Local binary patterns: against a plain count of them, and what light does not change."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -32,3 +33,15 @@ def test_less_light_changes_a_face_less_than_another_face_does() -> None:
     other = smooth[::-1]
     bright, dark, another = (describe(np.clip(each, 0, 255).astype(np.uint8)) for each in (smooth, smooth * 0.6, other))
     assert np.linalg.norm(bright - dark) < 0.5 * np.linalg.norm(bright - another)
+
+
+def test_a_face_far_away_is_described_as_it_is_near() -> None:
+    def face(seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+        coarse = np.random.default_rng(seed).integers(0, 256, (12, 12), dtype=np.uint8)
+        fine = np.random.default_rng(seed + 1).normal(0.0, 6.0, (96, 96))
+        return np.clip(cv2.resize(coarse, (96, 96), interpolation=cv2.INTER_CUBIC) + fine, 0, 255).astype(np.uint8)
+
+    near = face(1)
+    far = cv2.resize(cv2.resize(near, (32, 32), interpolation=cv2.INTER_AREA), (96, 96))
+    apart = np.linalg.norm(describe(near) - describe(face(7)))
+    assert np.linalg.norm(describe(near) - describe(np.asarray(far, np.uint8))) < 0.3 * apart

@@ -56,4 +56,5 @@ def _words(calibration: Calibration) -> str:
         accepted = "what it makes of strangers can only be tried with somebody else in the list"
     else:
         accepted = f"of 100 at strangers {100 * calibration.accepted:.0f} take them for somebody"
-    return f"{refused},\n{accepted} ({calibration.looks} looks, all at these very pictures: expect worse on other days)"
+    doubt = "all at these very pictures and people: expect worse on other days, and 3 to 5 of 100 at strangers"
+    return f"{refused},\n{accepted} ({calibration.looks} looks, {doubt})"

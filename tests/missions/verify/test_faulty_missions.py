@@ -33,6 +33,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     ),
     "greets_nobody": ("never: gesture before find_face", 9, "find_face has not succeeded", 1),
     "drives_after_goodbye": ("never: drive after say", 9, "drive (line 5) starts, and say has succeeded before", 2),
+    "waves_in_the_end": ("never: gesture after drive", 14, "gesture (line 10) starts, and drive has succeeded", 2),
     "speaks_without_moving": ("never: say without gesture", 8, "nothing of gesture does", 1),
     "never_stops": ("always eventually: base stopped", 8, "from here on it goes on moving", 1),
     "silent_end": ("always eventually: say", 9, "from here on say does not run", 1),

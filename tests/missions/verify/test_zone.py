@@ -43,10 +43,10 @@ def test_two_ways_add_up_and_are_strict_where_one_is() -> None:
 
 def test_time_goes_on_and_what_is_long_past_is_only_that() -> None:
     zone = Zone(START)
-    first = Zone(zone.later([0], longest=5.0))
+    first = Zone(zone.later({0: 5.0}))
     assert first.allows(0, 1, (-100.0, 1))
     first.demand(0, 1, (-5.0, 1))
-    assert first.later([0], longest=5.0) == ((EQUAL, (-5.0, 1)), (FREE, EQUAL))
+    assert first.later({0: 5.0}) == ((EQUAL, (-5.0, 1)), (FREE, EQUAL))
 
 
 def test_loosened_bounds_are_among_those_given_and_never_tighter() -> None:
@@ -61,7 +61,7 @@ def test_loosened_bounds_are_among_those_given_and_never_tighter() -> None:
 def elapsed(timing: Timing) -> tuple[float, float]:
     """Two instants: one that is kept, and the one after it."""
     since = timing.now()
-    timing.set(timing.zone.later([0], longest=100.0))
+    timing.set(timing.zone.later({0: 100.0}))
     return since, timing.now()
 
 
@@ -96,3 +96,13 @@ def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
     assert now - since >= unknown
     assert not now - since >= unknown
     assert since + unknown - now > 0
+
+
+def test_each_instant_is_forgotten_once_its_own_time_is_over() -> None:
+    zone = Zone([[EQUAL if i == j else FREE for j in range(3)] for i in range(3)])
+    zone.demand(0, 2, (-4.0, 1))  # both were 4 s ago, at the same moment
+    zone.demand(0, 1, EQUAL)
+    zone.demand(1, 0, EQUAL)
+    kept = Zone(zone.later({0: 3.0, 1: 5.0}))
+    assert kept.bounds[0] == [EQUAL, FREE, (-3.0, 1)]
+    assert kept.bounds[1] == [FREE, EQUAL, (-4.0, 1)]

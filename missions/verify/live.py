@@ -1,0 +1,176 @@
+"""Live variables: which of them a run may still read before something stores them anew.
+
+The backward data-flow analysis of compilers, over a tree: what follows on a node is known by how it ends, so each node
+is given what is live after its success and after its failure, and says what is live before it. A variable that is not
+live decides nothing any more, whatever its value: states that differ in it alone have the same future.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+from missions.language.plan import MISSION, SWITCH, Step
+from missions.language.values import Value
+from missions.verify.guesses import Guess
+from missions.verify.mocks import SetStandIn
+
+Names = frozenset[str]
+NONE: Names = frozenset()
+
+
+class Onward(NamedTuple):
+    """What is live after each end of a node."""
+
+    success: Names
+    failure: Names
+
+
+class Modified(NamedTuple):
+    """How a run goes on when the one child of a modifier ends: the modifier succeeds, fails, or starts it again.
+
+    ``skips`` says that the modifier can succeed while the child runs, or without it.
+    """
+
+    success: tuple[str, ...]
+    failure: tuple[str, ...]
+    skips: bool = False
+
+
+SUCCEEDS, FAILS, AGAIN = "succeeds", "fails", "again"
+
+ANYHOW = Modified((SUCCEEDS, FAILS, AGAIN), (SUCCEEDS, FAILS, AGAIN), skips=True)
+"""What covers every modifier."""
+
+MODIFIED: Mapping[str, Modified] = {
+    **dict.fromkeys(("while", "timeout", "delay", "cooldown"), Modified((SUCCEEDS,), (FAILS,))),
+    **dict.fromkeys(("if", "until", "once"), Modified((SUCCEEDS,), (FAILS,), skips=True)),
+    "retry": Modified((SUCCEEDS,), (FAILS, AGAIN)),
+    "repeat": Modified((SUCCEEDS, AGAIN), (FAILS,)),
+    "hold": Modified((SUCCEEDS, AGAIN), (AGAIN,)),
+    "invert": Modified((FAILS,), (SUCCEEDS,)),
+    "on_failure": Modified((SUCCEEDS,), (SUCCEEDS,)),
+    "on_success": Modified((FAILS,), (FAILS,)),
+}
+
+RESUMES = frozenset({"if", "invert", "on_failure", "on_success", "once"})
+"""Modifiers that run only while their child does, and leave it alone: what is live then, the child knows."""
+
+
+def live_while_running(tree: Step) -> Mapping[str, Names]:
+    """Return for each node, by its key, the variables of its own mission that are live while it runs.
+
+    Those of a parent are the ones that it may lead to itself; its children that run say the rest. ``tree`` has the
+    steps of stand-ins (see missions.verify.abstract), since what a stand-in does not read is not read.
+    """
+    analysis = Analysis()
+    while analysis.grows:
+        analysis.grows = False
+        analysis.before(tree, "1", Onward(NONE, NONE))
+    return analysis.running
+
+
+class Analysis:
+    """One pass over the tree after another, until none ``grows`` what the one before found to be live before a node."""
+
+    def __init__(self) -> None:
+        self.running: dict[str, Names] = {}
+        self.grows = True
+        self._known: dict[str, Names] = {}
+
+    def before(self, step: Step, key: str, onward: Onward) -> Names:
+        """Return what is live before ``step`` starts, and note what is while it and those below it run."""
+        children = tuple(
+            partial(self.before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
+        )
+        reads = names_read(step.arguments.values())
+        again = self._known.get(key, NONE)
+        found, running = NONE, NONE
+        if step.leaf is not None:
+            found = running = reads | (onward.success - _stored(step)) | onward.failure
+        elif step.kind == MISSION:
+            children[0](Onward(names_read(step.returns.values()), NONE))
+            running = (onward.success - _stored(step)) | onward.failure
+            found = reads | running
+        elif step.kind == SWITCH:
+            found = reads.union(onward.failure, *(child(onward) for child in children))
+        elif step.kind in _COMPOSITES:
+            found = _COMPOSITES[step.kind](children, onward, again)
+            running = found if step.kind in REACTIVE else NONE
+        else:
+            found = reads | _modifier(step.kind, children[0], onward, again)
+            running = NONE if step.kind in RESUMES else found
+        self.running[key] = running
+        self.grows = self.grows or found != again
+        self._known[key] = found
+        return found
+
+
+Child = Callable[[Onward], Names]
+"""A child as its parent sees it: what is live before it, from what is live after its ends."""
+
+
+def names_read(values: Iterable[Value]) -> Names:
+    """Return the variables that computing these values reads, if it were only to fail."""
+    asked = (value for value in values if not (isinstance(value, Guess) and value.blind))
+    return frozenset(read.name for value in asked if value.template is not None for read in value.template.reads)
+
+
+def _stored(step: Step) -> Names:
+    """Return what a success of ``step`` surely stores in its own mission."""
+    if step.keep_as is not None:
+        return frozenset((step.keep_as,))
+    if step.kind == MISSION:
+        return frozenset(step.returns)
+    return frozenset(step.arguments) if step.leaf is not None and issubclass(step.leaf, SetStandIn) else NONE
+
+
+def _modifier(kind: str, child: Child, onward: Onward, again: Names) -> Names:
+    rule = MODIFIED.get(kind, ANYHOW)
+    known = {SUCCEEDS: onward.success, FAILS: onward.failure, AGAIN: again}
+    success, failure = (NONE.union(*(known[way] for way in ways)) for ways in (rule.success, rule.failure))
+    return child(Onward(success, failure)).union(onward.failure, onward.success if rule.skips else NONE)
+
+
+# --- composites -------------------------------------------------------------------------------------------------------
+
+
+def _sequence(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+    del again
+    before = onward.success
+    for child in reversed(children):
+        before = child(Onward(before, onward.failure))
+    return before
+
+
+def _selector(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+    del again
+    before = onward.failure
+    for child in reversed(children):
+        before = child(Onward(onward.success, before))
+    return before
+
+
+def _any_order(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+    """Return what is live before nodes each of which may follow on each, at once or again."""
+    ends = onward.success | onward.failure | again
+    return ends.union(*(child(Onward(ends, ends)) for child in children))
+
+
+def _at_once(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+    """Return what is live before nodes that run at once.
+
+    What one of them stores before it reads it is not live for its sake, whoever else stores it in between.
+    """
+    del again
+    return NONE.union(*(child(onward) for child in children))
+
+
+REACTIVE = frozenset({"reactive_sequence", "reactive_selector"})
+
+_COMPOSITES: Mapping[str, Callable[[tuple[Child, ...], Onward, Names], Names]] = {
+    "sequence": _sequence,
+    "selector": _selector,
+    "parallel": _at_once,
+    "race": _at_once,
+    **dict.fromkeys(("random_sequence", "random_selector", *REACTIVE), _any_order),
+}
