@@ -9,10 +9,13 @@ from behaviours.leaf import SUCCESS, Leaf, argument
 from perception.api import Words
 
 DEAF = 1.0
-"""Seconds without sound from the microphone after which the robot does not listen at all."""
+"""Seconds for which the robot may be behind with listening; more, and it does not listen at all."""
 
 LATELY = 3.0
 """Seconds for which something heard counts as heard, unless a mission says otherwise."""
+
+KEPT = 30.0
+"""Seconds for which every ``perception.api.Hearing`` keeps words."""
 
 
 class Listening(Leaf):
@@ -34,10 +37,10 @@ class Listening(Leaf):
         return SUCCESS
 
     def deaf(self) -> str:
-        """Say that the robot does not hear anything at all; nothing where it does."""
+        """Say that the robot does not hear anything at all, whatever is missing; nothing where it does."""
         listened = self.robot.hearing.listened()
         there = listened is not None and self.run.now() - listened <= DEAF
-        return "" if there else "no sound from the microphone"
+        return "" if there else "no sound from the microphone, or no recogniser: see the notices"
 
 
 class Listen(Listening):
@@ -81,7 +84,7 @@ class Heard(Listening):
     word = "heard"
     instant = True
     phrases: Mapping[str, str] = argument("phrases", "what counts", called="phrase", principal=True)
-    within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
+    within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01, high=KEPT)
 
     def update(self) -> Status:
         now = self.run.now()

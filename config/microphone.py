@@ -1,5 +1,7 @@
 """The ``microphone`` section of a robot file: what the robot hears with, and how it understands."""
 
+import re
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -18,6 +20,9 @@ PHONES = (
     "L", "M", "N", "NG", "OW", "OY", "P", "R", "S", "SH", "T", "TH", "UH", "UW", "V", "W", "Y", "Z", "ZH",
 )  # fmt: skip
 """The sounds of which pronunciations are made, as perception knows them: a test holds the two together."""
+
+_APOSTROPHES = str.maketrans({"\u2019": "'", "\u02bc": "'"})
+_WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)*")
 
 MOST_SURE = 10.0
 """The highest threshold: so sure it never is."""
@@ -64,7 +69,16 @@ def read_microphone(fields: Fields | None) -> MicrophoneConfig | None:
 def _pronunciations(fields: Fields | None) -> Mapping[str, str]:
     if fields is None:
         return {}
-    return {word.text.casefold(): _phones(fields, word.text, said) for word, said in fields.entries()}
+    return {_word(fields, key): _phones(fields, key.text, said) for key, said in fields.entries()}
+
+
+def _word(fields: Fields, key: Scalar) -> str:
+    """Return a word as perception listens for it: a test holds the two together."""
+    word = unicodedata.normalize("NFC", key.text.casefold()).translate(_APOSTROPHES)
+    if _WORD.fullmatch(word) is None:
+        hint = "what is listened for is split into words, also at hyphens: give each of them its phones"
+        fields.fault(key.mark, f"'pronunciations': {seen(key.text)} is not one word of letters", hint)
+    return word
 
 
 def _phones(fields: Fields, word: str, node: Node) -> str:

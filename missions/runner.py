@@ -14,7 +14,7 @@ from drivers.api import Notice
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from missions.assembly.assemble import Ears, Wishes, assemble
+from missions.assembly.assemble import Audience, Wishes, assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.interests import interests_of
 from missions.assembly.parts import reflexes
@@ -135,7 +135,7 @@ class Runner:
         world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, config.camera)
         wishes = Wishes(world, order.camera, order.ports, order.seed, interests, order.pad)
-        return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._ears)
+        return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._audience)
 
     def _twins(self, config: RobotConfig, order: Order, timeline: Timeline) -> tuple[Twins, Assembled]:
         return twin_robot(
@@ -143,7 +143,7 @@ class Runner:
             self.plan.tree.parts,
             timeline,
             order.world_file(),
-            self._ears,
+            self._audience,
             interests=interests_of(self.plan.tree, config.camera),
             seed=order.seed,
             truth=order.eyes == "truth",
@@ -156,9 +156,9 @@ class Runner:
         return Guard(robot.base_part, reflexes(config.base), self._context, self.stream)
 
     @property
-    def _ears(self) -> Ears:
+    def _audience(self) -> Audience:
         tell = self._tell
-        return Ears(
+        return Audience(
             tell.noticed, self._context.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._on_frame
         )
 

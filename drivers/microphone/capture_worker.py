@@ -2,10 +2,12 @@
 
 ``capture_worker.py DEVICE BACKEND``: part of a device's name, empty for the system's own choice; and a backend of
 miniaudio's such as ``null``, empty for any. It says ``{"ready": BACKEND}``, then again and again ``{"bytes": N}`` with
-N bytes of sound behind: 16-bit mono at 16 kHz, 20 ms at a time. It imports nothing of ours, and ends with its input.
+N bytes of sound behind: 16-bit mono at 16 kHz, 20 ms at a time. It imports nothing of ours, and ends with its input, or
+when no more sound comes: a microphone that was plugged in again is found by the next one only.
 """
 
 import json
+import select
 import sys
 from collections.abc import Generator
 
@@ -13,6 +15,9 @@ import miniaudio
 
 RATE = 16_000
 """Samples a second."""
+
+SILENCE = 2.0
+"""Seconds without any sound after which the sound card counts as gone: even a quiet room is sound."""
 
 PIECE_MS = 20
 """Milliseconds of sound in a message, about: sound cards have their own ideas."""
@@ -24,11 +29,27 @@ def tell(message: dict[str, object], body: bytes = b"") -> None:
     sys.stdout.buffer.flush()
 
 
-def passing() -> Generator[None, bytes, None]:
-    """Pass on what the sound card gives; primed as miniaudio wants it."""
-    while True:
-        sound = bytes((yield))
-        tell({"bytes": len(sound)}, sound)
+class Passing:
+    """Passes on what the sound card gives, on a thread of miniaudio's; ``count`` are the pieces so far."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def taking(self) -> Generator[None, bytes, None]:
+        """Take sound; to be primed, as miniaudio wants it."""
+        while True:
+            sound = bytes((yield))
+            self.count += 1
+            tell({"bytes": len(sound)}, sound)
+
+    def until_end(self, orders: int, silence: float = SILENCE) -> str:
+        """Wait for the end of ``orders`` (a file); return why it comes before that, when no more sound does."""
+        before = -1
+        while before != self.count:
+            before = self.count
+            if select.select([orders], [], [], silence)[0]:
+                return ""
+        return f"no sound has come for {silence:g} s: is it still plugged in?"
 
 
 def chosen(name: str, backends: list[miniaudio.Backend]) -> object | None:
@@ -59,13 +80,16 @@ def main() -> None:
             app_name="missiontree",
         )
     except miniaudio.MiniaudioError as error:
-        sys.exit(f"no sound card that records: {error}")
+        sys.exit(f"no sound card that records: {error.args[0]}")
     tell({"ready": device.backend})
-    taking = passing()
+    passing = Passing()
+    taking = passing.taking()
     next(taking)
     device.start(taking)
-    sys.stdin.buffer.read()
+    trouble = passing.until_end(sys.stdin.fileno())
     device.close()
+    if trouble:
+        sys.exit(trouble)
 
 
 if __name__ == "__main__":

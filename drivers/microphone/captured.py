@@ -21,6 +21,9 @@ LATE = 0.25
 SILENCE = 2.0
 """Seconds without sound after which a microphone counts as offline."""
 
+HANGS = 10.0
+"""Seconds without sound after which the program that records is killed, unless it has ended itself."""
+
 PROGRAM = Path(__file__).with_name("capture_worker.py")
 HINT = "`arecord -l` lists microphones; `pip install 'missiontree[listen]'` installs what records"
 
@@ -29,7 +32,7 @@ class CapturedMicrophone:
     """A ``drivers.api.Microphone``: the sound card's ``device`` (part of its name; empty: the system's choice).
 
     Stamps count samples and follow the clock slowly, so that they are steadier than the arrival of sound. ``backend``
-    is one of miniaudio's, for tests.
+    is one of miniaudio's, for tests. When no more sound comes, recording begins anew.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class CapturedMicrophone:
         self._kept: deque[Sound] = deque()
         self._pieces = self._gaps = 0
         self._expected: float | None = None  # the time of the next sample, if none is lost
+        self._since: float | None = None  # when it last gave a sign, None while it does not run
 
     def open(self) -> None:
         """Start to record; returns at once, whether there is a microphone or not."""
@@ -62,7 +66,7 @@ class CapturedMicrophone:
         self._worker.close()
         with self._lock:
             self._kept.clear()
-            self._expected = None
+            self._expected = self._since = None
 
     def health(self) -> Health:
         """Say whether sound arrives."""
@@ -79,17 +83,23 @@ class CapturedMicrophone:
     def read(self, after: int) -> list[Sound]:
         """Return the pieces with a larger number than ``after``, oldest first; at most the last 5 s are kept."""
         with self._lock:
-            return [sound for sound in self._kept if sound.number > after]
+            hangs = self._since is not None and self._clock.now() - self._since > HANGS
+            heard = [sound for sound in self._kept if sound.number > after]
+        if hangs:
+            self._worker.kill()
+        return heard
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def started(self) -> None:
-        """Say nothing: it records at once."""
+        """Begin to wait for sound: it records at once."""
+        with self._lock:
+            self._since = self._clock.now()
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
         """Note that the next sound does not follow the last."""
         with self._lock:
-            self._expected = None
+            self._expected = self._since = None
 
     def received(self, message: Message, body: bytes) -> None:
         """Keep a piece of sound."""
@@ -100,8 +110,10 @@ class CapturedMicrophone:
 
     def _keep(self, samples: "np.ndarray[tuple[int], np.dtype[np.int16]]") -> None:
         length = len(samples) / SOUND_RATE
-        arrived = self._clock.now() - length
+        now = self._clock.now()
+        arrived = now - length
         with self._lock:
+            self._since = now
             expected = self._expected
             follows = expected is not None and abs(arrived - expected) <= LATE
             stamp = expected + (arrived - expected) / 100 if expected is not None and follows else arrived

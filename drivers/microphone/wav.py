@@ -94,6 +94,8 @@ def load(name: str, path: Path) -> Samples:
         raise NotConnected(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there") from None
     except (OSError, EOFError, wave.Error) as error:
         raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {error}", hint=hint) from error
+    if rate == 0:
+        raise NotConnected(f"{name}: {path}: says that it has 0 samples a second", hint=hint)
     if width != 2:
         raise NotConnected(f"{name}: {path}: has {8 * width} bits a sample, not 16", hint=hint)
     whole = np.frombuffer(data[: len(data) // (2 * channels) * 2 * channels], "<i2").reshape(-1, channels)

@@ -51,7 +51,7 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True)
-class Ears:
+class Audience:
     """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
 
     ``answered`` is told who in a simulated world has said which words, ``steered`` who commands the base, as that
@@ -67,19 +67,21 @@ class Ears:
     watched: Callable[[Frame, Gaze | None], None] = unwatched
 
 
-def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, ears: Ears) -> Assembled:
+def assemble(
+    config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, audience: Audience
+) -> Assembled:
     """Put together the ``chosen`` parts of a robot. Opens nothing; a camera brings the head that carries it along."""
     chosen = with_carriers(config, chosen)
     simulation = None
     if wishes.world is not None:
-        simulation = Simulation(config, chosen, clock, world=wishes.world, answered=ears.answered, seed=wishes.seed)
+        simulation = Simulation(config, chosen, clock, world=wishes.world, answered=audience.answered, seed=wishes.seed)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
     devices: dict[str, Device] = {}
     base = head = arm = ranger = sight = eyes = None
     if config.base is not None and "base" in chosen:
         port = ports.get("base", config.base.port)
         devices["base"] = base = parts.base(
-            config.base, clock, port=port, report=ears.report, changed=ears.changed, steered=ears.steered
+            config.base, clock, port=port, report=audience.report, changed=audience.changed, steered=audience.steered
         )
     if config.arm is not None and "arm" in chosen:
         arm = parts.arm(
@@ -87,23 +89,23 @@ def assemble(config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: 
             clock,
             port=ports.get("arm", config.arm.port),
             patience=PATIENCE if simulation is None else SIMULATED_PATIENCE,
-            report=ears.report,
+            report=audience.report,
         )
     if config.head is not None and "head" in chosen:
-        devices["head"] = head = _head(config.head, arm, clock, ports, booted=bool(simulation), report=ears.report)
+        devices["head"] = head = _head(config.head, arm, clock, ports, booted=bool(simulation), report=audience.report)
     if arm is not None:  # behind the head, which may lead its joints: so the head is also closed first
         devices["arm"] = arm
     if config.range is not None and "range" in chosen:
         port = ports.get("range", config.range.port)
-        devices["range"] = ranger = parts.ranger(config.range, clock, port=port, report=ears.report)
-    voice, hears, face = _manners(config, chosen, clock, simulation, wishes, ears)
+        devices["range"] = ranger = parts.ranger(config.range, clock, port=port, report=audience.report)
+    voice, hears, face = _manners(config, chosen, clock, simulation, wishes, audience)
     devices |= {device.name: device for device in (voice, hears, face) if device is not None}
     if config.camera is not None and "camera" in chosen:
-        devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, ears.report)
-        sight = _vision(config.camera, camera, clock, lambda stamp: gaze(stamp, base, head), wishes, ears)
+        devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, audience.report)
+        sight = _vision(config.camera, camera, clock, lambda stamp: gaze(stamp, base, head), wishes, audience)
         eyes = Eyes(camera, sight)
     if wishes.pad is not None and base is not None:
-        devices["pad"] = Beside(base, partial(pad_at, wishes.pad, clock), clock, report=ears.report)
+        devices["pad"] = Beside(base, partial(pad_at, wishes.pad, clock), clock, report=audience.report)
     robot = Robot(
         base_part=base,
         head_part=head,
@@ -125,7 +127,7 @@ def _vision(
     clock: Clock,
     looked: Callable[[float], Gaze | None],
     wishes: Wishes,
-    ears: Ears,
+    audience: Audience,
 ) -> Vision:
     """Return what searches the pictures of ``camera``, which ``looked`` says where at a time."""
     world = wishes.world
@@ -136,12 +138,12 @@ def _vision(
         detector=face_detector(config),
         lens=config if world is None else None,
         field_of_view=camera.field_of_view,
-        report=ears.report,
-        seen=ears.seen,
-        watched=ears.watched,
+        report=audience.report,
+        seen=audience.seen,
+        watched=audience.watched,
         recogniser=recogniser(
             wishes.interests,
-            ears.report,
+            audience.report,
             camera=config if world is None or wishes.camera is not None else None,
             drawn=() if world is None else world.people,
         ),
@@ -186,19 +188,19 @@ def _manners(
     clock: Clock,
     simulation: Simulation | None,
     wishes: Wishes,
-    ears: Ears,
+    audience: Audience,
 ) -> tuple[Voice | None, Hearing | TextHearing | None, Screen | None]:
     """Return what the robot speaks with, its ears, which do not hear it speak, and its face, which moves with it."""
     voice = hears = face = None
     if config.voice is not None and "voice" in chosen:
-        out = ears.out if simulation is None else partial(_aloud, ears.out, simulation.hear)
+        out = audience.out if simulation is None else partial(_aloud, audience.out, simulation.hear)
         spoken = config.voice if simulation is None else replace(config.voice, driver="print")
-        voice = parts.voice(spoken, clock, out, report=ears.report, changed=ears.changed)
+        voice = parts.voice(spoken, clock, out, report=audience.report, changed=audience.changed)
     if config.microphone is not None and "microphone" in chosen:
-        hears = _hearing(config.microphone, voice, clock, simulation, wishes, ears)
+        hears = _hearing(config.microphone, voice, clock, simulation, wishes, audience)
     if config.screen is not None and "screen" in chosen:
-        shown = screen(config.screen, clock, ears.out, ears.report)
-        face = LivelyScreen(shown, voice, clock, ears.report)
+        shown = screen(config.screen, clock, audience.out, audience.report)
+        face = LivelyScreen(shown, voice, clock, audience.report)
     return voice, hears, face
 
 
@@ -208,9 +210,9 @@ def _hearing(
     clock: Clock,
     simulation: Simulation | None,
     wishes: Wishes,
-    ears: Ears,
+    audience: Audience,
 ) -> Hearing | TextHearing:
-    phrases, report, changed = wishes.interests.phrases, ears.report, ears.changed
+    phrases, report, changed = wishes.interests.phrases, audience.report, audience.changed
     if simulation is None or wishes.world is None:
         source, deaf = microphone(config, clock, report), HalfDuplex(voice, clock).deaf
         return hearing(config, source, phrases, clock, report=report, deaf=deaf, changed=changed)

@@ -12,7 +12,7 @@ from drivers.sim.twins.ears import HearingTwin
 from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
 from missions.assembly import parts
-from missions.assembly.assemble import Ears
+from missions.assembly.assemble import Audience
 from missions.assembly.duplex import HalfDuplex
 from missions.assembly.face import FRAME, Lips
 from missions.assembly.twins import Twins
@@ -27,10 +27,12 @@ class Conversation:
     robot listens for.
     """
 
-    def __init__(self, twins: Twins, world: WorldConfig, ears: Ears, phrases: tuple[str, ...], seed: int) -> None:
+    def __init__(
+        self, twins: Twins, world: WorldConfig, audience: Audience, phrases: tuple[str, ...], seed: int
+    ) -> None:
         self._twins = twins
         self._world = world
-        self._ears = ears
+        self._audience = audience
         self._phrases = phrases
         self._seed = seed
 
@@ -46,11 +48,11 @@ class Conversation:
         self._expect(twins.world.said(-1.0, inf))
 
     def _voice(self, config: VoiceConfig) -> VoiceTwin:
-        clock, ears = self._twins.timeline.clock, self._ears
-        return VoiceTwin(clock, self._say, usual=parts.manner(config), report=ears.report, changed=ears.changed)
+        clock, audience = self._twins.timeline.clock, self._audience
+        return VoiceTwin(clock, self._say, usual=parts.manner(config), report=audience.report, changed=audience.changed)
 
     def _microphone(self, voice: VoiceTwin | None) -> HearingTwin[Words]:
-        clock, ears = self._twins.timeline.clock, self._ears
+        clock, audience = self._twins.timeline.clock, self._audience
         return HearingTwin(
             clock,
             Grammar.of(self._phrases),
@@ -58,13 +60,13 @@ class Conversation:
             deaf=HalfDuplex(voice, clock).deaf,
             mishearing=self._world.physics.mishearing,
             seed=self._seed,
-            report=ears.report,
-            changed=ears.changed,
+            report=audience.report,
+            changed=audience.changed,
         )
 
     def _screen(self, config: ScreenConfig, voice: VoiceTwin | None) -> ScreenTwin:
         timeline = self._twins.timeline
-        screen = ScreenTwin(timeline.clock, awake=Mood(config.mood), report=self._ears.report)
+        screen = ScreenTwin(timeline.clock, awake=Mood(config.mood), report=self._audience.report)
         if voice is not None:
             timeline.every(FRAME, Lips(voice, screen, timeline.clock).step)
         return screen
@@ -72,7 +74,7 @@ class Conversation:
     def _say(self, text: str) -> None:
         """Say something aloud."""
         twins = self._twins
-        self._ears.out(text)
+        self._audience.out(text)
         self._expect(twins.world.hear(text, twins.timeline.clock.now(), self._stand()))
 
     def _expect(self, replies: Iterable[Reply]) -> None:
@@ -82,7 +84,7 @@ class Conversation:
 
     def _spoken(self, reply: Reply) -> None:
         twins = self._twins
-        self._ears.answered(reply.who, reply.text)
+        self._audience.answered(reply.who, reply.text)
         if twins.microphone is not None and twins.world.audible(reply.who, twins.timeline.clock.now(), self._stand()):
             twins.microphone.hear(reply)
 

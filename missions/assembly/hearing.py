@@ -97,13 +97,13 @@ def hearing(
 
 
 def microphone(config: MicrophoneConfig, clock: Clock, report: Report) -> Microphone:
-    """Return where the sound comes from that a robot file says."""
+    """Return where the sound comes from that a robot file says; a relative path goes from the working folder."""
     if config.driver == "file":
-        return WavMicrophone(Path(config.source).expanduser(), clock, report=report)
+        return WavMicrophone(Path(config.source).expanduser().absolute(), clock, report=report)
     return CapturedMicrophone(clock, device=config.source, report=report)
 
 
 def _engine(config: MicrophoneConfig, grammar: Grammar, clock: Clock) -> Sphinx | Vosk:
     if config.recogniser == "vosk":
-        return Vosk(grammar, Path(config.model).expanduser())
+        return Vosk(grammar, Path(config.model).expanduser().absolute())
     return Sphinx(grammar, lexicon_for(config, grammar.words, clock), learned())

@@ -23,7 +23,7 @@ def unpronounceable(config: MicrophoneConfig, words: Sequence[str]) -> Sequence[
     if lexicon is None:  # Vosk knows what it knows, and who is not installed is asked when it is needed
         return ()
     says = find_spec("espeakng_loader") is not None
-    return [word for word in lexicon.unknown(words) if not (says and word.isascii())]
+    return [word for word in lexicon.unknown(words) if not (says and _english(word))]
 
 
 def lexicon_for(config: MicrophoneConfig, words: Sequence[str], clock: Clock) -> Lexicon:
@@ -34,6 +34,8 @@ def lexicon_for(config: MicrophoneConfig, words: Sequence[str], clock: Clock) ->
     unknown = lexicon.unknown(words)
     if not unknown:
         return lexicon
+    if foreign := [word for word in unknown if not _english(word)]:
+        raise _mystery(foreign, "no dictionary has them, and letters beyond a to z are not for an English synthesiser")
     known = english({**config.pronunciations, **_synthesised(unknown, clock)})
     return lexicon if known is None else known
 
@@ -45,11 +47,21 @@ def _synthesised(words: Sequence[str], clock: Clock) -> Mapping[str, str]:
     try:
         return {word: _phones(espeak, word) for word in words}
     except (DriverError, ValueError) as error:
-        what = f"microphone: nobody knows how these are pronounced: {', '.join(words)}: {error}"
-        hint = "say it in the robot file: microphone: {pronunciations: {rodney: R AA D N IY}}"
-        raise BadRequest(what, hint=hint) from error
+        raise _mystery(words, str(error)) from error
     finally:
         espeak.close()
+
+
+def _english(word: str) -> bool:
+    """Say whether an English synthesiser may be asked about a word: it would spell letters that it does not know."""
+    return word.isascii()
+
+
+def _mystery(words: Sequence[str], why: str) -> BadRequest:
+    return BadRequest(
+        f"microphone: nobody knows how these are pronounced: {', '.join(words)}: {why}",
+        hint=f"say it in the robot file: microphone: {{pronunciations: {{{words[0]}: R AA D N IY}}}}",
+    )
 
 
 def _phones(espeak: Espeak, word: str) -> str:

@@ -24,7 +24,7 @@ from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.wheels import Wheels
 from missions.assembly import parts
-from missions.assembly.assemble import Ears, gaze, with_carriers
+from missions.assembly.assemble import Audience, gaze, with_carriers
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.conversation import Conversation
 from missions.assembly.detectors import face_detector
@@ -54,7 +54,7 @@ def twin_robot(
     chosen: frozenset[str],
     timeline: Timeline,
     world: WorldConfig,
-    ears: Ears,
+    audience: Audience,
     *,
     interests: Interests,
     seed: int,
@@ -66,7 +66,7 @@ def twin_robot(
     """
     chosen = with_carriers(config, chosen)
     twins = Twins(timeline, build_world(world))
-    make = _Maker(twins, world, config.camera, ears, interests, seed)
+    make = _Maker(twins, world, config.camera, audience, interests, seed)
     if config.base is not None and "base" in chosen:
         twins.base = make.base(config.base)
     if config.arm is not None and "arm" in chosen:
@@ -75,7 +75,7 @@ def twin_robot(
         twins.head = make.head(config.head)
     elif isinstance(config.head, NeckConfig) and twins.arm is not None and "head" in chosen:
         twins.head = make.neck(config.head, twins.arm)
-    Conversation(twins, world, ears, interests.phrases, seed).give(config, chosen)
+    Conversation(twins, world, audience, interests.phrases, seed).give(config, chosen)
     for twin in (twins.base, twins.head, twins.arm, twins.voice, twins.microphone):
         if twin is not None:
             timeline.every(twin.PERIOD, twin.step)
@@ -111,14 +111,14 @@ class _Maker:
         twins: Twins,
         world: WorldConfig,
         camera: CameraConfig | None,
-        ears: Ears,
+        audience: Audience,
         interests: Interests,
         seed: int,
     ) -> None:
         self._twins = twins
         self._clock = twins.timeline.clock
         self._world = world
-        self._ears = ears
+        self._audience = audience
         self._interests = interests
         self._camera = camera
         self._seed = seed
@@ -133,9 +133,9 @@ class _Maker:
             linear_acceleration=config.acceleration,
             angular_acceleration=config.turn_acceleration,
             reflexes=parts.reflexes(config),
-            report=self._ears.report,
-            changed=self._ears.changed,
-            steered=self._ears.steered,
+            report=self._audience.report,
+            changed=self._audience.changed,
+            steered=self._audience.steered,
             body=Body(wheels=wheels, ground=world, battery=build_battery(physics)),
             gyro_noise=physics.gyro_noise,
             dropouts=physics.dropouts,
@@ -150,7 +150,7 @@ class _Maker:
             tilt=tilt,
             speed=config.speed,
             acceleration=config.acceleration,
-            report=self._ears.report,
+            report=self._audience.report,
         )
 
     def neck(self, config: NeckConfig, arm: JointsTwin) -> NeckTwin:
@@ -161,12 +161,12 @@ class _Maker:
             tilt=parts.joint_axis(config.tilt),
             speed=config.speed,
             acceleration=config.acceleration,
-            report=self._ears.report,
+            report=self._audience.report,
         )
 
     def arm(self, config: ArmConfig) -> JointsTwin:
         joints = parts.joints(config)
-        return JointsTwin(joints, self._clock, at_rest=parts.at_rest(config), report=self._ears.report)
+        return JointsTwin(joints, self._clock, at_rest=parts.at_rest(config), report=self._audience.report)
 
     def ranger(self, config: RangeConfig) -> RangerTwin:
         place, twins = parts.place(config), self._twins
@@ -177,7 +177,7 @@ class _Maker:
             model=config.model,
             place=place,
             blind=config.blind,
-            report=self._ears.report,
+            report=self._audience.report,
             seed=self._seed,
         )
 
@@ -187,7 +187,7 @@ class _Maker:
             draw,
             self._clock,
             field_of_view=twins.lens.field_of_view,
-            report=self._ears.report,
+            report=self._audience.report,
             dropouts=self._world.dropouts,
             seed=self._seed,
         )
@@ -195,7 +195,7 @@ class _Maker:
 
     def eyes(self) -> tuple[Vision, SteppedEyes[CameraFrame]]:
         """Return eyes that search pictures of the world."""
-        twins, ears = self._twins, self._ears
+        twins, audience = self._twins, self._audience
         renderer = Renderer(twins.world, twins.lens, noise=self._world.noise, seed=self._seed)
         camera = self.camera(lambda time: renderer.draw(twins.viewpoint(), time))
         vision = parts.vision(
@@ -205,10 +205,10 @@ class _Maker:
             detector=face_detector(self._camera),
             lens=None,  # what draws the pictures is ideal
             field_of_view=twins.lens.field_of_view,
-            report=ears.report,
-            seen=ears.seen,
-            watched=ears.watched,
-            recogniser=recogniser(self._interests, ears.report, drawn=self._world.people),
+            report=audience.report,
+            seen=audience.seen,
+            watched=audience.watched,
+            recogniser=recogniser(self._interests, audience.report, drawn=self._world.people),
         )
 
         def take() -> CameraFrame | None:
@@ -229,7 +229,7 @@ class _Maker:
             lens,
             flaws=Flaws(),
             seed=self._seed,
-            on_view=self._ears.seen,
+            on_view=self._audience.seen,
             interests=self._interests,
             names=self._true_names(),
         )

@@ -23,7 +23,7 @@ from drivers.arduino.driver import ArduinoHead
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.pantilt import AHEAD, Trimmable
-from missions.assembly.assemble import Ears, Wishes, assemble
+from missions.assembly.assemble import Audience, Wishes, assemble
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
@@ -208,8 +208,8 @@ def opened(name: str | None, *, simulate: bool, port: str | None) -> Iterator[Be
         world=load_world(find("worlds", "empty")) if virtual else None, ports={} if port is None else {part: port}
     )
     clock = SystemClock()
-    ears = Ears(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
-    robot = assemble(config, frozenset({"head"}), clock, wishes, ears)
+    audience = Audience(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]
     if not isinstance(trimmer, Trimmable):
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")

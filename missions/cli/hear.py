@@ -1,6 +1,6 @@
 """``mission hear``: what the robot understands, as somebody speaks or from a recording: to try it out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from math import ceil
@@ -10,19 +10,22 @@ from threading import Event
 import click
 
 from config.library import find
-from config.microphone import MicrophoneConfig
+from config.microphone import MOST_SURE, MicrophoneConfig
 from config.robot import load_robot
 from drivers.api import SOUND_RATE, Notice, unreported
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.hearing import Hearing, hearing, microphone
+from missions.cli.options import behaviours_option, params_option
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
+from missions.vocabulary import vocabulary
 from perception.api import Words
+from perception.hearing.engines import Sphinx, Vosk
 from perception.hearing.grammar import fault_of
 
 PAUSE = 0.05
@@ -34,9 +37,15 @@ QUIET, BAR = -70.0, 40
 STEP, REST = 2.0, 2.0
 """Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
 
-HINT = "`pip install 'missiontree[listen]'` installs the recogniser"
 PATIENCE = 20.0
 """Seconds that the recogniser may take to start, or for what was said."""
+
+
+def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    """Refuse a threshold that no robot file may have; so also what is no number."""
+    if value is not None and not -MOST_SURE <= value <= MOST_SURE:
+        raise click.BadParameter(f"must be between {-MOST_SURE:g} and {MOST_SURE:g}", ctx=ctx, param=option)
+    return value
 
 
 @click.command()
@@ -44,16 +53,26 @@ PATIENCE = 20.0
 @click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
 @click.option("--robot", metavar="NAME", help="Whose microphone and pronunciations; else the system's microphone.")
 @click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
-@click.option("--threshold", type=float, help="How sure is sure enough, instead of what the robot file says.")
+@click.option(
+    "--threshold", type=float, callback=_sure, help="How sure is sure enough, instead of what the robot file says."
+)
+@params_option
+@behaviours_option
 def command(
-    mission: str | None, phrases: str | None, robot: str | None, wav: Path | None, threshold: float | None
+    mission: str | None,
+    phrases: str | None,
+    robot: str | None,
+    wav: Path | None,
+    threshold: float | None,
+    params: dict[str, str],
+    files: tuple[Path, ...],
 ) -> int:
     """Say what is heard: each phrase with its score, and whether it is sure enough.
 
     Listens for the phrases of MISSION, or for those in --for. What is refused is shown with the nearest phrase. 0 is
     as likely said as not. Ctrl-C ends it.
     """
-    wanted = _wanted(mission, phrases)
+    wanted = _wanted(mission, phrases, params, files)
     config = MicrophoneConfig() if robot is None else load_robot(find("robots", robot)).microphone
     if config is None:
         raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
@@ -67,15 +86,19 @@ def command(
     return SUCCESS
 
 
-def _wanted(mission: str | None, phrases: str | None) -> Sequence[str]:
-    """Return what to listen for."""
+def _wanted(
+    mission: str | None, phrases: str | None, params: Mapping[str, str], files: Sequence[Path]
+) -> Sequence[str]:
+    """Return what to listen for. A mission needs all its params, as when it runs: phrases may be made of them."""
     if (mission is None) == (phrases is None):
         raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
     if mission is not None:
-        found = phrases_of(load_mission(mission).tree)
+        found = phrases_of(load_mission(mission, params=params, complete=True, leaves=vocabulary(files)).tree)
         if not found:
             raise click.UsageError(f"mission '{mission}' does not listen for anything")
         return found
+    if params or files:
+        raise click.UsageError("--param and --behaviours are for a mission, not for what is said in --for")
     texts = [text.strip() for text in (phrases or "").split(",")]
     for text in texts:
         if fault := fault_of(text):
@@ -105,28 +128,30 @@ def _listen(config: MicrophoneConfig, phrases: Sequence[str]) -> None:
 
 def _play(config: MicrophoneConfig, phrases: Sequence[str], wav: Path) -> None:
     """Show what is heard in a recording, as fast as it is understood."""
-    clock, pause = ManualClock(), Event()
+    clock = ManualClock()
     seconds = len(load("microphone", wav)) / SOUND_RATE + REST
     source = WavMicrophone(wav, clock)
     ears = hearing(config, source, phrases, clock, report=_complain)
+    hint = Vosk.hint if config.recogniser == "vosk" else Sphinx.hint
     with closing(ears):
         ears.open()
-        _wait(lambda: ears.listener.ready, pause)
+        _wait(lambda: ears.listener.ready, ears, hint)
         shown = 0
         for _ in range(ceil(seconds / STEP)):
             clock.advance(STEP)
-            _wait(lambda: (ears.listened() or 0.0) > clock.now() - STEP and not ears.listener.pending, pause)
+            _wait(lambda: (ears.listened() or 0.0) > clock.now() - STEP and not ears.listener.pending, ears, hint)
             for words in _newer(ears, shown):
                 shown = words.id
                 click.echo(_told(words, config.threshold))
 
 
-def _wait(holds: Callable[[], bool], pause: Event) -> None:
-    """Wait until it holds, in real time. Raises NoReply when it takes too long."""
-    clock = SystemClock()
+def _wait(holds: Callable[[], bool], ears: Hearing, hint: str) -> None:
+    """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
+    clock, pause = SystemClock(), Event()
     while not holds():
         if clock.now() > PATIENCE:
-            raise NoReply(f"microphone: the recogniser has said nothing for {PATIENCE:g} s", hint=HINT)
+            silent = f"microphone: the recogniser has said nothing for {PATIENCE:g} s"
+            raise NoReply(ears.health().detail or silent, hint=hint)
         pause.wait(PAUSE / 10)
 
 

@@ -14,7 +14,7 @@ from config.world import load_world
 from drivers.api import Base, Head, unheard, unreported
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
-from missions.assembly.assemble import Ears, Wishes, assemble
+from missions.assembly.assemble import Audience, Wishes, assemble
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
@@ -106,8 +106,8 @@ def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Ba
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
-    ears = Ears(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
-    robot = assemble(config, frozenset({"base", "head"}), clock, wishes, ears)
+    audience = Audience(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"base", "head"}), clock, wishes, audience)
     base = robot.robot.base
     try:
         robot.open()

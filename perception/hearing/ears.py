@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from threading import Event, Thread
 from typing import Protocol
 
-from perception.api import Words
 from perception.hearing.listener import Listener, Worker
 from perception.hearing.sound import Piece
 
@@ -25,7 +24,7 @@ def unreported(trouble: Exception) -> None:
 
 
 class Ears:
-    """Gives every sound of ``source`` to ``listener``, whose ``worker`` it starts and ends; a ``Hearing``.
+    """Gives every sound of ``source`` to ``listener``, whose ``worker`` it starts and ends.
 
     An error costs the sound that caused it, and goes to ``on_trouble`` unless it is the same as the last.
     """
@@ -51,6 +50,7 @@ class Ears:
         """Start listening; returns at once. Safe more than once."""
         if self._thread is None:
             self._ending.clear()
+            self._newest = -1  # a microphone may count anew
             self._worker.open(self._listener)
             self._thread = Thread(target=self._run, name="ears", daemon=True)
             self._thread.start()
@@ -62,22 +62,6 @@ class Ears:
         self._worker.close()
         if thread is not None:
             thread.join()
-
-    def words(self) -> tuple[Words, ...]:
-        """The phrases of the last 30 s, newest first."""
-        return self._listener.words()
-
-    def refused(self) -> tuple[Words, ...]:
-        """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
-        return self._listener.refused()
-
-    def listened(self) -> float | None:
-        """The time up to which it has listened, None before it could: old while the microphone is gone."""
-        return self._listener.listened()
-
-    def level(self) -> float:
-        """How loud it is now, in dBFS."""
-        return self._listener.level()
 
     def _run(self) -> None:
         while not self._ending.wait(PERIOD):

@@ -5,6 +5,7 @@ arcs into it, and then cannot align phones.
 """
 
 import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -18,8 +19,12 @@ _BETWEEN = re.compile(r"[^\w']+|_+")
 
 
 def normalised(text: str) -> str:
-    """Return ``text`` as it is listened for: small letters, single spaces, no punctuation but within words."""
-    words = _BETWEEN.sub(" ", text.casefold().translate(_APOSTROPHES)).split()
+    """Return ``text`` as it is listened for: small letters, single spaces, no punctuation but within words.
+
+    Accents are one with their letters (Unicode's NFC), as dictionaries have them.
+    """
+    small = unicodedata.normalize("NFC", text.casefold())
+    words = _BETWEEN.sub(" ", small.translate(_APOSTROPHES)).split()
     return " ".join(filter(None, (word.strip("'") for word in words)))
 
 

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from threading import Lock
 from typing import Any, Protocol
 
@@ -23,6 +24,9 @@ SILENCE = -90.0
 
 PATIENCE = 10.0
 """Seconds that the recogniser may take for a clip; then it hangs, and is killed."""
+
+START = 60.0
+"""The same to get ready: large models of Vosk are slow to load."""
 
 
 class Talker(Protocol):
@@ -81,7 +85,7 @@ def unheard() -> None:
     """Do nothing: the ``changed`` callback of ears that nobody waits for."""
 
 
-def never(start: float, end: float) -> bool:  # noqa: ARG001 - whenever that is
+def never(_start: float, _end: float) -> bool:
     """Say that the robot is silent: the ``deaf`` of ears without a voice beside them."""
     return False
 
@@ -112,10 +116,10 @@ class Listener:
         self._number: int | None = None  # of the newest piece
         self._recent = np.zeros(0, np.int16)
         self._lock = Lock()  # over everything below
-        self._ready = False
+        self._starting = self._ready = False
         self._waiting: deque[Clip] = deque(maxlen=WAITING)
         self._asked: tuple[int, Clip] | None = None
-        self._since = 0.0  # the time up to which there was sound when it was asked
+        self._since: float | None = None  # the time of the first sound after something was wanted of the recogniser
         self._count = 0
         self._accepted: deque[Words] = deque()
         self._refused: deque[Words] = deque()
@@ -164,7 +168,7 @@ class Listener:
         clips = [] if deaf else self._cutter.take(piece.samples, piece.stamp)
         with self._lock:
             self._waiting.extend(clips)
-            hangs = self._asked is not None and piece.end - self._since > PATIENCE
+            hangs = self._hangs(piece.end)
             if self._ready and not hangs:
                 self._listened = piece.end
         if hangs:
@@ -172,35 +176,45 @@ class Listener:
         if clips:
             self._ask()
 
+    def _hangs(self, now: float) -> bool:
+        """Say whether the recogniser has owed an answer for too long. Time is that of the sound."""
+        if not self._starting and self._asked is None:
+            return False
+        if self._since is None:
+            self._since = now
+        return now - self._since > (START if self._starting else PATIENCE)
+
     def _ask(self) -> None:
         """Have the oldest clip recognised, unless another is."""
         with self._lock:
             if not self._ready or self._asked is not None or not self._waiting:
                 return
             self._count += 1
-            self._since = self._listened or 0.0
+            self._since = None
             asked = self._asked = (self._count, self._waiting.popleft())
-        try:
+        with suppress(OSError):  # it is dying, and ``lost`` follows
             self._worker.send({"decode": asked[0]}, self._engine.sound(asked[1]), timeout=PATIENCE)
-        except OSError:  # it is dying, and ``lost`` follows
-            return
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def started(self) -> None:
         """Tell a new process what to listen for."""
-        self._worker.send(self._engine.instructions(), timeout=PATIENCE)
+        with self._lock:
+            self._starting, self._ready, self._asked, self._since = True, False, None, None
+        with suppress(OSError):  # it is dying, and ``lost`` follows
+            self._worker.send(self._engine.instructions(), timeout=PATIENCE)
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
         """Forget what it was asked: nobody knows whether that was what killed it."""
         with self._lock:
-            self._ready, self._asked = False, None
+            self._starting, self._ready, self._asked = False, False, None
 
     def received(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
         """Take an answer, and ask for the next clip."""
         with self._lock:
             asked = self._asked
-            self._ready = self._ready or "ready" in message
+            if "ready" in message:
+                self._starting, self._ready = False, True
         if "decoded" in message and asked is not None and message["decoded"] == asked[0]:
             try:
                 self._keep(*asked, *self._engine.judge(asked[1], message))

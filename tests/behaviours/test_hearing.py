@@ -2,9 +2,11 @@
 
 import pytest
 
-from behaviours.hearing import Heard, Listen
+from behaviours.hearing import KEPT, Heard, Listen
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from drivers.sim.twins import ears
 from missions.testing.recorders import Bench
+from perception.hearing import listener
 
 ANSWERS = {"yes": "Yes!", "no": "No"}
 
@@ -73,9 +75,9 @@ def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
     bench.hearing.heard_until = bench.clock.now() - 2.0
     leaf = listening(bench, timeout=1.0)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "no sound from the microphone"
+    assert leaf.reason == "no sound from the microphone, or no recogniser: see the notices"
     assert bench.tick(leaf, after=1.0) is FAILURE
-    assert leaf.reason == "no sound from the microphone"
+    assert leaf.reason == "no sound from the microphone, or no recogniser: see the notices"
 
 
 def test_heard_succeeds_for_a_while_after_the_phrase() -> None:
@@ -98,4 +100,8 @@ def test_heard_passes_over_other_phrases() -> None:
     bench.hearing.understood = ()
     bench.hearing.heard_until = 0.0
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "no sound from the microphone"
+    assert leaf.reason == "no sound from the microphone, or no recogniser: see the notices"
+
+
+def test_heard_looks_back_no_further_than_words_are_kept() -> None:
+    assert Heard.arguments["within"].high == KEPT == listener.KEPT == ears.KEPT

@@ -1,10 +1,15 @@
 """The sections ``microphone`` and ``screen`` of robot files: what they say, and what is wrong with them."""
 
+import json
+
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from config.faults import InvalidFileError, Source
 from config.microphone import PHONES
 from config.robot import MicrophoneConfig, RobotConfig, ScreenConfig, robot_of
+from perception.hearing.grammar import Grammar, normalised
 from perception.hearing.phones import KIND_OF
 
 
@@ -42,6 +47,10 @@ def test_all_of_them_is_read() -> None:
         ("microphone: {threshold: 11}", "'threshold' must be at most 10"),
         ("microphone: {pronunciations: {rodney: R AA D N IX}}", "'rodney': no phone is called 'IX'"),
         ("microphone: {pronunciations: {rodney: }}", "'rodney' needs its phones"),
+        ("microphone: {pronunciations: {r2-d2: AA}}", "'pronunciations': 'r2-d2' is not one word of letters"),
+        ("microphone: {pronunciations: {r2: AA}}", "'r2' is not one word of letters"),
+        ("microphone: {pronunciations: {hello robot: AA}}", "'hello robot' is not one word of letters"),
+        ("microphone: {pronunciations: {66: AA}}", "'66' is not one word of letters"),
         ("screen: {port: 80}", "'port' must be at least 1024"),
         ("screen: {mood: hapy}", "did you mean 'happy'?"),
     ],
@@ -51,6 +60,31 @@ def test_what_is_wrong_is_told(text: str, said: str) -> None:
         robot(text)
     (fault,) = caught.value.faults
     assert said in str(fault)
+
+
+@given(st.text(st.characters(codec="utf-8", categories=["L", "M", "Nd", "P"]), min_size=1, max_size=6))
+@example("O\u2019Hara")
+@example("Cafe\u0301")
+@example("\u0390")
+def test_what_is_pronounced_is_a_word_as_it_is_listened_for(key: str) -> None:
+    try:
+        section = robot(f"microphone: {{pronunciations: {{{json.dumps(key)}: AA}}}}").microphone
+    except InvalidFileError:
+        return
+    assert section is not None
+    (word,) = section.pronunciations
+    assert normalised(key) == word
+    assert Grammar.of([key]).words == (word,)
+
+
+@pytest.mark.parametrize(
+    ("key", "word"),
+    [("Rodney", "rodney"), ("o\u2019hara", "o'hara"), ("cafe\u0301", "caf\u00e9"), ("Na\u00efve", "na\u00efve")],
+)
+def test_words_are_taken_in_any_writing(key: str, word: str) -> None:
+    section = robot(f"microphone: {{pronunciations: {{{key}: AA}}}}").microphone
+    assert section is not None
+    assert section.pronunciations == {word: "AA"}
 
 
 def test_the_phones_of_files_are_those_that_the_model_has() -> None:

@@ -70,7 +70,8 @@ class RecordedEars(HearingRig):
         self.path = folder / "people.wav"
         self.microphone = WavMicrophone(self.path, self.clock)
         self.listener = Listener(worker, engine, deaf=self.deaf)
-        self.hearing = self.ears = Ears(self.microphone, self.listener, worker)
+        self.hearing = self.listener
+        self.ears = Ears(self.microphone, self.listener, worker)
 
     def people_say(self, *spoken: tuple[float, str]) -> None:
         sound = np.random.default_rng(0).normal(0, 25, 16000 * 20)

@@ -1,5 +1,6 @@
 """Microphones: a file that stands in for one, and the sound card's."""
 
+import os
 import wave
 from collections.abc import Iterator
 from itertools import pairwise
@@ -14,7 +15,8 @@ from drivers.api import Notice
 from drivers.api.microphone import SOUND_RATE
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.microphone.captured import KEPT, CapturedMicrophone
+from drivers.microphone import captured
+from drivers.microphone.captured import HANGS, KEPT, CapturedMicrophone
 from drivers.microphone.wav import PIECE, WavMicrophone, load, resampled
 from tests.waiting import wait_until
 
@@ -114,6 +116,15 @@ def test_what_is_no_wav_file_of_16_bits_is_refused(tmp_path: Path) -> None:
     assert "ffmpeg" in raised.value.hint
 
 
+def test_a_header_without_a_rate_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.wav", ramp(10))
+    header = bytearray(path.read_bytes())
+    header[24:28] = bytes(4)
+    path.write_bytes(header)
+    with pytest.raises(NotConnected, match="0 samples a second"):
+        load("microphone", path)
+
+
 def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> None:
     clock = ManualClock()
     microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(400)), clock)
@@ -173,6 +184,79 @@ def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[Notic
         microphone.close()
     assert "no microphone is called 'golden ear'; there are: 'NULL Capture Device'" in notices[0].what
     assert (health.online, "arecord -l" in health.hint) == (False, True)
+
+
+HANGING = """import json, sys
+sys.stdout.buffer.write(json.dumps({"bytes": 2}).encode() + b"\\n\\0\\0")
+sys.stdout.flush()
+sys.stdin.read()
+"""
+
+
+def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "hanging.py"
+    program.write_text(HANGING)
+    monkeypatch.setattr(captured, "PROGRAM", program)
+    clock = ManualClock()
+    microphone = CapturedMicrophone(clock)
+    microphone.open()
+    try:
+        wait_until(lambda: len(microphone.read(-1)) == 1)
+        clock.advance(HANGS - 0.1)
+        assert [microphone.read(0), microphone.health().counters["starts"]] == [[], 1]
+        clock.advance(0.2)
+        microphone.read(0)
+        wait_until(lambda: microphone.read(0))
+        assert microphone.health().counters["starts"] == 2
+    finally:
+        microphone.close()
+    clock.advance(2 * HANGS)
+    assert microphone.read(-1) == []
+
+
+def test_recording_ends_when_no_more_sound_comes_or_nobody_wants_it() -> None:
+    worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
+    orders, robot = os.pipe()
+    try:
+        assert "no sound has come for 0.01 s" in worker.Passing().until_end(orders, 0.01)
+        os.close(robot)
+        assert worker.Passing().until_end(orders, 60.0) == ""
+    finally:
+        os.close(orders)
+
+
+def test_without_a_sound_card_the_reason_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
+
+    def failing(**_: object) -> None:
+        raise worker.miniaudio.MiniaudioError("failed to init device", -401)
+
+    monkeypatch.setattr(worker.miniaudio, "CaptureDevice", failing)
+    monkeypatch.setattr("sys.argv", ["capture_worker.py", "", "null"])
+    with pytest.raises(SystemExit, match=r"^no sound card that records: failed to init device$"):
+        worker.main()
+
+
+def test_as_long_as_sound_comes_it_goes_on(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+    worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
+    passing = worker.Passing()
+    taking = passing.taking()
+    next(taking)
+    looks = []
+
+    def look(*_: object) -> tuple[list[int], list[int], list[int]]:
+        looks.append(passing.count)
+        if len(looks) < 4:
+            taking.send(b"\1\2")
+        return [], [], []
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker.select, "select", look)
+        assert passing.until_end(0, 2.0)
+    assert looks == [0, 1, 2, 3]
+    assert capsysbinary.readouterr().out == 3 * b'{"bytes": 2}\n\1\2'
 
 
 def test_what_was_lost_on_the_way_shows_in_the_numbers() -> None:

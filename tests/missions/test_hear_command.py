@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from drivers.errors import NotConnected
+from config.faults import InvalidFileError
+from drivers.errors import BadRequest, NoReply, NotConnected
 from missions.cli.hear import command
 from tests.missions.spoken import record
 
@@ -49,6 +50,43 @@ def test_the_phrases_of_a_mission_are_listened_for(wav: Path, tmp_path: Path) ->
     assert told[0][1].startswith("yes please")
 
 
+def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(
+        "from behaviours.hearing import Listen\n\n\n"
+        'class Await(Listen):\n    """Wait for a phrase."""\n\n    word = "await"\n',
+        encoding="utf-8",
+    )
+    mission = tmp_path / "ask.yaml"
+    mission.write_text(
+        'mission: ask\nparams: {word: {type: text}}\ntree: {await: ["${word} please", stop]}\n', encoding="utf-8"
+    )
+    result = hear(str(mission), "--behaviours", str(own), "--param", "word=yes", "--wav", str(wav))
+    assert result.output.startswith("listening for: yes please, stop\n")
+    assert lines(result)[0][1].startswith("yes please")
+    error = hear(str(mission), "--behaviours", str(own), "--wav", str(wav)).exception
+    assert isinstance(error, InvalidFileError)
+    assert '--param word="..."' in str(error)
+
+
+def test_without_its_recogniser_it_says_how_to_get_that_one(
+    wav: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.cli.hear.PATIENCE", 0.5)
+    robot = tmp_path / "r.yaml"
+    robot.write_text("robot: r\nmicrophone: {recogniser: vosk, model: none}\n", encoding="utf-8")
+    error = hear("--for", "yes", "--robot", str(robot), "--wav", str(wav)).exception
+    assert isinstance(error, NoReply)
+    assert "missiontree[vosk]" in error.hint
+
+
+def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
+    error = hear("--for", "schön", "--wav", str(wav)).exception
+    assert isinstance(error, BadRequest)
+    assert "nobody knows how these are pronounced: schön" in str(error)
+    assert "pronunciations: {schön:" in error.hint
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -57,6 +95,9 @@ def test_the_phrases_of_a_mission_are_listened_for(wav: Path, tmp_path: Path) ->
         (("greet",), "mission 'greet' does not listen for anything"),
         (("--for", "yes, route 66"), "it has digits"),
         (("--for", "yes", "--robot", "head"), "has no microphone"),
+        (("--for", "yes", "--param", "a=b"), "are for a mission"),
+        (("--for", "yes", "--threshold", "nan"), "must be between -10 and 10"),
+        (("--for", "yes", "--threshold", "11"), "must be between -10 and 10"),
     ],
 )
 def test_what_cannot_be_listened_for_is_said(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:

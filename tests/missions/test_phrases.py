@@ -69,6 +69,7 @@ def test_so_may_one_of_a_mission_inside(tmp_path: Path) -> None:
         ("heard: 5", "it has digits"),
         ('sequence: [{set: {a: yes}}, {listen: "${a}"}]', "'${a}' must be known before the mission starts"),
         ("listen: {for: yes, timeout: 8}", "'timeout' needs a duration"),
+        ("heard: {phrase: yes, within: 5 min}", "'within' must be between 0.01 s and 30 s"),
     ],
 )
 def test_what_cannot_be_listened_for_is_told(tmp_path: Path, step: str, said: str) -> None:

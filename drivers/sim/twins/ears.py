@@ -53,7 +53,7 @@ class Phrases(Protocol):
         ...
 
 
-def never(start: float, end: float) -> bool:  # noqa: ARG001 - whenever that is
+def never(_start: float, _end: float) -> bool:
     """Say that the robot is silent."""
     return False
 

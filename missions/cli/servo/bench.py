@@ -21,7 +21,7 @@ from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.errors import DeviceFault, NoReply, NotConnected
 from missions.assembly import parts
-from missions.assembly.assemble import SIMULATED_PATIENCE, Ears, Wishes, assemble
+from missions.assembly.assemble import SIMULATED_PATIENCE, Audience, Wishes, assemble
 from missions.assembly.simulation import Simulation
 from missions.cli.keys import interruptible
 from missions.cli.servo.target import Target
@@ -154,8 +154,8 @@ def opened_arm(target: Target) -> Iterator[Arm]:
     config, clock = target.config(), SystemClock()
     arm = _arm(config)
     wishes = Wishes(world=load_world(find("worlds", "empty")) if target.virtual else None)
-    ears = Ears(tell, unheard, click.echo, lambda *_: None, lambda *_: None)
-    robot = assemble(config, frozenset({"arm"}), clock, wishes, ears)
+    audience = Audience(tell, unheard, click.echo, lambda *_: None, lambda *_: None)
+    robot = assemble(config, frozenset({"arm"}), clock, wishes, audience)
     joints = robot.robot.arm
     with interruptible(), closing(robot):
         robot.open()

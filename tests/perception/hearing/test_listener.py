@@ -7,7 +7,7 @@ import pytest
 
 from perception.api import Hearing
 from perception.hearing.ears import Ears
-from perception.hearing.listener import PATIENCE, Listener
+from perception.hearing.listener import PATIENCE, START, Listener
 from perception.hearing.sound import RATE, Piece
 from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk
 from tests.waiting import wait_until
@@ -137,7 +137,9 @@ def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
     scene.worker.broken = True
     scene.hear((1.0, 1.5), seconds=3)
     scene.listener.lost("gone")
+    scene.listener.started()
     assert scene.listener.words() == ()
+    assert not scene.listener.ready
 
 
 def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: Scene) -> None:
@@ -147,6 +149,34 @@ def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: S
     scene.hear(seconds=2, first=round(50 * (PATIENCE + 1)))
     assert scene.worker.kills > 0
     assert scene.listener.listened() == pytest.approx(PATIENCE + 2, abs=0.1)
+
+
+def test_a_recogniser_that_hangs_before_it_is_ready_is_killed_too(scene: Scene) -> None:
+    scene.hear(seconds=0.1, first=50 * 100)
+    scene.listener.started()
+    scene.hear(seconds=0.1, first=50 * 200)  # its time counts from the first sound on
+    scene.hear(seconds=0.1, first=round(50 * (199 + START)))
+    assert scene.worker.kills == 0
+    scene.hear(seconds=0.1, first=round(50 * (201 + START)))
+    assert scene.worker.kills > 0
+
+
+def test_a_recogniser_that_is_killed_or_gets_ready_in_time_is_left_alone(scene: Scene) -> None:
+    scene.listener.started()
+    scene.hear(seconds=0.1)
+    scene.listener.lost("killed")
+    scene.hear(seconds=0.1, first=round(50 * (START + 1)))
+    scene.begin()
+    scene.hear(seconds=0.1, first=round(50 * 2 * (START + 1)))
+    assert scene.worker.kills == 0
+
+
+def test_a_new_recogniser_knows_nothing_of_what_the_last_was_asked(scene: Scene) -> None:
+    scene.begin()
+    scene.hear((1.0, 1.5), seconds=3)
+    scene.listener.started()  # closed and opened: nobody tells that the last was lost
+    assert not scene.listener.ready
+    assert not scene.listener.pending
 
 
 def test_an_answer_that_nobody_asked_for_is_dropped(scene: Scene) -> None:
@@ -174,6 +204,22 @@ def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
     assert scene.listener.level() == -90
 
 
+def test_opened_again_ears_hear_a_microphone_that_counts_anew(scene: Scene) -> None:
+    microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
+    ears = Ears(microphone, scene.listener, scene.worker)
+    try:
+        for _ in range(2):
+            ears.open()
+            scene.begin()
+            microphone.failures = 0
+            wait_until(lambda: microphone.failures >= 2)
+            scene.answer("yes", 1.0)
+            ears.close()
+    finally:
+        ears.close()
+    assert len(scene.listener.words()) == 2
+
+
 class Microphone:
     """Gives all its sound at once, and then fails."""
 
@@ -193,7 +239,7 @@ def test_ears_listen_on_a_thread_of_their_own_and_survive_trouble(scene: Scene) 
     microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
     troubles: list[Exception] = []
     ears = Ears(microphone, scene.listener, scene.worker, on_trouble=troubles.append)
-    hearing: Hearing = ears
+    hearing: Hearing = scene.listener
     ears.close()
     scene.begin()
     ears.open()

@@ -33,6 +33,8 @@ phrases = st.lists(st.lists(st.sampled_from(["go", "left", "the", "stop"]), min_
         ("'quoted'", "quoted"),
         ("good-morning_all", "good morning all"),
         ("...", ""),
+        ("cafe\u0301", "caf\u00e9"),
+        ("CAFE\u0301!", "caf\u00e9"),
     ],
 )
 def test_a_phrase_is_what_is_spoken_of_a_text(text: str, phrase: str) -> None:
