@@ -15,7 +15,7 @@ SLOWEST, QUICKEST = 80, 450
 
 
 class Uttering(Leaf):
-    """Something that is heard: running until it was, silent when it is halted."""
+    """Something that is heard: running until it was, silent when it is halted; fails when it was broken off."""
 
     needs = frozenset({"voice"})
     drives = frozenset({"voice"})
@@ -37,7 +37,7 @@ class Uttering(Leaf):
 
     def update(self) -> Status:
         if self._utterance is not None and self._utterance.done():
-            return SUCCESS
+            return self.fail("broken off") if self._utterance.cancelled else SUCCESS
         return self.wait(self.doing)
 
     def terminate(self, new_status: Status) -> None:
@@ -48,9 +48,9 @@ class Uttering(Leaf):
 class Say(Uttering):
     """Speak.
 
-    Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
-    once; what it breaks off is said again from its beginning afterwards. A smiley in the text is not spoken: it sets
-    the mood of the face. The mouth moves with the words.
+    Running until it is spoken, then succeeds; fails when the voice is gone before that. Falls silent when it is
+    halted. What has a higher priority is heard at once; what it breaks off is said again from its beginning
+    afterwards. A smiley in the text is not spoken: it sets the mood of the face. The mouth moves with the words.
     """
 
     word = "say"
@@ -78,8 +78,8 @@ class Say(Uttering):
 class PlaySound(Uttering):
     """Play a sound.
 
-    Running until it was heard, then succeeds; fails when the file is no sound. Silent when it is halted. It takes
-    turns with what is said.
+    Running until it was heard, then succeeds; fails when the file is no sound, or the voice is gone before that.
+    Silent when it is halted. It takes turns with what is said.
     """
 
     word = "play_sound"

@@ -1,5 +1,6 @@
 """The ``voice`` section of a robot file: what the robot speaks with, and how."""
 
+import re
 import shlex
 from dataclasses import dataclass
 
@@ -10,6 +11,9 @@ DRIVERS = ("auto", "espeak", "program", "piper", "command", "print")
 
 NEEDED = {"piper": ("model", "model: en_US-amy-medium.onnx"), "command": ("command", 'command: "my_tts --stdin"')}
 """What a driver cannot do without, and how that is written."""
+
+FILLED = ("voice", "language", "name", "speed", "volume")
+"""What stands in braces in a command and is filled in, as drivers.voice.synthesiser knows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +59,12 @@ def read_voice(fields: Fields | None) -> VoiceConfig | None:
 
 
 def _check_command(fields: Fields, command: str) -> None:
+    node = fields.node_of("command") or fields.node
     try:
         shlex.split(command)
     except ValueError as error:
-        node = fields.node_of("command") or fields.node
         fields.fault(node.mark, f"'command' cannot be taken apart as a shell would: {error}")
+    hint = f"{', '.join(f'{{{each}}}' for each in FILLED)} are; the text comes on standard input"
+    for word in re.findall(r"\{(\w+)\}", command):
+        if word not in FILLED:
+            fields.fault(node.mark, f"'command': {{{word}}} is not filled in", hint)

@@ -29,7 +29,7 @@ LONGEST_DELAY = 30.0
 """Seconds between attempts at most; the first takes 1 s, each further one twice as long."""
 
 LAST_WORDS = 200
-"""Characters of what a program complained that are passed on."""
+"""Characters that are passed on of the last line in which a program complained."""
 
 _PIECE = 65536  # bytes read at a time
 
@@ -38,6 +38,12 @@ def frame(message: Message, body: bytes = b"") -> bytes:
     """Return a message as it goes over a pipe; ``bytes`` is added to it where there is a ``body``."""
     head = {**message, "bytes": len(body)} if body else message
     return json.dumps(head, separators=(",", ":")).encode() + b"\n" + body
+
+
+def last_words(complaint: bytes) -> str:
+    """Return the last line of what a program wrote to its standard error: the others say how it came to that."""
+    lines = complaint.decode("utf-8", "replace").split("\n")
+    return next((line.strip()[-LAST_WORDS:] for line in reversed(lines) if line.strip()), "")
 
 
 class Unframer:
@@ -59,10 +65,13 @@ class Unframer:
                 if not isinstance(head, dict):
                     raise ValueError(f"not a message: {bytes(line[:60])!r}")
                 self._head, self._data = head, rest
-            size = int(self._head.get("bytes", 0))
+            size = self._head.get("bytes", 0)
+            if not isinstance(size, int) or size < 0:
+                raise ValueError(f"not a number of bytes: {size!r:.60}")
             if len(self._data) < size:
                 return
-            head, body = self._head, bytes(self._data[:size])
+            with memoryview(self._data) as view:
+                head, body = self._head, bytes(view[:size])  # copied once: it may be megabytes
             self._head = None
             del self._data[:size]
             yield head, body
@@ -231,14 +240,14 @@ class Worker:
             for pipe, _ in ready.poll():
                 data = os.read(pipe, _PIECE)
                 if pipe == err:
-                    complaint = (complaint + data)[-LAST_WORDS:]
+                    complaint = (complaint + data)[-4 * LAST_WORDS :]  # in UTF-8
                     if not data:
                         ready.unregister(err)
                     continue
                 if not data:
-                    return complaint.decode(errors="replace").strip()
+                    return last_words(complaint)
                 try:
                     for message, body in unframer.feed(data):
                         received(message, body)
-                except ValueError as error:
-                    return f"{error}; {complaint.decode(errors='replace').strip()}"
+                except (ValueError, RecursionError) as error:  # the latter from brackets in brackets in brackets
+                    return f"{error}; {last_words(complaint)}"

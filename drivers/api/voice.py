@@ -61,6 +61,11 @@ class Utterance(Protocol):
         ...
 
     @property
+    def cancelled(self) -> bool:
+        """True once it was cancelled before it was heard to the end: also by a voice that rests or has gone."""
+        ...
+
+    @property
     def started(self) -> float | None:
         """When its first sample was heard, on the driver's clock; None while it waits, also to be said again."""
         ...

@@ -11,6 +11,7 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.microphone.wav import KEPT, PIECE, resampled
 from drivers.sim.acts import Reply
+from drivers.sim.twins.ears import never
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Engine
 
@@ -24,11 +25,6 @@ SOON = 0.05
 """Seconds from now at which somebody begins to speak: what has been read already cannot be changed."""
 
 CLOSED = None
-
-
-def never(start: float, end: float) -> bool:  # noqa: ARG001 - whenever that is
-    """Say that the robot is silent."""
-    return False
 
 
 class VoicedMicrophone:
@@ -122,10 +118,10 @@ class VoicedMicrophone:
         while (reply := self._replies.get()) is not CLOSED and not self._ending.is_set():
             try:
                 self._speak(reply)
-            except DriverError as error:
-                if self._ending.is_set():
-                    return
-                self._report(Notice(self.name, "fault", f"{reply.who} cannot be heard: {error}", error.hint))
+            except Exception as error:  # whatever it is: the next one may be heard
+                if not self._ending.is_set():
+                    hint = error.hint if isinstance(error, DriverError) else ""
+                    self._report(Notice(self.name, "fault", f"{reply.who} cannot be heard: {error}", hint))
 
     def _speak(self, reply: Reply) -> None:
         """Make a sound of what somebody says, and let them say it when the robot is silent."""

@@ -57,12 +57,12 @@ def _engine(wish: Wish, clock: Clock, report: Report, name: str) -> Engine | Non
         case "auto" if all(find_spec(wheel) for wheel in WHEELS):
             return Espeak(clock, usual=wish.usual, report=report, name=name)
         case "piper":
-            return Piper(Path(wish.model).expanduser(), name=name)
+            return Piper(Path(wish.model).expanduser(), clock, name=name)
         case "command":
             program, *arguments = shlex.split(wish.command)
-            return Speaker(Synthesiser(program, tuple(arguments), wish.volume), name=name)
+            return Speaker(Synthesiser(program, tuple(arguments), wish.volume), clock, name=name)
         case "auto" | "program" if installed is not None:
-            return Speaker(installed, name=name)
+            return Speaker(installed, clock, name=name)
         case "program":  # which will say that it is missing
-            return Speaker(Synthesiser("espeak-ng", KNOWN["espeak-ng"]), name=name)
+            return Speaker(Synthesiser("espeak-ng", KNOWN["espeak-ng"]), clock, name=name)
     return None

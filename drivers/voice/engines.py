@@ -9,7 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.pipe import Message, Worker
 from drivers.voice.cut import Cut
-from drivers.voice.manner import WORDS_PER_MINUTE, espeak_name
+from drivers.voice.manner import WORDS_PER_MINUTE, espeak_name, longest
 from drivers.voice.partner import Partner
 from drivers.voice.program import run
 from drivers.voice.protocol import Speech, request, speech
@@ -17,8 +17,8 @@ from drivers.voice.protocol import Speech, request, speech
 PROGRAM = Path(__file__).with_name("espeak_worker.py")
 HINT = "`pip install 'missiontree[speak]'` installs espeak-ng; `driver: print` speaks without"
 
-THINKING = 20.0
-"""Seconds that the synthesiser may take for a text: ten minutes of speech take about three."""
+THINKING = 3.0
+"""Seconds that the synthesiser may take for a text, and one more for each 1000 letters: it needs a tenth of that."""
 
 
 class Engine(Protocol):
@@ -60,7 +60,7 @@ class Espeak(Partner):
         super().__init__(worker, clock, report=report, hint=HINT)
         self._usual = espeak_name(usual)
         self._number = 0
-        self._answer: Speech | None = None
+        self._answer: tuple[Message, bytes] | None = None
 
     def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
         """See Engine. Raises NotConnected or NoReply."""
@@ -70,19 +70,23 @@ class Espeak(Partner):
             self._number += 1
             self._answer = None
         self._worker.send(request(self._number, text, espeak_name(manner), self._usual, manner.speed))
-        if self._until(lambda: self._answer is not None, cut, THINKING) or cut.made:
-            return None if cut.made else self._answer
+        if self._until(lambda: self._answer is not None, cut, THINKING + len(text) / 1000) or cut.made:
+            return None if cut.made else self._answered()
         self._worker.kill()
-        raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text:.40!r}", hint=self._hint)
+        raise NoReply(f"{self._worker.name}: espeak-ng hangs with {text[:40]!r}", hint=self._hint)
+
+    def _answered(self) -> Speech | None:
+        """Return the answer taken apart: here, where that keeps nobody from breaking it off."""
+        return None if self._answer is None else speech(*self._answer)
 
     def _take(self, message: Message, body: bytes) -> Notice | None:
         if message.get("id") != self._number:
             return None
-        self._answer = speech(message, body)
-        if not self._answer.trouble:
+        self._answer = message, body
+        if not message.get("trouble"):
             return None
         name = self._worker.name
-        what = f"{name}: {self._answer.trouble}: it speaks with {self._usual or 'en'!r} instead"
+        what = f"{name}: {message['trouble']}: it speaks with {self._usual or 'en'!r} instead"
         return Notice(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
 
 
@@ -92,8 +96,9 @@ class Piper:
     speaks_itself = False
     broken = ""
 
-    def __init__(self, model: Path, *, program: str = "piper", name: str = "voice") -> None:
+    def __init__(self, model: Path, clock: Clock, *, program: str = "piper", name: str = "voice") -> None:
         self._model = model
+        self._clock = clock
         self._program = program
         self._name = name
 
@@ -104,13 +109,14 @@ class Piper:
         """Do nothing: what runs is broken off with the words that it says."""
 
     def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
-        """See Engine. Raises DeviceFault."""
+        """See Engine. Raises DeviceFault and NoReply."""
         rate = self._sample_rate()
         pace = WORDS_PER_MINUTE / manner.speed
         command = [self._program, "--model", str(self._model), "--output-raw", "--length-scale", f"{pace:.3f}"]
         # It takes each line for a text of its own.
-        samples = run(self._name, command, " ".join(text.split()), cut, wanted=True)
-        return None if samples is None else Speech(samples[: len(samples) & ~1], rate)
+        line, limit = " ".join(text.split()), longest(text, manner)
+        ran = run(self._name, command, line, cut, self._clock, limit=limit, wanted=True)
+        return None if ran is None else Speech(ran.output[: len(ran.output) & ~1], rate)
 
     def _sample_rate(self) -> int:
         about = self._model.with_name(f"{self._model.name}.json")

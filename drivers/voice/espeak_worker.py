@@ -5,7 +5,10 @@ Messages as in ``protocol``. The calls, numbers and the structures are those of 
 
 import ctypes
 import json
+import os
+import select
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +63,14 @@ Callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.
 
 
 class Espeak:
-    """The library. One text at a time: ``sound`` and ``phonemes`` are those of the last."""
+    """The library. One text at a time: ``sound`` and ``phonemes`` are those of the last.
 
-    def __init__(self, library: str, data: str) -> None:
+    A text that ``obsolete`` calls so, asked five times for each second of sound, is left where it is.
+    """
+
+    def __init__(self, library: str, data: str, obsolete: Callable[[], bool]) -> None:
+        self._obsolete = obsolete
+        self._left = False
         self.sound = bytearray()
         self.phonemes: list[tuple[int, str]] = []
         self._library = ctypes.CDLL(library)
@@ -83,13 +91,15 @@ class Espeak:
         name = self._languages.get(base.lower(), base) + plus + variant
         return int(self._library.espeak_SetVoiceByName(name.encode())) == 0
 
-    def speak(self, text: str, speed: int) -> None:
-        """Make sound of a text."""
+    def speak(self, text: str, speed: int) -> bool:
+        """Make sound of a text; False when that was left."""
+        self._left = False
         self.sound.clear()
         self.phonemes.clear()
         self._library.espeak_SetParameter(RATE_PARAMETER, min(max(speed, SLOWEST), QUICKEST), 0)
         data = text.replace("\0", " ").encode()
         self._library.espeak_Synth(data, len(data) + 1, 0, 1, 0, UTF8, None, None)
+        return not self._left
 
     def _keep(self, samples: int | None, count: int, events: Any) -> int:
         if samples is not None and count:
@@ -100,7 +110,8 @@ class Espeak:
             if event.type == PHONEME:
                 self.phonemes.append((event.audio_position, event.id.string.decode("utf-8", "replace")))
             number += 1
-        return 0
+        self._left = self._left or self._obsolete()
+        return int(self._left)
 
     def _by_language(self) -> dict[str, str]:
         """Return the voices by their languages: "en-gb" is none of their names."""
@@ -121,13 +132,14 @@ def tell(message: dict[str, object], body: bytes = b"") -> None:
 
 
 def answer(espeak: Espeak, request: dict[str, Any]) -> None:
-    """Answer one request."""
+    """Answer one request, unless another has come meanwhile."""
     trouble = ""
     if not espeak.choose(request["voice"] or "en"):
-        trouble = f"espeak-ng has no voice that is called {request['voice']!r}"
+        trouble = f"espeak-ng has no voice that is called {request['voice'][:40]!r}"
         if not espeak.choose(request["instead"] or "en"):
             espeak.choose("en")
-    espeak.speak(request["text"], request["speed"])
+    if not espeak.speak(request["text"], request["speed"]):
+        return
     head = {"id": request["id"], "rate": espeak.rate, "phonemes": espeak.phonemes, "trouble": trouble}
     tell(head, bytes(espeak.sound))
 
@@ -140,9 +152,15 @@ def main() -> None:
         tell({"absent": str(error)})
         sys.stdin.buffer.read()
         return
-    espeak = Espeak(espeakng_loader.get_library_path(), espeakng_loader.get_data_path())
+    # Unbuffered: what has come, and is not read yet, can be seen.
+    requests = os.fdopen(sys.stdin.fileno(), "rb", buffering=0, closefd=False)
+    espeak = Espeak(
+        espeakng_loader.get_library_path(),
+        espeakng_loader.get_data_path(),
+        lambda: bool(select.select([requests], [], [], 0)[0]),
+    )
     tell({"ready": "espeak-ng"})
-    for line in sys.stdin.buffer:
+    for line in requests:
         answer(espeak, json.loads(line))
 
 

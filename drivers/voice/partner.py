@@ -6,13 +6,16 @@ from threading import Condition
 
 from drivers.api import Notice, Report, unreported
 from drivers.clock import Clock
-from drivers.errors import NotConnected
+from drivers.errors import NoReply, NotConnected
 from drivers.guard import guarded
 from drivers.pipe import Message, Worker
 from drivers.voice.cut import Cut
 
 START = 5.0
-"""Seconds that a program may take to start, also when it has died: shared machines are slow."""
+"""Seconds for which a program that starts is waited for, also when it has died: shared machines are slow."""
+
+STUCK = 10.0
+"""Seconds after its start when a program that somebody waits for, and that is not ready yet, is taken to hang."""
 
 HOPELESS = 3
 """Deaths in a row after which a program is not waited for any more; it is started again all the same."""
@@ -28,6 +31,7 @@ class Partner(ABC):
         self._hint = hint
         self._news = Condition()  # over all that is told
         self._ready = False
+        self._since = 0.0  # when it was started last
         self._deaths = 0  # in a row
         self._absent = ""
         self._told: set[Notice] = set()
@@ -54,11 +58,15 @@ class Partner(ABC):
         return self._absent or (health.detail if self._deaths >= HOPELESS and not health.online else "")
 
     def _be_ready(self, cut: Cut) -> bool:
-        """Wait for the program to be ready; False when it was broken off. Raises NotConnected."""
+        """Wait for the program to be ready; False when it was broken off. Raises NotConnected and NoReply."""
         with cut.then(self._wake), self._news:
-            self._news.wait_for(lambda: self._ready or cut.made or self.broken, START)
+            self._news.wait_for(lambda: self._ready or cut.made or self.broken or not self._open, START)
             if self._ready or cut.made:
                 return not cut.made
+            stuck = self._worker.health().online and self._clock.now() - self._since > STUCK
+        if stuck and not self.broken:
+            self._worker.kill()
+            raise NoReply(f"{self._worker.name}: its program hangs while it starts", hint=self._hint)
         raise NotConnected(self.broken or self._worker.health().detail or "it does not start", hint=self._hint)
 
     def _until(self, holds: Callable[[], object], cut: Cut, seconds: float) -> bool:
@@ -87,7 +95,7 @@ class Partner(ABC):
     def started(self) -> None:
         """Note that it runs; that it is ready, it says itself."""
         with self._news:
-            self._ready = False
+            self._ready, self._since = False, self._clock.now()
 
     def received(self, message: Message, body: bytes) -> None:
         """Keep what it says, and wake who waits for that."""

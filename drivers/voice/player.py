@@ -49,6 +49,7 @@ class Player(Partner):
         self.mute = ""
         self._number = 0  # of the sound below
         self._begun: float | None = None
+        self._listener: Begun | None = None  # until it was told of the beginning
         self._seconds = 0.0
         self._given = self._taken = 0  # pieces of it: sent, and there
         self._ended = False
@@ -56,40 +57,48 @@ class Player(Partner):
 
     def play(self, sound: Speech, cut: Cut, begun: Begun) -> bool:
         """Play a sound to its end; False when it was broken off. Raises NotConnected or NoReply."""
-        if not self._begin(cut):
+        if not self._begin(cut, begun):
             return False
         for message, samples in pieces(self._number, sound):
             self._given += 1
             self._worker.send(message, samples)
             if not self._until(lambda: self._taken == self._given, cut, SLACK):
                 return self._silenced(cut)
-        return self._finish(cut, begun, sound.seconds)
+            self._tell(sound.seconds)  # it is heard while the rest of it is still to be sent
+        return self._finish(cut, sound.seconds)
 
     def play_file(self, path: Path, cut: Cut, begun: Begun) -> bool:
         """Play a file as ``play`` does. Raises BadRequest too: for what cannot be decoded."""
-        if not self._begin(cut):
+        if not self._begin(cut, begun):
             return False
         self._worker.send({"file": self._number, "path": str(path.absolute())})
         known = self._until(lambda: self._begun is not None or self._refused, cut, DECODING)
         if self._refused:
             raise BadRequest(f"{self._worker.name}: {path}: {self._refused}", hint=f"`file {path}` shows what it is")
-        return self._finish(cut, begun, self._seconds) if known else self._silenced(cut)
+        return self._finish(cut, self._seconds) if known else self._silenced(cut)
 
-    def _begin(self, cut: Cut) -> bool:
+    def _begin(self, cut: Cut, begun: Begun) -> bool:
         if not self._be_ready(cut):
             return False
         with self._news:
             self._number += 1
             self._begun, self._seconds, self._ended, self._refused = None, 0.0, False, ""
             self._given = self._taken = 0
+        self._listener = begun
         return True
 
-    def _finish(self, cut: Cut, begun: Begun, seconds: float) -> bool:
+    def _tell(self, seconds: float) -> None:
+        """Tell, once, that it has begun, if it has."""
+        if self._begun is not None and self._listener is not None:
+            listener, self._listener = self._listener, None
+            listener(self._begun, seconds)
+
+    def _finish(self, cut: Cut, seconds: float) -> bool:
         """Wait for the beginning and the end of what is on its way."""
         if not self._until(lambda: self._begun is not None, cut, SLACK):
             return self._silenced(cut)
+        self._tell(seconds)
         began = self._begun if self._begun is not None else self._clock.now()
-        begun(began, seconds)
         left = began + seconds + SLACK - self._clock.now()
         return self._until(lambda: self._ended, cut, left) or self._silenced(cut)
 

@@ -1,6 +1,5 @@
 """The voice of a machine without one: it prints the words, and takes as long as they would."""
 
-from bisect import insort
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import RLock
@@ -10,6 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.voice.manner import filled, seconds_of
 from drivers.voice.sounds import checked, length_of
+from drivers.voice.turns import Turns
 
 
 class PrintedVoice:
@@ -34,7 +34,7 @@ class PrintedVoice:
         self._usual = usual
         self._changed = changed
         self._lock = RLock()
-        self._queue: list[PrintedWords] = []  # the first is being said
+        self._turns = Turns[PrintedWords]()  # the first is being said
         self._said = 0
         self._open = False
 
@@ -45,7 +45,7 @@ class PrintedVoice:
     def rest(self) -> None:
         """Fall silent: cancel all that is being said or waiting."""
         with self._lock:
-            for words in reversed(self._queue.copy()):  # so that nobody's turn comes
+            for words in reversed(tuple(self._turns)):  # so that nobody's turn comes
                 words.cancel()
 
     def close(self) -> None:
@@ -69,7 +69,7 @@ class PrintedVoice:
         """Return what is being said now."""
         with self._lock:
             self.settle()
-            return self._queue[0] if self._queue else None
+            return self._turns.first
 
     def _queued(self, text: str, duration: float, priority: Priority) -> Utterance:
         if not self._open:
@@ -80,7 +80,7 @@ class PrintedVoice:
             return words
         with self._lock:
             self.settle()
-            insort(self._queue, words, key=lambda each: -each.priority)
+            self._turns.insert(words)
             self._said += 1
             self._begin(self._clock.now())
         return words
@@ -88,12 +88,11 @@ class PrintedVoice:
     def settle(self) -> None:
         """Take out of the queue what has ended by now; what follows has had its turn from then on."""
         with self._lock:
-            before = len(self._queue)
-            while self._queue and self._clock.now() >= self._queue[0].end:
-                ended = self._queue.pop(0)
-                ended.ended = True
-                self._begin(ended.end)
-            changed = len(self._queue) < before
+            changed = False
+            while (first := self._turns.first) is not None and self._clock.now() >= first.end:
+                self._turns.drop(first)
+                first.ended = changed = True
+                self._begin(first.end)
         if changed:
             self._changed()
 
@@ -101,18 +100,20 @@ class PrintedVoice:
         """Take ``words`` out of the queue before their time; those behind them move up."""
         with self._lock:
             self.settle()
+            words.cancelled = words.cancelled or not words.ended
             words.ended = True
-            if words in self._queue:
-                self._queue.remove(words)
-                self._begin(self._clock.now())
+            self._turns.drop(words)
+            self._begin(self._clock.now())
 
     def _begin(self, now: float) -> None:
         """Print the first of the queue, if it has not begun; what it breaks off begins anew afterwards."""
-        for words in self._queue[1:]:
-            words.started = None
-        if self._queue and self._queue[0].started is None:
-            self._queue[0].started = now
-            self._out(self._queue[0].text)
+        first = self._turns.first
+        for words in self._turns:
+            if words is not first:
+                words.started = None
+        if first is not None and first.started is None:
+            first.started = now
+            self._out(first.text)
 
 
 class PrintedWords:
@@ -126,6 +127,7 @@ class PrintedWords:
         self.priority = priority
         self.started: float | None = None
         self.ended = False
+        self.cancelled = False
         self._voice = voice
 
     @property

@@ -35,7 +35,7 @@ class Speech:
 
 def request(number: int, text: str, voice: str, instead: str, speed: float) -> Message:
     """Ask for a text in a ``voice``, or ``instead`` in that one where there is no such voice; in words a minute."""
-    text = text.encode("utf-8", "replace").decode()
+    text, voice = (each.encode("utf-8", "replace").decode() for each in (text, voice))
     return {"id": number, "text": text, "voice": voice, "instead": instead, "speed": round(speed)}
 
 

@@ -10,12 +10,16 @@ import sys
 from array import array
 from collections import deque
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any
 
 PERIOD_MS = 20
 """Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
+
+LONGEST = 600.0
+"""Seconds that a file may last, which is decoded as a whole: of WAV files, which may lie, the robot sees to it."""
 
 USUAL_RATE = 22_050
 """That of espeak-ng: so the sound card is ready when the first words come."""
@@ -127,6 +131,10 @@ class Player:
 
     def _decode(self, number: int, path: str) -> None:
         rate = self._device.sample_rate
+        minutes = _seconds_of(path) / 60
+        if minutes > LONGEST / 60:
+            self._pipe.tell(refused=number, why=f"lasts {minutes:.0f} min, and a sound may last {LONGEST / 60:.0f}")
+            return
         try:
             sound = miniaudio.decode_file(path, miniaudio.SampleFormat.SIGNED16, nchannels=1, sample_rate=rate)
         except miniaudio.MiniaudioError as error:
@@ -190,6 +198,14 @@ class Player:
     def close(self) -> None:
         """Let the device go."""
         self._device.close()
+
+
+def _seconds_of(path: str) -> float:
+    """Return how long a file lasts that says so truly, else 0; miniaudio tells what it is by its suffix."""
+    if not path.lower().endswith(".wav"):
+        with suppress(miniaudio.MiniaudioError):
+            return float(miniaudio.get_file_info(path).duration)
+    return 0.0
 
 
 def main() -> None:

@@ -13,8 +13,15 @@ BYTES_A_SECOND = 16_000
 """Of compressed sound at 128 kbit/s, which is common."""
 
 
+LONGEST = 600.0
+"""Seconds that a sound may last: it is decoded as a whole, and what is not WAV is measured where that is done."""
+
+
 def checked(name: str, path: Path) -> Path:
-    """Return ``path``, which ``name`` is to play. Raises BadRequest where there is no such file, or it is no sound."""
+    """Return ``path``, which ``name`` is to play. Raises BadRequest where there is no such file, or it is no sound.
+
+    Also for a WAV file of more than ten minutes.
+    """
     if not path.is_file():
         raise BadRequest(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there")
     try:
@@ -24,14 +31,22 @@ def checked(name: str, path: Path) -> Path:
         raise BadRequest(f"{name}: {path}: {error.strerror}") from error
     if not _is_sound(begin):
         raise BadRequest(f"{name}: {path}: is no WAV, MP3, FLAC or Ogg file", hint=f"`file {path}` shows what it is")
+    if begin[:4] == b"RIFF" and length_of(path) > LONGEST:
+        what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {LONGEST / 60:.0f}"
+        raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {LONGEST:.0f} shorter.wav` keeps its beginning")
     return path
 
 
 def length_of(path: Path) -> float:
-    """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests."""
-    with suppress(OSError, EOFError, wave.Error), wave.open(str(path), "rb") as file:
-        return file.getnframes() / file.getframerate()
-    return path.stat().st_size / BYTES_A_SECOND if path.is_file() else 0.0
+    """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests.
+
+    A WAV file that was written to a pipe says that it is longer than it is: no program knew how long it would be.
+    """
+    size = path.stat().st_size if path.is_file() else 0
+    with suppress(OSError, EOFError, wave.Error, ZeroDivisionError), wave.open(str(path), "rb") as file:
+        there = size // (file.getsampwidth() * file.getnchannels())
+        return min(file.getnframes(), there) / file.getframerate()
+    return size / BYTES_A_SECOND
 
 
 def _is_sound(begin: bytes) -> bool:

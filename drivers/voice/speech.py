@@ -1,15 +1,13 @@
 """The voice of a machine that has one: words and sounds in their turn, on a thread of its own."""
 
-from bisect import insort
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from threading import Condition, Event, Thread
+from threading import Condition, Thread
 
 from drivers.api import (
     AS_USUAL,
     Health,
     Manner,
-    MouthShape,
     Notice,
     Priority,
     Report,
@@ -18,22 +16,24 @@ from drivers.api import (
     unreported,
 )
 from drivers.clock import Clock
-from drivers.errors import DriverError, NotConnected
+from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
 from drivers.guard import guarded
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Engine
 from drivers.voice.manner import filled, seconds_of
 from drivers.voice.player import HINT, Player
 from drivers.voice.sounds import checked, length_of
+from drivers.voice.spoken import SpokenWords
+from drivers.voice.turns import Turns
 from drivers.voice.visemes import movement
 
 
 class SpeechVoice:
     """A ``drivers.api.Voice`` that speaks with ``engine`` and plays with ``player``; ``usual`` is the robot's manner.
 
-    The first of its queue is heard: of the highest priority, then the oldest. Whatever takes that place breaks off
-    what has it, which is said again afterwards. What cannot be heard goes to ``out``, and takes as long; why, is
-    reported. ``changed`` is called from the thread whenever something has ended.
+    Whatever takes the first of its ``Turns`` breaks off what has it, which is said again afterwards. What cannot be
+    heard goes to ``out``, and takes as long; why, is reported. ``changed`` is called from the thread whenever something
+    has ended.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class SpeechVoice:
         self._report = guarded(report)
         self._changed = guarded(changed)
         self._turn = Condition()  # over everything below
-        self._queue: list[SpokenWords] = []
+        self._turns = Turns[SpokenWords]()
         self._current: SpokenWords | None = None
         self._cut = Cut()  # of the current one
         self._thread: Thread | None = None
@@ -79,7 +79,7 @@ class SpeechVoice:
     def rest(self) -> None:
         """Fall silent: cancel all that is being said or waiting."""
         with self._turn:
-            for words in tuple(self._queue):
+            for words in self._turns:
                 words.cancel()
 
     def close(self) -> None:
@@ -109,36 +109,37 @@ class SpeechVoice:
 
     def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
         """Speak ``text`` in its turn. Raises NotConnected before ``open`` and after ``close``."""
-        return self._queued(SpokenWords(self, text, filled(manner, self._usual), priority, None))
+        return self._queued(SpokenWords(self._drop, text, filled(manner, self._usual), priority, None))
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Play a file in its turn. Raises BadRequest and NotConnected."""
-        return self._queued(SpokenWords(self, f"[{path.name}]", self._usual, priority, checked(self.name, path)))
+        return self._queued(SpokenWords(self._drop, f"[{path.name}]", self._usual, priority, checked(self.name, path)))
 
     def speaking(self) -> Utterance | None:
         """Return what is heard now."""
         current = self._current
         return current if current is not None and current.started is not None else None
 
-    def _queued(self, words: "SpokenWords") -> "SpokenWords":
+    def _queued(self, words: SpokenWords) -> SpokenWords:
         with self._turn:
             if self._thread is None:
                 raise NotConnected(f"{self.name}: not open, cannot say {words.text!r}")
             if not words.text.strip():
                 words.ended.set()
                 return words
-            insort(self._queue, words, key=lambda each: -each.priority)
-            if self._current is not None and self._queue[0] is not self._current:
+            self._turns.insert(words)
+            if self._current is not None and self._turns.first is not self._current:
                 self._cut.make()
             self._turn.notify_all()
         return words
 
-    def drop(self, words: "SpokenWords") -> None:
+    def _drop(self, words: SpokenWords, *, cancelled: bool = True) -> None:
         """End ``words`` now: take them out of the queue, and break them off if they are being said."""
         with self._turn:
+            if not words.done():
+                words.cancelled = cancelled
             words.ended.set()
-            if words in self._queue:
-                self._queue.remove(words)
+            self._turns.drop(words)
             if words is self._current:
                 self._cut.make()
 
@@ -147,34 +148,41 @@ class SpeechVoice:
     def _run(self) -> None:
         while True:
             with self._turn:
-                self._turn.wait_for(lambda: self._queue or self._ending)
-                if self._ending:
+                self._turn.wait_for(lambda: self._turns.first or self._ending)
+                words, cut = self._turns.first, Cut()
+                if self._ending or words is None:
                     return
-                words, cut = self._queue[0], Cut()
                 self._current, self._cut = words, cut
             whole = self._say(words, cut)
             with self._turn:
                 self._current = None
                 if whole:
-                    self.drop(words)
+                    self._drop(words, cancelled=False)
                 words.forget()
             if words.done():
                 self._changed()
 
-    def _say(self, words: "SpokenWords", cut: Cut) -> bool:
+    def _say(self, words: SpokenWords, cut: Cut) -> bool:
         """Say or play ``words``; True when they have come to their end. What cannot be heard is printed."""
         try:
             whole = self._sound(words, cut)
+        except BadRequest as error:  # it is no sound: there is nothing to take time for
+            self._fail(error)
+            words.cancel()
+            return False
         except DriverError as error:
             self._fail(error)
-            return self._print(words, cut)
-        if whole:
-            with self._turn:
-                self._counters["said"] += 1
-                self._trouble = ("", "")
-        return whole
+        except Exception as error:  # whatever it is: this thread is the robot's voice
+            self._fail(DeviceFault(f"{self.name}: {words.text[:40]!r}: {type(error).__name__}: {error}"))
+        else:
+            if whole:
+                with self._turn:
+                    self._counters["said"] += 1
+                    self._trouble = ("", "")
+            return whole
+        return self._print(words, cut)
 
-    def _sound(self, words: "SpokenWords", cut: Cut) -> bool:
+    def _sound(self, words: SpokenWords, cut: Cut) -> bool:
         def begun(at: float, seconds: float) -> None:
             words.begin(at, seconds)
             if self._player.mute:
@@ -201,7 +209,7 @@ class SpeechVoice:
         if not known and not isinstance(error, NotConnected):  # which the program's keeper has told already
             self._report(Notice(self.name, "fault", *trouble))
 
-    def _print(self, words: "SpokenWords", cut: Cut) -> bool:
+    def _print(self, words: SpokenWords, cut: Cut) -> bool:
         """Print what cannot be heard, and take as long, or what is left of that; False when it was broken off."""
         if cut.made:
             return False
@@ -210,50 +218,3 @@ class SpeechVoice:
         if words.started is None:
             words.begin(self._clock.now(), words.seconds)
         return not cut.wait(words.end - self._clock.now())
-
-
-class SpokenWords:
-    """A ``drivers.api.Utterance``: a text, or the file at ``path``. ``ended`` is set once it was heard or cancelled."""
-
-    def __init__(self, voice: SpeechVoice, text: str, manner: Manner, priority: Priority, path: Path | None) -> None:
-        self.text = text
-        self.manner = manner
-        self.priority = priority
-        self.path = path
-        self.ended = Event()
-        self.seconds = 0.0
-        self.shapes: Sequence[MouthShape] = ()
-        self._voice = voice
-        self._started: float | None = None
-
-    def done(self) -> bool:
-        """True once it was heard to the end, or cancelled."""
-        return self.ended.is_set()
-
-    def cancel(self) -> None:
-        """Fall silent now."""
-        self._voice.drop(self)
-
-    @property
-    def started(self) -> float | None:
-        """When its first sample was heard; of a program that plays by itself, when that was started."""
-        return self._started
-
-    @property
-    def mouth(self) -> Sequence[MouthShape]:
-        """How the mouth moves with it."""
-        return () if self._started is None else self.shapes
-
-    @property
-    def end(self) -> float:
-        """When it will have been heard."""
-        return (self._started or 0.0) + self.seconds
-
-    def begin(self, at: float, seconds: float) -> None:
-        """Note that it is heard from ``at`` on."""
-        self._started, self.seconds = at, seconds
-
-    def forget(self) -> None:
-        """Forget a beginning that came to no end: it waits again."""
-        if not self.done():
-            self._started = None

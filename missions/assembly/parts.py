@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Literal
 
 from config.arm import ArmConfig, JointConfig
@@ -192,7 +193,8 @@ def voice(
     config: VoiceConfig, clock: Clock, out: Callable[[str], None], *, report: Report, changed: Callable[[], None]
 ) -> Voice:
     """Return the voice; one that cannot speak here prints its words."""
-    wish = Wish(config.driver, manner(config), config.volume, config.device, config.model, config.command)
+    model = str(Path(config.model).expanduser().absolute()) if config.model else ""
+    wish = Wish(config.driver, manner(config), config.volume, config.device, model, config.command)
     return make_voice(wish, clock, out, report=report, changed=changed)
 
 

@@ -19,6 +19,9 @@ from perception.wanted import Wanted
 
 T = TypeVar("T")
 
+MOST_OF_A_PATH = 400
+"""Characters of a path that are told of; longer ones are slips of somebody's keyboard."""
+
 
 def gesture(name: str) -> Gesture:
     """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
@@ -65,7 +68,7 @@ def looked_for(tree: Step) -> tuple[Wanted, ...]:
 def file(name: str) -> Path:
     """Return the path of a file that is there. Raises LookupError."""
     if not is_file(path := Path(name)):
-        raise LookupError(f"names a file that is not there: {seen(name)}")
+        raise LookupError(f"names a file that is not there: {name if len(name) <= MOST_OF_A_PATH else seen(name)}")
     return path
 
 

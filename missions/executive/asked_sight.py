@@ -154,6 +154,11 @@ class AskedUtterance:
         self._known.command("cancel", self._cancel, self._number)
 
     @property
+    def cancelled(self) -> bool:
+        """See drivers.api.Utterance."""
+        return self._known.ask("cancelled", lambda _: self._said.cancelled, self._number)
+
+    @property
     def started(self) -> float | None:
         """See drivers.api.Utterance."""
         return self._known.ask("started", lambda _: self._said.started, self._number)

@@ -91,6 +91,11 @@ class _Recalled(Answering):
         self._do("cancel", nothing, self._number)
 
     @property
+    def cancelled(self) -> bool:
+        """See drivers.api.Utterance."""
+        return bool(self._ask("cancelled", self._number))
+
+    @property
     def started(self) -> float | None:
         """See drivers.api.Utterance."""
         found: float | None = self._ask("started", self._number)
@@ -107,6 +112,7 @@ class _Guessed:
     """Words that nobody said: they begin at once, and are done after some ``seconds``."""
 
     mouth: Sequence[MouthShape] = ()
+    cancelled = False
 
     def __init__(self, now: Callable[[], float], seconds: float) -> None:
         self.started: float | None = now()
@@ -119,6 +125,7 @@ class _Guessed:
 
     def cancel(self) -> None:
         """See drivers.api.Utterance."""
+        self.cancelled = self.cancelled or not self.done()
         self._until = self._now()
 
 

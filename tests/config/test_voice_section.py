@@ -4,9 +4,11 @@ import pytest
 
 from config.faults import InvalidFileError, Source
 from config.robot import VoiceConfig, robot_of
-from config.voice import DRIVERS
+from config.voice import DRIVERS, FILLED
+from drivers.api import Manner
 from drivers.clock import SystemClock
 from drivers.voice.choose import Wish, make_voice
+from drivers.voice.synthesiser import Synthesiser
 
 
 def voice(*lines: str) -> VoiceConfig:
@@ -45,12 +47,25 @@ def test_every_driver_makes_a_voice() -> None:
         assert not made.health().online
 
 
+def test_what_a_command_may_name_is_what_is_filled_in() -> None:
+    line = "my_tts " + " ".join(f"{{{each}}}" for each in FILLED)
+    assert voice("driver: command", f'command: "{line}"').command == line
+    said = Synthesiser("my_tts", tuple(line.split()[1:])).command(Manner("Anna", 150.0, "de"))
+    assert said == ["my_tts", "Anna", "de", "Anna", "150", "100"]
+    assert voice("driver: command", "command: my_tts '{ print }'").command == "my_tts '{ print }'"
+
+
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
         (("driver: piper",), "a voice with 'driver: piper' needs 'model' | model: en_US-amy-medium.onnx"),
         (("driver: command",), "a voice with 'driver: command' needs 'command'"),
         (("driver: command", "command: my_tts 'a"), "'command' cannot be taken apart as a shell would"),
+        (
+            ("driver: command", "command: my_tts {text} --as={voice} --pace={speed}"),
+            "'command': {text} is not filled in | {voice}, {language}, {name}, {speed}, {volume} are; the text",
+        ),
+        (("driver: command", "command: my_tts --pace={pace}"), "{pace} is not filled in"),
         (("driver: espeek",), "'driver' cannot be 'espeek' | did you mean 'espeak'?"),
         (("speed: 20",), "'speed' must be at least 80"),
         (("speed: 150 wpm",), "'speed' needs a plain number"),

@@ -38,7 +38,7 @@ class VoiceRig(Rig):
 class SpokenVoice(InRealTime, VoiceRig):
     def __init__(self) -> None:
         super().__init__()
-        engine = Speaker(Synthesiser(sys.executable, ("-S", "-c", PROGRAM)))
+        engine = Speaker(Synthesiser(sys.executable, ("-S", "-c", PROGRAM)), self.clock)
         self.device = SpeechVoice(self.clock, engine, Player(self.clock, backend="null"), print, changed=self.changed)
 
 
@@ -104,6 +104,8 @@ def test_what_is_said_takes_its_time_one_after_another(voice: VoiceRig) -> None:
     assert not second.done()
     voice.until(second.done)
     assert voice.clock.now() - began >= 0.55
+    first.cancel()
+    assert not first.cancelled
     voice.until(lambda: voice.changes == 2)
     health = voice.device.health()
     assert (health.online, health.detail, health.hint, health.counters["said"]) == (True, "", "", 2)
@@ -120,6 +122,7 @@ def test_cancelled_it_is_done_at_once_and_the_next_has_its_turn(voice: VoiceRig)
     first.cancel()
     first.cancel()
     assert first.done()
+    assert first.cancelled
     assert not second.done()
     voice.until(second.done)
 
@@ -136,7 +139,7 @@ def test_at_rest_it_is_silent_and_may_speak_again(voice: VoiceRig) -> None:
     said = [voice.device.say("much " * 300) for _ in range(3)]
     voice.device.rest()
     voice.device.rest()
-    assert all(words.done() for words in said)
+    assert all(words.done() and words.cancelled for words in said)
     voice.until(voice.device.say("yes").done)
 
 

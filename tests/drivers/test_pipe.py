@@ -45,7 +45,9 @@ def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
     assert [({key: head[key] for key in head if key != "bytes"}, body) for head, body in got] == sent
 
 
-@pytest.mark.parametrize("nonsense", [b"hello\n", b"[1]\n", b'"x"\n'])
+@pytest.mark.parametrize(
+    "nonsense", [b"hello\n", b"[1]\n", b'"x"\n', b'{"bytes":-5}\n', b'{"bytes":null}\n', b'{"bytes":"5"}\n']
+)
 def test_what_is_no_message_is_refused(nonsense: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         list(Unframer().feed(nonsense))
@@ -123,6 +125,21 @@ def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
     bench.run("print('hello', flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.losses)
     assert "ended with -9" in bench.ear.losses[0]
+
+
+@pytest.mark.parametrize("nonsense", ['{"bytes": null}', "[" * 100_000])
+def test_no_nonsense_is_the_last_that_is_read(bench: Bench, nonsense: str) -> None:
+    bench.run(f"print({nonsense!r}, flush=True); import sys; sys.stdin.read()")
+    wait_until(lambda: bench.ear.starts == 2)
+    assert len(bench.ear.losses) == 1
+
+
+def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
+    bench.run(
+        "raise SystemExit('pcm.c:2666: unknown\\npcm.c:2667: odd\\n' + 'é' * 50 + ' no card ' + '!' * 150 + '\\n\\n')"
+    )
+    wait_until(lambda: bench.ear.losses)
+    assert bench.ear.losses[0] == "voice: program: ended with 1: " + "é" * 41 + " no card " + "!" * 150
 
 
 def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:

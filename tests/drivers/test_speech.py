@@ -5,11 +5,15 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 from subprocess import Popen
+from threading import Thread
 
 import pytest
 
 from drivers.api import Manner, Mouth, Notice, Priority
 from drivers.clock import SystemClock
+from drivers.errors import NoReply, NotConnected
+from drivers.voice import engines, partner
+from drivers.voice.cut import Cut
 from drivers.voice.engines import Espeak
 from drivers.voice.player import Player
 from drivers.voice.speech import SpeechVoice
@@ -109,6 +113,13 @@ def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -
     assert room.voice.health().counters["said"] == 2
 
 
+def test_no_name_of_a_voice_ends_the_synthesiser(room: Room) -> None:
+    for name in ("\ud800", "en\0us", "+f1+f2", "x" * 5000):
+        wait_until(room.voice.say("so", Manner(voice=name)).done)
+    assert (room.starts(room.engine), room.printed) == (1, [])
+    assert all(len(notice.what) < 200 for notice in room.notices)
+
+
 @pytest.mark.parametrize(
     "text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40]
 )
@@ -176,6 +187,63 @@ def test_words_whose_synthesiser_dies_are_printed_and_the_next_are_spoken(room: 
     assert len(room.notices) == 1
 
 
+def test_a_synthesiser_that_hangs_is_told_of_and_the_next_words_are_spoken(
+    room: Room, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wait_until(room.voice.say("so").done)
+    room.signal(room.engine, signal.SIGSTOP)
+    with monkeypatch.context() as hurried:
+        hurried.setattr(engines, "THINKING", 0.2)
+        wait_until(room.voice.say("one two three").done)
+    assert room.printed == ["one two three"]
+    assert "voice: espeak-ng hangs with 'one two three'" in [notice.what for notice in room.notices]
+    wait_until(room.voice.say("back again").done)
+    assert room.printed == ["one two three"]
+
+
+@pytest.fixture
+def stuck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Espeak]:
+    """A synthesiser that never gets ready."""
+    program = tmp_path / "stuck.py"
+    program.write_text("import sys; sys.stdin.read()")
+    monkeypatch.setattr(engines, "PROGRAM", program)
+    engine = Espeak(SystemClock(), usual=Manner())
+    engine.open()
+    yield engine
+    engine.close()
+
+
+def test_a_program_that_hangs_while_it_starts_is_replaced_and_told_of(
+    stuck: Espeak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(partner, "START", 0.1)
+    with pytest.raises(NotConnected):
+        stuck.speak("so", Manner(speed=150), Cut())
+    monkeypatch.setattr(partner, "STUCK", 0.1)
+    wait_until(lambda: stuck._worker.health().online)
+    with pytest.raises(NoReply, match="voice: its program hangs while it starts"):
+        stuck.speak("so", Manner(speed=150), Cut())
+    wait_until(lambda: stuck._worker.health().counters["starts"] == 2)
+
+
+def test_closed_while_it_starts_nobody_waits_for_it_any_more(stuck: Espeak, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(partner, "START", 60.0)
+    raised: list[Exception] = []
+
+    def speak() -> None:
+        try:
+            stuck.speak("so", Manner(speed=150), Cut())
+        except NotConnected as error:
+            raised.append(error)
+
+    thread = Thread(target=speak)
+    thread.start()
+    wait_until(lambda: stuck._worker.health().online)
+    stuck.close()
+    wait_until(lambda: not thread.is_alive(), 5.0)
+    assert len(raised) == 1
+
+
 def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     words = room.voice.say("so")
@@ -225,6 +293,17 @@ def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: P
     (notice,) = room.notices
     assert f"{path}: failed to decode" in notice.what
     assert notice.hint == f"`file {path}` shows what it is"
+
+
+def test_a_sound_that_lasts_too_long_is_refused_and_its_time_is_not_waited_for(room: Room, tmp_path: Path) -> None:
+    path, rate, frames = tmp_path / "song.flac", 44_100, 44_100 * 60 * 40
+    about = (rate << 44 | 15 << 36 | frames).to_bytes(8, "big")  # 16 bits a sample, one channel
+    path.write_bytes(b"fLaC\x80\0\0\x22" + b"\x10\0\x10\0" + bytes(6) + about + bytes(16) + bytes(1_000_000))
+    words = room.voice.play(path)
+    wait_until(words.done)
+    (notice,) = room.notices
+    assert notice.what == f"voice: {path}: lasts 40 min, and a sound may last 10"
+    assert room.printed == []
 
 
 def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: Room) -> None:

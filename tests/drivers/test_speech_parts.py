@@ -1,10 +1,13 @@
 """What speech is made of: manners, files, shapes of the mouth, messages, and the programs on their own."""
 
 import json
+import os
+import signal
 import sys
 import wave
 from pathlib import Path
 from subprocess import PIPE, Popen
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -13,18 +16,22 @@ from hypothesis import strategies as st
 
 from drivers.api import AS_USUAL, Manner, Mouth, MouthShape, Notice
 from drivers.clock import SystemClock
-from drivers.errors import BadRequest, DeviceFault
+from drivers.errors import BadRequest, DeviceFault, NoReply
+from drivers.pipe import Message, Unframer, Worker, frame
 from drivers.voice import espeak_worker, sound_worker
 from drivers.voice.choose import Wish, make_voice
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Espeak, Piper
 from drivers.voice.manner import espeak_name, filled
+from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
-from drivers.voice.protocol import PIECE, Speech, pieces, speech
+from drivers.voice.program import Ran, run
+from drivers.voice.protocol import PIECE, Speech, pieces, request, speech
 from drivers.voice.sound_worker import Queue
 from drivers.voice.sounds import checked, length_of
 from drivers.voice.speaker import Speaker
 from drivers.voice.speech import SpeechVoice
+from drivers.voice.synthesiser import Synthesiser
 from drivers.voice.visemes import movement, shape_of
 from tests.waiting import wait_until
 
@@ -47,6 +54,21 @@ ROBOT = Manner("en-us+f2", 120, "en-us")
 def test_what_a_mission_leaves_open_the_robot_says(asked: Manner, name: str, speed: float) -> None:
     manner = filled(asked, ROBOT)
     assert (espeak_name(manner), manner.speed) == (name, speed)
+
+
+@pytest.mark.parametrize(
+    ("asked", "usual", "name"),
+    [
+        (Manner("+f3"), Manner("de+f2"), "de+f3"),
+        (Manner("+f3"), Manner("de"), "de+f3"),
+        (Manner("+f3"), Manner("de", language="fr"), "de+f3"),
+        (Manner("+f3"), Manner("", language="fr"), "fr+f3"),
+        (Manner("+f3", language="fr"), Manner("de+f2"), "fr+f3"),
+        (Manner("+f3"), AS_USUAL, "en+f3"),
+    ],
+)
+def test_another_variant_changes_no_language(asked: Manner, usual: Manner, name: str) -> None:
+    assert espeak_name(filled(asked, usual)) == name
 
 
 def test_without_anything_the_synthesiser_chooses_and_speaks_as_people_do() -> None:
@@ -88,6 +110,31 @@ def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Pa
     path.write_bytes(b"OggS" + bytes(31_996))
     assert length_of(path) == 2.0
     assert length_of(tmp_path / "none") == 0.0
+
+
+def test_a_wav_file_that_lies_is_as_long_as_there_is_sound_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "piped.wav"
+    with wave.open(str(path), "wb") as file:
+        file.setparams((1, 2, 16_000, 0, "NONE", ""))
+        file.writeframes(bytes(32_000))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:40] + (0x7FFFF000).to_bytes(4, "little") + whole[44:])  # as espeak-ng --stdout says
+    assert length_of(path) == pytest.approx(1.0, abs=0.01)
+    path.write_bytes(whole[:24] + bytes(4) + whole[28:])  # no samples in a second
+    assert length_of(path) == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "song.wav"
+    for minutes in (10, 11):
+        with wave.open(str(path), "wb") as file:
+            file.setparams((1, 1, 1000, 0, "NONE", ""))
+            file.writeframes(bytes(60_000 * minutes))
+        if minutes == 10:
+            assert checked("voice", path) == path
+    with pytest.raises(BadRequest, match=r"song\.wav: lasts 11 min, and a sound may last 10") as raised:
+        checked("voice", path)
+    assert raised.value.hint == f"`ffmpeg -i {path} -t 600 shorter.wav` keeps its beginning"
 
 
 # --- the mouth --------------------------------------------------------------------------------------------------------
@@ -142,6 +189,37 @@ def test_what_the_synthesiser_answers_is_checked() -> None:
         speech({**good, "rate": 0}, b"")
     with pytest.raises(KeyError):
         speech({"rate": 1}, b"")
+
+
+class Slow(Worker):
+    """A player's program that takes a piece whenever a test says so."""
+
+    def __init__(self) -> None:
+        super().__init__("voice", Path("none.py"), SystemClock())
+        self.player: Player | None = None
+        self.sent: list[Message] = []
+        self.heard: list[int] = []
+        self.begun: list[float] = []
+
+    def send(self, message: Message, body: bytes = b"", *, timeout: float = 1.0) -> None:
+        del body, timeout
+        assert self.player is not None
+        self.sent.append(message)
+        self.heard.append(len(self.begun))
+        self.player.received({"taken": message["play"]}, b"")
+        if len(self.sent) == 1:
+            self.player.received({"started": message["play"], "seconds": 0.1}, b"")
+        if message["last"]:
+            self.player.received({"ended": message["play"]}, b"")
+
+
+def test_that_a_long_sound_has_begun_is_told_before_all_of_it_was_sent() -> None:
+    slow, player = Slow(), Player(SystemClock())
+    slow.player, player._worker = player, slow
+    player.received({"ready": "Null"}, b"")
+    assert player.play(Speech(bytes(5 * PIECE), 22_050), Cut(), lambda _, seconds: slow.begun.append(seconds))
+    assert slow.heard == [0, 1, 1, 1, 1]
+    assert slow.begun == [pytest.approx(5 * PIECE / 2 / 22_050)]
 
 
 # --- breaking off -----------------------------------------------------------------------------------------------------
@@ -223,6 +301,23 @@ def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     assert process.returncode == 0
 
 
+def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
+    texts = ("The quick brown fox jumps over the lazy dog. " * 200, "Stop!")
+    asked = b"".join(frame(request(number, text, "", "", 150)) for number, text in enumerate(texts))
+    with Popen([sys.executable, "-I", espeak_worker.__file__], stdin=PIPE, stdout=PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(asked)
+        process.stdin.flush()
+        unframer, said = Unframer(), list[Any]()
+        while not said or said[-1].get("id") != 1:
+            data = os.read(process.stdout.fileno(), 65_536)
+            assert data
+            said += [head for head, _ in unframer.feed(data)]
+        process.stdin.close()
+    assert [message.get("id") for message in said] == [None, 1]
+
+
 def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
     class Loud(sound_worker.Player):
         def __init__(self, volume: float) -> None:
@@ -233,6 +328,57 @@ def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
     louder = Loud(2.0)._louder(samples)
     values = [int.from_bytes(louder[at : at + 2], "little", signed=True) for at in range(0, 10, 2)]
     assert values == [0, 200, -200, 32_767, -32_768]
+
+
+# --- programs of others -----------------------------------------------------------------------------------------------
+
+
+def shell(script: str, cut: Cut, limit: float = 30.0) -> Ran | None:
+    return run("voice", ["sh", "-c", script], "hello", cut, SystemClock(), limit=limit, wanted=True)
+
+
+def test_a_program_that_never_ends_is_ended() -> None:
+    with pytest.raises(NoReply, match="voice: sh: has not ended after 0 s") as raised:
+        shell("sleep 100", Cut(), limit=0.3)
+    assert raised.value.hint.startswith("echo hello | sh -c 'sleep 100'")
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bool) -> None:
+    left, clock, cut = tmp_path / "left", SystemClock(), Cut()
+    script = f"setsid sleep 15 & echo $! > {left}.new; mv {left}.new {left}; cat; echo oh >&2" + "; sleep 15" * (
+        not ends
+    )
+    found: list[Ran | None] = []
+    thread = Thread(target=lambda: found.append(shell(script, cut)))
+    thread.start()
+    try:
+        wait_until(left.exists)
+        if not ends:
+            cut.make()
+        thread.join()
+        assert clock.now() < 10
+        assert found == [Ran(b"hello", "oh") if ends else None]
+    finally:
+        os.kill(int(left.read_text()), signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("script", "heard"), [("echo 'no card' >&2", False), ("echo hm >&2; sleep 0.5", True), (":", True)]
+)
+def test_a_program_that_complains_and_ends_at_once_has_not_spoken(script: str, heard: bool) -> None:
+    clock, printed, notices = SystemClock(), list[str](), list[Notice]()
+    engine = Speaker(Synthesiser("sh", ("-c", f"cat; {script}")), clock)
+    player = Player(clock, backend="null")
+    voice = SpeechVoice(clock, engine, player, printed.append, usual=Manner(speed=200), report=notices.append)
+    voice.open()
+    for _ in range(2):
+        began = clock.now()
+        wait_until(voice.say("one two three").done)  # 0.9 s
+        assert heard or clock.now() - began > 0.85
+    voice.close()
+    assert printed == [] if heard else ["one two three"] * 2
+    assert [notice.what for notice in notices] == [] if heard else ["voice: sh: ended before it had spoken: no card"]
 
 
 # --- Piper ------------------------------------------------------------------------------------------------------------
@@ -259,7 +405,7 @@ def piper(tmp_path: Path) -> Path:
 
 def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     model = piper.with_name("amy.onnx")
-    engine = Piper(model, program=str(piper))
+    engine = Piper(model, SystemClock(), program=str(piper))
     engine.open()
     found = engine.speak("two\nlines", Manner(speed=300), Cut())
     engine.close()
@@ -270,12 +416,12 @@ def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
 
 
 def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
-    engine = Piper(piper.with_name("amy.onnx"), program=str(piper))
+    engine = Piper(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
     with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
         engine.speak("fail", Manner(speed=150), Cut())
     assert raised.value.hint.startswith("echo hello | ")
     with pytest.raises(DeviceFault, match=r"bob.onnx.json: cannot be read"):
-        Piper(piper.with_name("bob.onnx"), program=str(piper)).speak("so", Manner(speed=150), Cut())
+        Piper(piper.with_name("bob.onnx"), SystemClock(), program=str(piper)).speak("so", Manner(speed=150), Cut())
 
 
 # --- which voice ------------------------------------------------------------------------------------------------------

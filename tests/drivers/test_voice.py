@@ -73,7 +73,7 @@ def speech(
     clock = SystemClock()
     return SpeechVoice(
         clock,
-        Speaker(synthesiser),
+        Speaker(synthesiser, clock),
         Player(clock, backend="null"),
         printed.append,
         usual=Manner(speed=1200),
@@ -220,6 +220,16 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
     speaker.close()
     assert printed == ["hello"]
     assert "No such file or directory" in notices[0].what
+
+
+def test_whatever_goes_wrong_the_words_are_printed_and_the_next_ones_heard(booth: Booth) -> None:
+    arguments = booth.speaker._engine._synthesiser.arguments if isinstance(booth.speaker._engine, Speaker) else ()
+    booth.speaker._engine = Speaker(Synthesiser(sys.executable, (*arguments, "{voice}")), SystemClock())
+    wait_until(booth.speaker.say("odd", Manner(voice="a\0b")).done)
+    assert booth.printed == ["odd"]
+    assert [notice.what for notice in booth.notices] == ["voice: 'odd': ValueError: embedded null byte"]
+    wait_until(booth.speaker.say("even", Manner(voice="ab")).done)
+    assert booth.spoken() == ["even"]
 
 
 # --- which synthesiser ------------------------------------------------------------------------------------------------

@@ -81,6 +81,7 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
     assert asked == (10.0, (), False, None, False)
     third = voice.say("Stop", Manner(speed=200), Priority.HIGH)
     third.cancel()
+    assert (third.cancelled, second.cancelled) == (True, False)
     said = answers.take()
     assert said[0][:3] == ("voice", "say", ("one two three four five", None, None))
 
@@ -92,7 +93,9 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
     heard = again.speaking()
     assert heard is not None
     assert (heard.started, tuple(heard.mouth), first.done(), second.started, second.done()) == asked
-    again.say("Stop", Manner(speed=200), Priority.HIGH).cancel()
+    third = again.say("Stop", Manner(speed=200), Priority.HIGH)
+    third.cancel()
+    assert (third.cancelled, second.cancelled) == (True, False)
     memory.end()
     assert differences == []
     guessed = again.play(bell)
@@ -100,5 +103,6 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
     shapes: tuple[MouthShape, ...] = tuple(guessed.mouth)
     assert shapes == ()
     clock.advance(1.5)
-    assert guessed.done()
+    guessed.cancel()
+    assert (guessed.done(), guessed.cancelled) == (True, False)
     assert len(differences) == 1

@@ -10,12 +10,12 @@ from perception.api import Box, Face, Marker, Scene, Thing, Words
 
 
 class RecordedWords:
-    """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``."""
+    """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``, and ``cancelled``."""
 
     mouth: Sequence[MouthShape] = ()
 
     def __init__(self, voice: "RecordedVoice") -> None:
-        self.ended = False
+        self.ended = self.cancelled = False
         self.started: float | None = voice.clock.now()
         self._voice = voice
 
@@ -25,6 +25,7 @@ class RecordedWords:
 
     def cancel(self) -> None:
         """Keep the cancellation, and end."""
+        self.cancelled = self.cancelled or not self.ended
         self.ended = True
         self._voice.keep_anyway(CANCEL)
 

@@ -1,0 +1,50 @@
+"""People in a simulated world who are heard: what goes wrong with one silences none of the others."""
+
+from drivers.api import Manner, Notice
+from drivers.clock import SystemClock
+from drivers.errors import NoReply
+from drivers.sim.acts import Reply
+from drivers.virtual.voiced import VoicedMicrophone
+from drivers.voice.cut import Cut
+from drivers.voice.protocol import Speech
+from tests.waiting import wait_until
+
+
+class Moody:
+    """An engine that speaks some texts, and fails with others."""
+
+    speaks_itself = False
+    broken = ""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def open(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech:
+        del manner, cut
+        self.texts.append(text)
+        if text == "hm":
+            raise NoReply("espeak-ng hangs", hint="try again")
+        if text == "oh":
+            raise ValueError("not a rate: 0")
+        return Speech(b"\x00\x40" * 1600, 16_000)
+
+
+def test_whatever_goes_wrong_with_one_the_next_is_heard() -> None:
+    engine, notices = Moody(), list[Notice]()
+    microphone = VoicedMicrophone(SystemClock(), engine, lambda _: Manner(), report=notices.append)
+    microphone.open()
+    for text in ("hm", "oh", "yes"):
+        microphone.hear(Reply("Anna", text, 0.0))
+    wait_until(lambda: any(abs(piece.samples).max() > 5000 for piece in microphone.read(-1)))
+    microphone.close()
+    assert engine.texts == ["hm", "oh", "yes"]
+    assert [(notice.what, notice.hint) for notice in notices] == [
+        ("Anna cannot be heard: espeak-ng hangs", "try again"),
+        ("Anna cannot be heard: not a rate: 0", ""),
+    ]
