@@ -12,6 +12,8 @@ from typing import BinaryIO
 from urllib.error import HTTPError, URLError
 from urllib.request import urlopen
 
+from missions.folders import data_folder
+
 TIMEOUT = 30.0
 """Seconds for which a server may be silent."""
 
@@ -52,9 +54,8 @@ MODELS: Mapping[str, Model] = {model.name: model for model in (YUNET,)}
 
 
 def folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where models are kept: among the user's data, as the XDG base directory specification has it."""
-    data = environment.get("XDG_DATA_HOME", "")
-    return (Path(data) if Path(data).is_absolute() else Path.home() / ".local/share") / "missiontree/models"
+    """Return where models are kept: among the user's data."""
+    return data_folder(environment) / "models"
 
 
 def is_there(model: Model, where: Path) -> bool:

@@ -1,27 +1,32 @@
 """The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
 
-Nothing else is kept of them: what recognises them is learnt anew from the pictures at each start.
+Nothing else is kept of them: what recognises them is learnt anew from the pictures at each start. Somebody is a folder
+with pictures (``missions.portraits``); whatever else is there belongs to somebody else, and is left alone.
 """
 
+import fcntl
 import os
-import re
-import shutil
 import stat
-import tempfile
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
-import cv2
-import numpy as np
-
+from missions.folders import data_folder
+from missions.portraits import NEW, clear, digest, files_in, keep, read
 from perception.api import UNKNOWN, Image
+from perception.people import FEWEST
 
-FOLDER_RIGHTS, FILE_RIGHTS = 0o700, 0o600
+LONGEST = 60
+"""Letters of a name: also of four bytes each they make the name of a folder."""
 
-_NAME = re.compile(r"[^\W_](?:[\w \-]*\w)?")
-"""Letters and digits; spaces, '-' and '_' between them."""
+JOINERS = "\u200c\u200d"
+"""What parts and joins letters in Persian and Indian names, and is not seen itself."""
+
+WITHIN = frozenset(" -_'\u2019." + JOINERS)
+"""What a name may have beside letters, their marks and digits."""
 
 
 class PeopleError(RuntimeError):
@@ -30,6 +35,10 @@ class PeopleError(RuntimeError):
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
         self.hint = hint
+
+
+Told = Callable[[PeopleError], None]
+"""What hears of pictures that are left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +51,8 @@ class Known:
 
 
 def folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where pictures of people are kept: among the user's data, as the XDG base directory specification says."""
-    data = environment.get("XDG_DATA_HOME", "")
-    return (Path(data) if Path(data).is_absolute() else Path.home() / ".local/share") / "missiontree/people"
+    """Return where pictures of people are kept: among the user's data."""
+    return data_folder(environment) / "people"
 
 
 def proper_name(name: str) -> str:
@@ -52,8 +60,10 @@ def proper_name(name: str) -> str:
     found = unicodedata.normalize("NFC", name).strip()
     if found.casefold() == UNKNOWN:
         raise PeopleError(f"'{UNKNOWN}' is what strangers are called", hint="choose another name")
-    if len(found) > 60 or _NAME.fullmatch(found) is None:
-        raise PeopleError(f"{name!r:.80} cannot be a name", hint="letters, digits, and spaces or '-' between them")
+    fits = all(letter in WITHIN or unicodedata.category(letter)[0] in "LMN" for letter in found)
+    if not (fits and found[:1].isalpha() and len(found) <= LONGEST):
+        hint = f"first a letter of any script, then letters, digits, spaces and - _ ' . up to {LONGEST} in all"
+        raise PeopleError(f"{name!r:.80} cannot be a name", hint=hint)
     return found
 
 
@@ -65,106 +75,170 @@ class People:
 
     def known(self) -> list[Known]:
         """Return who is known, by name. Raises PeopleError for a folder that cannot be read."""
-        found = []
-        for name in self._names():
-            files = self._files(name)
-            found.append(Known(name, len(files), min((file.stat().st_mtime for file in files), default=0.0)))
-        return found
+        return [
+            Known(name, len(files), min(status.st_mtime for status in files.values()))
+            for name, files in self._files().items()
+        ]
 
     def find(self, name: str) -> str | None:
         """Return the name of somebody as it is kept, however it is capitalised; None for nobody. Raises PeopleError."""
-        wanted = proper_name(name).casefold()
-        return next((each for each in self._names() if each.casefold() == wanted), None)
+        return next((each for each in self._files() if _key(each) == _key(name)), None)
 
-    def portraits(self, name: str) -> list[Image]:
-        """Return somebody's pictures. Raises PeopleError for one that cannot be read."""
-        found = []
-        for file in self._files(name):
-            image = cv2.imread(str(file), cv2.IMREAD_COLOR)
-            if image is None:
-                raise PeopleError(f"{file}: is no picture", hint=f'mission person remove "{name}", then add them anew')
-            found.append(np.asarray(image, np.uint8))
+    def portraits(self, told: Told) -> dict[str, list[Image]]:
+        """Return the pictures of everybody of whom there are enough to learn from, by name.
+
+        ``told`` hears of each file that is no picture, and of each person of whom there are too few.
+        Raises PeopleError for a folder that cannot be read.
+        """
+        found = {}
+        for name, portraits in self._portraits(told).items():
+            if len(portraits) >= FEWEST:
+                found[name] = portraits
+            else:
+                what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {FEWEST}"
+                told(PeopleError(what, hint=f"mission person add {quote(name)}"))
         return found
 
-    def all_portraits(self) -> dict[str, list[Image]]:
-        """Return the pictures of everybody of whom there are any, by name. Raises PeopleError."""
-        found = {each.name: self.portraits(each.name) for each in self.known()}
-        return {name: portraits for name, portraits in found.items() if portraits}
+    def new_ones(self, name: str, portraits: Sequence[Image]) -> list[Image]:
+        """Return which of some pictures ``add`` would keep: each once, and none that is there. Raises as it does."""
+        kept = self.find(name) or proper_name(name)
+        there = self._portraits(lambda _: None)
+        whose = {digest(portrait): who for who, theirs in there.items() for portrait in theirs}
+        found = {digest(portrait): portrait for portrait in portraits}
+        others = [whose[each] for each in found if whose.get(each, kept) != kept]
+        if others:
+            hint = f"leave it out, or first: mission person remove {quote(others[0])}"
+            raise PeopleError(f"nothing was kept: one of the pictures of {kept} is {others[0]}'s already", hint=hint)
+        fresh = [portrait for each, portrait in found.items() if each not in whose]
+        count = len(fresh) + len(there.get(kept, ()))
+        if count < FEWEST:
+            hint = f"it takes {FEWEST} at least"
+            raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
+        return fresh
 
     def add(self, name: str, portraits: Sequence[Image]) -> str:
-        """Keep pictures of somebody, beside those that are there; return the name as it is kept. Raises PeopleError."""
+        """Keep pictures of somebody, beside those that are there; return the name as it is kept.
+
+        A picture that is there already is not kept again. Raises PeopleError for a picture of somebody else's, too few
+        pictures, and what cannot be written; then none is kept.
+        """
+        fresh = self.new_ones(name, portraits)
         kept = self.find(name) or proper_name(name)
-        home = self.where / kept
         try:
-            for each in (self.where, home):
-                each.mkdir(parents=True, exist_ok=True, mode=FOLDER_RIGHTS)
-                each.chmod(
-                    FOLDER_RIGHTS
-                )  # mkdir's mode is cut by the umask, and says nothing of a folder that is there
-            first = max((int(file.stem) for file in self._files(kept)), default=0) + 1
-            for number, portrait in enumerate(portraits, start=first):
-                _write(home / f"{number:03}.png", portrait)
+            with self._alone():
+                if fresh:
+                    keep(fresh, self.where / kept)
         except OSError as error:
-            raise PeopleError(f"{home}: {error.strerror}", hint=f"df -h {self.where}  (is there room?)") from error
+            hint = f"df -h {self.where}  (is there room?)"
+            raise PeopleError(f"{self.where / kept}: nothing was kept: {error.strerror}", hint=hint) from error
+        self.shut()
         return kept
 
     def remove(self, name: str) -> int:
-        """Delete somebody's pictures; return how many there were. Raises PeopleError for somebody who is not known."""
+        """Delete somebody's pictures, and the folder if there is nothing else in it; return how many there were.
+
+        Raises PeopleError for somebody who is not known, and what cannot be deleted.
+        """
         kept = self.find(name)
         if kept is None:
-            known = ", ".join(self._names()) or "nobody"
+            known = ", ".join(self._files()) or "nobody"
             raise PeopleError(f"nobody is called '{name}'", hint=f"known: {known}")
-        count = len(self._files(kept))
+        home = self.where / kept
         try:
-            shutil.rmtree(self.where / kept)
+            with self._alone():
+                return clear(home)
         except OSError as error:
-            raise PeopleError(f"{self.where / kept}: {error.strerror}: look what is left there") from error
-        return count
+            raise PeopleError(f"{home}: {error.strerror}", hint=f"ls -l {home}  (what is left there?)") from error
 
     def shut(self) -> bool:
-        """Take the rights of others away from the folder and all in it, and say whether anybody had some.
+        """Take the rights of others away from the folder and the pictures in it, and say whether anybody had some.
 
-        Raises PeopleError where that cannot be: these are pictures of people.
+        Where nobody is known nothing is touched. Raises PeopleError where it cannot be: these are pictures of people.
         """
-        open_ones = [path for path in self._all() if stat.S_IMODE(path.stat().st_mode) & 0o077]
+        everybody = self._files()
+        folders = [self.where, *(self.where / name for name in everybody)] if everybody else []
+        changed = False
         try:
-            for path in open_ones:
-                path.chmod(FOLDER_RIGHTS if path.is_dir() else FILE_RIGHTS)
+            for path in (*folders, *(file for files in everybody.values() for file in files)):
+                with suppress(FileNotFoundError):
+                    changed |= _shut(path)
         except OSError as error:
             raise PeopleError(
                 f"{self.where}: others may read these pictures of people, and that cannot be changed: {error.strerror}",
                 hint=f"sudo chown -R $USER {self.where}",
             ) from error
-        return bool(open_ones)
+        return changed
 
-    def _names(self) -> list[str]:
+    def _portraits(self, told: Told) -> dict[str, list[Image]]:
+        """Return the pictures of everybody of whom there are any."""
+        found = {
+            name: [portrait for path in files if (portrait := _read(path, told)) is not None]
+            for name, files in self._files(told).items()
+        }
+        return {name: portraits for name, portraits in found.items() if portraits}
+
+    def _files(self, told: Told = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
+        """Return the files of everybody of whom there are any. Raises PeopleError."""
+        found = {}
+        for home in self._folders():
+            try:
+                files = {} if home.name.startswith(".") else files_in(home)
+            except OSError as error:
+                told(PeopleError(f"{home}: {error.strerror}, and is left out", hint=f"ls -ld {home}"))
+                continue
+            if files:
+                found[home.name] = files
+        return found
+
+    def _folders(self) -> list[Path]:
+        """Return all folders in ours, links to some not among them. Raises PeopleError."""
         try:
-            return sorted(path.name for path in self.where.iterdir() if path.is_dir() and not path.is_symlink())
+            return sorted(path for path in self.where.iterdir() if path.is_dir() and not path.is_symlink())
         except FileNotFoundError:
             return []
         except OSError as error:
             raise PeopleError(f"{self.where}: {error.strerror}", hint=f"ls -ld {self.where}") from error
 
-    def _files(self, name: str) -> list[Path]:
-        return sorted(file for file in (self.where / name).glob("*.png") if file.stem.isdigit())
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
+        self.where.mkdir(mode=0o700, parents=True, exist_ok=True)
+        number = os.open(self.where, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
+                fcntl.flock(number, fcntl.LOCK_EX)
+            for left in self._folders():
+                if left.name.startswith(NEW):
+                    clear(left)
+            yield
+        finally:
+            os.close(number)
 
-    def _all(self) -> list[Path]:
-        return [self.where, *self.where.rglob("*")] if self.where.is_dir() else []
+
+def _key(name: str) -> str:
+    """Return what is the same for all ways to write a name: capitals, composed letters, joiners that are not seen."""
+    seen = "".join(letter for letter in name.strip() if letter not in JOINERS)
+    return unicodedata.normalize("NFC", seen.casefold())
 
 
-def _write(path: Path, picture: Image) -> None:
-    """Write a picture, whole or not at all, so that only its owner can read it at any time."""
-    done, data = cv2.imencode(".png", picture)
-    if not done:
-        raise OSError(0, "a picture that cannot be encoded")
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=".new-")  # with the rights of FILE_RIGHTS
-    part = Path(name)
+def _read(path: Path, told: Told) -> Image | None:
+    """Return a picture, None for one that has just been removed; for one that cannot be read too, and tell of it."""
     try:
-        with os.fdopen(number, "wb") as file:
-            file.write(data.tobytes())
-            file.flush()
-            os.fsync(file.fileno())
-        part.chmod(FILE_RIGHTS)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+        found = read(path)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        told(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
+        return None
+    if found is None:
+        told(PeopleError(f"{path}: is no picture, and is left out", hint=f"rm {quote(str(path))}"))
+    return found
+
+
+def _shut(path: Path) -> bool:
+    """Take the rights of others away from a file or folder, and say whether they had some. Raises OSError."""
+    rights = stat.S_IMODE(path.stat().st_mode)
+    if not rights & 0o077:
+        return False
+    path.chmod(rights & 0o700)
+    return True

@@ -75,12 +75,19 @@ class _Remarking:
 
 
 def gallery(camera: CameraConfig, report: Report) -> Recogniser:
-    """Return what knows the user's people; with nobody there, or where they cannot be read, all are strangers."""
+    """Return what knows the user's people; with nobody there, or where they cannot be read, all are strangers.
+
+    ``report`` hears of pictures that cannot be read, which are left out.
+    """
+
+    def told(error: PeopleError) -> None:
+        report(Notice("camera", "fault", str(error), error.hint))
+
     people = people_of(camera)
     try:
         if people.shut():
             report(Notice("camera", "fault", f"others could read the pictures of people in {people.where}; not now"))
-        portraits = people.all_portraits()
+        portraits = people.portraits(told)
     except PeopleError as error:
         report(Notice("camera", "fault", f"nobody can be recognised: {error}", error.hint))
         return Nobody()

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from missions.recording.faults import understanding
-from missions.recording.outputs import new_file, new_folder
+from missions.recording.outputs import new_file, new_folder, private
 from missions.recording.read import Record, began_at
 
 NO_TABLE = frozenset({"/camera", "/camera/marks"})
@@ -50,7 +50,7 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
     with ExitStack() as files:
         tables = {
             topic: csv.DictWriter(
-                files.enter_context(path.open("w", encoding="utf-8", errors=ESCAPED, newline="")),
+                files.enter_context(open(path, "w", encoding="utf-8", errors=ESCAPED, newline="", opener=private)),
                 ["t", *columns[topic]],
             )
             for topic, path in paths.items()
@@ -66,17 +66,23 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
 def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
     """Write pictures, files and tables into folders of these names; return how many. Raises as ``to_jsonl`` does."""
     new_folder(folder, force=force)
-    pictures = folder / "pictures"
+    pictures, files = folder / "pictures", folder / "files"
+    for each in (pictures, files):
+        each.mkdir(mode=0o700, exist_ok=True)
     count = 0
-    pictures.mkdir(exist_ok=True)
     for stamp, jpeg in record.frames():
-        (pictures / f"{stamp:010.3f}.jpg").write_bytes(jpeg)
+        _write(pictures / f"{stamp:010.3f}.jpg", jpeg)
         count += 1
     for name, data in record.files.items():
-        path = folder / "files" / _inside(name)
+        path = files / _inside(name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        _write(path, data)
     return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
+
+
+def _write(path: Path, data: bytes) -> None:
+    with open(path, "wb", opener=private) as file:
+        file.write(data)
 
 
 def _messages(record: Record) -> Iterator[tuple[str, float, Any]]:

@@ -1,9 +1,12 @@
-"""Files that are made of records: never over another unless that is wanted, and whole or not at all."""
+"""Files that are made of records: never over another unless that is wanted, and whole or not at all.
+
+Records show people and name them, so that nobody but their owner can read what is made of one, or one itself.
+"""
 
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,18 +15,26 @@ class ExistsError(ValueError):
     """There is something where a file or folder is to be written; the message says how to do it all the same."""
 
 
+def private(path: str, flags: int) -> int:
+    """Open a file for its owner only, also one that was there: an ``opener`` of ``open``. Raises OSError."""
+    number = os.open(path, flags, 0o600)
+    with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
+        os.fchmod(number, 0o600)
+    return number
+
+
 @contextmanager
 def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
-    """Open a file that takes the place of ``path`` once all is written. Raises ExistsError, OSError."""
+    """Open a file, for its owner only, that takes the place of ``path`` once all is written.
+
+    Raises ExistsError, OSError.
+    """
     if path.exists() and not force:
         raise ExistsError(f"{path}: is there already\n  try: another name, or --force to write over it")
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")  # for its owner only
     try:
         with os.fdopen(number, "wb") as file:
             yield file
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)  # as any other new file
         Path(name).replace(path)
     except BaseException:  # a Ctrl-C too must leave no half of a file
         Path(name).unlink(missing_ok=True)
@@ -31,7 +42,7 @@ def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
 
 
 def new_folder(path: Path, *, force: bool) -> None:
-    """Make a folder, or see that it is empty. Raises ExistsError, OSError."""
-    path.mkdir(parents=True, exist_ok=True)
+    """Make a folder for its owner only, or see that it is empty: then it keeps its rights. Raises as ``new_file``."""
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
     if not force and any(path.iterdir()):
         raise ExistsError(f"{path}: is not empty\n  try: another folder, or --force to write over what is in it")

@@ -22,6 +22,7 @@ from drivers.clock import Clock, SystemClock
 from missions.recording.head import Contents
 from missions.recording.items import HEADER, Missed, unpacked
 from missions.recording.mend import NotMendedError, mend
+from missions.recording.outputs import private
 from missions.recording.sink import Sink
 from missions.recording.writer import RecordWriter, Written
 
@@ -84,7 +85,7 @@ class Keeper:
             waiting += self._inlet.batches(FLUSH)
         if not waiting:
             return
-        with self._path.open(self._how, buffering=0) as file:
+        with open(self._path, self._how, buffering=0, opener=private) as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # whoever mends records keeps away
             except BlockingIOError as error:

@@ -158,12 +158,27 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     ]
     notices.clear()
     people = People(tmp_path / "people")
-    people.add("Anna", [picture[40:440, 120:520] for picture in pictures("anna", (1.2,), each=3)])
+    people.add("Anna", [picture[40:440, 120:520] for picture in pictures("anna", (1.2,), each=4)])
     assert isinstance(gallery(own, notices.append), FisherPeople)
     assert notices == []
     (people.where / "Anna/001.png").write_bytes(b"broken")
-    assert isinstance(gallery(own, notices.append), Nobody)
-    assert "nobody can be recognised" in notices[0].what
+    assert isinstance(gallery(own, notices.append), FisherPeople), "the other pictures are enough"
+    assert [notice.what for notice in notices] == [f"{people.where}/Anna/001.png: is no picture, and is left out"]
+    assert notices[0].hint == f"rm {people.where}/Anna/001.png"
+
+
+def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path: Path) -> None:
+    camera = load_robot(find("robots", "turtlebot2_arm")).camera
+    assert camera is not None
+    tool = tmp_path / "proj/bin/tool"
+    tool.parent.mkdir(parents=True)
+    tool.touch(0o755)
+    tool.chmod(0o755)
+    notices = list[Notice]()
+    named = replace(camera, identity=replace(camera.identity, people=str(tmp_path)))
+    assert isinstance(gallery(named, notices.append), Nobody)
+    assert [notice.what for notice in notices] == ["it knows nobody yet, so that all are unknown"]
+    assert tool.stat().st_mode & 0o777 == 0o755
 
 
 def test_what_is_the_matter_with_the_pictures_is_told_once_at_the_first_look() -> None:

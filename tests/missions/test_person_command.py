@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from missions.cli import person
-from missions.cli.person.taking import EVERY, GUIDE, TOO_SOON, Taking
+from missions.cli.person.taking import EVERY, GUIDE, SAME, TOO_SOON, Taking
 from missions.cli.root import guarded
 from missions.people import People
 from perception.api import Image
@@ -48,6 +49,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Bench(tmp_path, People(tmp_path / "data/missiontree/people"), capsys)
 
 
+@cache
 def near(look: str) -> list[Image]:
     return pictures(look, (1.0, 1.3), each=2)
 
@@ -81,13 +83,61 @@ def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(be
 def test_too_few_pictures_are_refused(bench: Bench) -> None:
     outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")[:2]))
     assert outcome.code == 1
-    assert "2 pictures of Anna are too few\n  try: it takes 3 at least" in outcome.err
+    assert "too few pictures of Anna: 2, where each counts once\n  try: it takes 3 at least" in outcome.err
     assert not bench.people.where.exists()
+
+
+def test_the_same_picture_three_times_is_one(bench: Bench) -> None:
+    outcome = bench.run("add", "Anna", *bench.write("anna", *[near("anna")[0]] * 3))
+    assert outcome.code == 1
+    assert "too few pictures of Anna: 1" in outcome.err
+    assert not bench.people.where.exists()
+
+
+def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
+    first, *others = bench.write("anna", *near("anna"))
+    bench.run("add", "Anna", *others)
+    outcome = bench.run("add", "Anna", first, *others)
+    assert outcome.code == 0
+    assert outcome.out.startswith("Anna: 1 pictures kept in ")
+    assert outcome.out.endswith(", 3 before\n")
+    assert outcome.err == "3 pictures were there already, or given twice\n"
+
+
+def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    outcome = bench.run("add", "Ben", *bench.write("ben", *near("ben"), near("anna")[0]))
+    assert outcome.code == 1
+    assert "nothing was kept: one of the pictures of Ben is Anna's already" in outcome.err
+    assert [each.name for each in bench.people.known()] == ["Anna"]
+
+
+def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Bench) -> None:
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    (bench.people.where / "Anna/002.png").write_bytes(b"no picture")
+    outcome = bench.run("list")
+    assert outcome.code == 0
+    assert "Anna/002.png: is no picture, and is left out\n  try: rm " in outcome.err
+    assert "of 100 looks at them" in outcome.out
+    (bench.people.where / "Anna/001.png").unlink()
+    outcome = bench.run("list")
+    assert "Anna: 2 pictures are too few to know somebody by" in outcome.err
+    assert outcome.out.splitlines()[-1].split()[:2] == ["Anna", "3"]
+
+
+def test_what_is_left_in_a_folder_is_told_of(bench: Bench) -> None:
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    letter = bench.people.where / "Anna/letter.txt"
+    letter.touch()
+    outcome = bench.run("remove", "Anna", "--yes")
+    assert outcome.out == "Anna: 4 pictures deleted\n"
+    assert outcome.err == f"{letter.parent} stays: there is something else in it\n"
+    assert letter.exists()
 
 
 def test_who_looks_like_somebody_known_is_told_to(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
-    outcome = bench.run("add", "Zoe", *bench.write("twin", *near("anna")))
+    outcome = bench.run("add", "Zoe", *bench.write("twin", *pictures("anna", (1.1, 1.2), each=2)))
     assert outcome.code == 0
     assert "Zoe looks like Anna" in outcome.err
 
@@ -107,7 +157,7 @@ def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench)
     assert outcome.code == 0, outcome.err
     assert "Look straight into the camera." in outcome.err
     assert "waiting: there is no face in it" in outcome.err
-    assert len(bench.people.portraits("Anna")) == 3
+    assert [each.pictures for each in bench.people.known()] == [3]
 
 
 def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None:
@@ -121,8 +171,9 @@ def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None
     assert taking.offer(good, 0.3) == ""
     assert taking.offer(good, 0.3 + EVERY / 2) == TOO_SOON
     assert taking.guide == GUIDE[2]
-    for number in (1, 2):
-        assert taking.offer(good, 0.3 + number * EVERY + 0.01 * number) == ""
+    assert taking.offer(good, 0.3 + 1.01 * EVERY) == SAME
+    for number, picture in enumerate(near("anna")[1:3], start=1):
+        assert taking.offer(picture, 0.3 + number * EVERY + 0.01 * number) == ""
     assert taking.done
     assert len(taking.portraits) == 3
 

@@ -13,10 +13,10 @@ from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.assembly.detectors import face_detector
-from missions.cli.person.asked import camera_of, people_for, robot_option, saying_why
+from missions.cli.person.asked import camera_of, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
-from missions.people import People, PeopleError
+from missions.people import People, PeopleError, proper_name
 from perception.api import Image
 from perception.crops import face_in
 from perception.finder import FaceDetector
@@ -41,7 +41,7 @@ def add(name: str, files: tuple[str, ...], source: str | None, count: int, secon
     in a folder that nobody else may read. Ask them first.
     """
     people, camera = people_for(robot), camera_of(robot)
-    people.find(name)  # what cannot be a name is said before anybody poses
+    proper_name(name)  # what cannot be one is said before anybody poses
     detector = face_detector(camera)
     try:
         if files:
@@ -52,13 +52,14 @@ def add(name: str, files: tuple[str, ...], source: str | None, count: int, secon
     except (BadRequest, FileNotFoundError, ValueError) as error:
         hint = error.hint if isinstance(error, BadRequest) else ""
         raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
+    fresh = people.new_ones(name, portraits)
+    alike = _who_is_like(people, name, fresh)
     before = people.find(name)
-    there = 0 if before is None else len(people.portraits(before))
-    if len(portraits) + there < FEWEST:
-        raise PeopleError(f"{len(portraits)} pictures of {name} are too few", hint=f"it takes {FEWEST} at least")
-    alike = _who_is_like(people, name, portraits)
-    kept = people.add(name, portraits)
-    click.echo(f"{kept}: {len(portraits)} pictures kept in {people.where / kept}" + f", {there} before" * bool(there))
+    there = sum(each.pictures for each in people.known() if each.name == before)
+    kept = people.add(name, fresh)
+    click.echo(f"{kept}: {len(fresh)} pictures kept in {people.where / kept}" + f", {there} before" * bool(there))
+    if len(fresh) < len(portraits):
+        click.echo(f"{len(portraits) - len(fresh)} pictures were there already, or given twice", err=True)
     if alike:
         click.echo(f"{kept} looks like {alike}: the robot may take one for the other", err=True)
         click.echo("  try: more pictures of both, in other light and from other sides", err=True)
@@ -117,7 +118,7 @@ def _from_camera(source: str, camera: CameraConfig | None, taking: Taking, secon
 def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:
     """Return the name of somebody for whom the new one would be taken; nothing for nobody."""
     own = people.find(name)
-    others = {other: theirs for other, theirs in people.all_portraits().items() if other != own}
+    others = {other: theirs for other, theirs in people.portraits(tell).items() if other != own}
     if not others:
         return ""
     gallery = fisher_people(others)

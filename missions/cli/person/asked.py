@@ -44,7 +44,12 @@ def saying_why(command: Callable[..., int]) -> Callable[..., int]:
         try:
             return command(*arguments, **named)
         except PeopleError as error:
-            click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+            tell(error)
             return FAILURE
 
     return wrapped
+
+
+def tell(error: PeopleError) -> None:
+    """Print what cannot be done, and what to type next."""
+    click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import click
 
-from missions.cli.person.asked import people_for, robot_option, saying_why
+from missions.cli.person.asked import people_for, robot_option, saying_why, tell
 from missions.cli.root import SUCCESS
 from missions.columns import in_columns
 from missions.people import Known
@@ -21,16 +21,17 @@ def list_people(as_json: bool, robot: str | None) -> int:
     """List the people whom a robot knows, and how surely it tells them apart."""
     people = people_for(robot)
     known = people.known()
-    portraits = people.all_portraits()
+    portraits = people.portraits(tell)
     calibration = fisher_people(portraits).calibration if portraits else None
     if as_json:
         click.echo(json.dumps(_data(known, calibration)))
         return SUCCESS
-    if calibration is None:
+    if not known:
         click.echo("it knows nobody yet\n  try: mission person add NAME", err=True)
         return SUCCESS
     click.echo(in_columns(("name", "pictures", "since"), [_row(each) for each in known], left=frozenset({"name"})))
-    click.echo(f"\n{_words(calibration)}")
+    if calibration is not None:
+        click.echo(f"\n{_words(calibration)}")
     return SUCCESS
 
 

@@ -23,4 +23,6 @@ def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
         return FAILURE
     for name in dict.fromkeys(people.find(name) or name for name in names):
         click.echo(f"{name}: {people.remove(name)} pictures deleted")
+        if (people.where / name).exists():
+            click.echo(f"{people.where / name} stays: there is something else in it", err=True)
     return SUCCESS

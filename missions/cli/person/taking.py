@@ -2,6 +2,7 @@
 
 import cv2
 
+from missions.portraits import digest
 from perception.api import Image
 from perception.crops import crop, face_in
 from perception.finder import FaceDetector
@@ -27,6 +28,8 @@ EVERY = 0.8
 
 TOO_SOON = "it is too soon after the one before"
 
+SAME = "it is the very picture of one before: does the camera stand still?"
+
 
 class Taking:
     """Takes ``count`` pictures that are worth it: ``portraits``."""
@@ -36,6 +39,7 @@ class Taking:
         self._detector = detector
         self._count = count
         self._eyes = EyeFinder()
+        self._digests: set[bytes] = set()
         self._taken_at: float | None = None
 
     @property
@@ -63,6 +67,9 @@ class Taking:
         shown = crop(portrait, face, self._eyes.find(portrait, face))
         if float(cv2.Laplacian(shown, cv2.CV_64F).var()) < SHARP:
             return "it is blurred: hold still, with more light"
+        if digest(portrait) in self._digests:
+            return SAME
         self._taken_at = stamp
+        self._digests.add(digest(portrait))
         self.portraits.append(portrait)
         return ""

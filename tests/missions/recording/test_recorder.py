@@ -110,7 +110,7 @@ def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda path: path / "no" / "a.mcap", "No such file"),
+        (lambda path: path / "no" / "a.mcap", "there is no folder"),
         (lambda path: path, "is no file"),
         (lambda path: _piped(path / "a.mcap"), "is no file"),
         (lambda path: _written(path / "a.mcap"), "is there already"),
