@@ -8,7 +8,8 @@ A list; each entry is one way::
       - webhook: {url: "https://example.org/robot", headers: {Authorization: ROBOT_TOKEN}}
       - mqtt: {host: broker.local, topic: home/robot, user: robot, password: MQTT_PASSWORD}
 
-Secrets do not stand in files: the values of headers, and ``password``, are names of environment variables.
+Secrets do not stand in files: the values of headers, and ``password``, are names of environment variables. Where the
+address is the secret, as with many chat services, ``url_from`` names the variable that holds it.
 """
 
 import json
@@ -36,10 +37,14 @@ class CommandNotice:
 
 @dataclass(frozen=True, slots=True)
 class WebhookNotice:
-    """To a web server, which gets JSON by POST; ``headers`` name the environment variables with their values."""
+    """To a web server, which gets JSON by POST; ``headers`` name the environment variables with their values.
 
-    url: str
+    Its address is ``url``, or what the environment variable ``url_from`` holds: one of the two is empty.
+    """
+
+    url: str = ""
     headers: Mapping[str, str] = field(default_factory=dict)
+    url_from: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +86,40 @@ def read_written(text: str) -> NoticeConfig:
     return CommandNotice(tuple(found.command)) if isinstance(found, CommandNotice) else found
 
 
+def named(text: str) -> str:
+    """Return a way that ``written`` wrote as people may see it, without secrets; another text as it is."""
+    try:
+        match read_written(text):
+            case CommandNotice(command):
+                return f"command {command[0]}"
+            case WebhookNotice(url, _, variable):
+                return f"webhook {site_of(url) if url else variable}"
+            case MqttNotice(host, _, port):
+                return f"mqtt {host}:{port}"
+            case TerminalNotice():
+                return "terminal"
+    except ValueError:
+        return text
+
+
+def site_of(url: str) -> str:
+    """Return the part of an address that is no secret: scheme, host and port. Raises ValueError for one that is none.
+
+    One with a user is none, for a password would stand in it; nor is one with letters that have to be escaped.
+    """
+    parts = urlsplit(url)
+    letters = url.isascii() and url.isprintable() and " " not in url
+    if (
+        not letters
+        or parts.scheme not in ("http", "https")
+        or not parts.hostname
+        or parts.port == 0
+        or "@" in parts.netloc
+    ):
+        raise ValueError("no address of a web server")
+    return f"{parts.scheme}://{parts.netloc}"
+
+
 def read_notices(fields: Fields) -> tuple[NoticeConfig, ...]:
     """Read the list under ``notices``."""
     found = (_read(fields, node) for node in fields.items("notices"))
@@ -117,25 +156,23 @@ def _command(entry: Fields, node: Node) -> CommandNotice | None:
 def _webhook(entry: Fields, node: Node) -> WebhookNotice | None:
     headers: dict[str, str] = {}
     if isinstance(node, Scalar):
-        url = node.text
+        url, variable = node.text, ""
     else:
         fields = Fields(entry.source, node, entry.faults, what="'webhook'")
-        url, section = fields.text("url"), fields.section("headers")
+        url, variable, section = fields.text("url", ""), fields.text("url_from", ""), fields.section("headers")
         if section is not None:
             headers = {name.text: section.text(name.text) for name, _ in section.entries()}
         fields.done()
-    if not _is_web(url):
-        entry.fault(node.mark, f"'webhook' needs the address of a web server, got '{url}'", "https://...")
-        return None
-    return WebhookNotice(url, headers)
-
-
-def _is_web(url: str) -> bool:
-    try:
-        parts = urlsplit(url)
-        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-    except ValueError:
-        return False
+        if bool(url) == bool(variable):
+            entry.fault(node.mark, "'webhook' needs either 'url' or 'url_from'", "url_from: ROBOT_URL")
+            return None
+    if url:
+        try:
+            site_of(url)
+        except ValueError:
+            entry.fault(node.mark, f"'webhook' needs the address of a web server, got '{url}'", "https://...")
+            return None
+    return WebhookNotice(url, headers, variable)
 
 
 def _mqtt(entry: Fields, node: Node) -> MqttNotice:

@@ -21,6 +21,9 @@ class PageScreen(KeptScreen):
 
     ``port`` 0 is the first free one from 8321 on; another is waited for while it is taken. ``host`` is the address
     that it is served at: who else can reach that sees the face.
+
+    A face is an ornament, without which the robot does its work: while it waits for its port it counts as online, and
+    ``health`` has the reason in ``detail``.
     """
 
     def __init__(
@@ -63,7 +66,7 @@ class PageScreen(KeptScreen):
         self._open = True
         self._ending.clear()
         if not self._served():
-            self._report(Notice(self.name, "offline", self._trouble, self._hint()))
+            self._report(Notice(self.name, "fault", self._trouble, self._hint()))
             self._waiting = Thread(target=self._wait, name=f"screen {self.name}", daemon=True)
             self._waiting.start()
 
@@ -78,13 +81,13 @@ class PageScreen(KeptScreen):
         self._server.close()
 
     def health(self) -> Health:
-        """Say whether the page is served, and how many look at it."""
+        """Say whether it is open, why the page is not served yet where it is not, and how many look at it."""
         counters = {"pages": self._server.listeners}
         if self.address:
             return Health(True, counters=counters)
         if not self._open:
             return Health(False, f"{self.name}: not opened yet", counters=counters)
-        return Health(False, self._trouble, self._hint(), counters)
+        return Health(True, self._trouble, self._hint(), counters)
 
     def _served(self) -> bool:
         for port in self._ports:

@@ -1,7 +1,8 @@
 """A small server of pages: documents, and news that is sent to a page as it comes (server-sent events).
 
 It is for browsers on the robot itself. It answers GET alone, and only who asks for ``localhost`` or for an address in
-figures: a page from elsewhere whose name has been pointed at this computer (DNS rebinding) asks for that name.
+figures: a page from elsewhere whose name has been pointed at this computer (DNS rebinding) asks for that name. No page
+from elsewhere may listen, show what is served here as its own, or frame it.
 """
 
 import ipaddress
@@ -18,6 +19,8 @@ from threading import Event, Lock, Thread
 from typing import Any
 from urllib.parse import urlsplit
 
+from drivers.clock import SystemClock
+
 EVENTS = "/events"
 PERIOD = 1 / 30
 """Seconds between two looks for news."""
@@ -31,7 +34,13 @@ LISTENERS = 4
 PATIENCE = 5.0
 """Seconds that a browser has to ask, and to take what it is sent."""
 
-POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'"
+FAREWELL = 0.2
+"""Seconds that all talks together have for their last words."""
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
 """What a page may do: run and look as it was served here, ask here, and nothing else."""
 
 
@@ -137,16 +146,17 @@ class _Server(ThreadingTCPServer):
         """End all talks: they have a moment for their last words, and are cut off then."""
         with self.talks.lock:
             talks = dict(self.talks.sockets)
+        clock = SystemClock()
         for thread in talks.values():
-            thread.join(0.2)
-        for request, thread in talks.items():
-            if thread.is_alive():
-                _cut(request)
+            thread.join(max(0.0, FAREWELL - clock.now()))
+        for request in talks:
+            _cut(request)
+        for thread in talks.values():
             thread.join()
 
 
 def _cut(request: socket.socket) -> None:
-    with suppress(OSError):  # it ended just now
+    with suppress(OSError):  # it has ended
         request.shutdown(socket.SHUT_RDWR)
 
 
@@ -164,7 +174,9 @@ class _Talk(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.FORBIDDEN, "ask for localhost, or for an address in figures")
             return
         path = urlsplit(self.path).path
-        if path == EVENTS:
+        if path == EVENTS and self._from_elsewhere():
+            self.send_error(HTTPStatus.FORBIDDEN, "only the page that is served here may listen")
+        elif path == EVENTS:
             self._tell()
         elif path in self.server.site:
             document = self.server.site[path]()
@@ -176,10 +188,18 @@ class _Talk(BaseHTTPRequestHandler):
     def log_message(self, *args: Any) -> None:
         """Say nothing: the terminal belongs to the mission."""
 
+    def _from_elsewhere(self) -> bool:
+        """Whether a page of another server asks: browsers tell by ``Sec-Fetch-Site``, old ones by ``Origin`` alone."""
+        if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+            return True
+        origin = self.headers.get("Origin")
+        return origin is not None and origin != f"http://{self.headers['Host']}"
+
     def _begin(self, kind: str) -> None:
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
@@ -210,6 +230,8 @@ class _Talk(BaseHTTPRequestHandler):
 
 def _named_by_figures(host: str) -> bool:
     """Whether a Host header names this computer as ``localhost``, or by an address in figures."""
+    if "@" in host:  # before it stands a user, whom URLs may have, and Host headers never
+        return False
     try:
         name = urlsplit(f"//{host}").hostname or ""
         return name == "localhost" or bool(ipaddress.ip_address(name))

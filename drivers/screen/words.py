@@ -18,6 +18,9 @@ LEADING = 1.15
 
 LARGEST = 44.0
 
+MOST = 240
+"""Letters that are looked at: a few more than there is ever room for. What is longer costs no more."""
+
 NO_LETTERS = ("Cc", "Cs", "Cn", "Co")
 """Categories of Unicode: controls, surrogates, not assigned, private."""
 
@@ -32,7 +35,13 @@ class Words:
 
 
 def plain(text: str) -> str:
-    """Return ``text`` with spaces for what is no letter: control characters, halves of letters, what is unassigned."""
+    """Return ``text`` in one line, with spaces for what is no letter: controls, halves of letters, what is unassigned.
+
+    What is longer than ``MOST`` letters ends there in an ellipsis.
+    """
+    text = " ".join(text.split())
+    if len(text) > MOST:
+        text = text[:MOST] + "…"
     return "".join(" " if unicodedata.category(letter) in NO_LETTERS else letter for letter in text)
 
 

@@ -75,9 +75,9 @@ class Lips:
 
 
 class LivelyScreen:
-    """A ``screen`` whose mouth moves with the ``voice``: a ``drivers.api.Screen`` with a thread of its own.
+    """A ``screen`` whose mouth moves with the ``voice``, on a thread of its own: a ``drivers.api.Screen``.
 
-    Where it is a page, its address is told to ``report``.
+    A robot without a voice has no such thread. Where it is a page, its address is told to ``report``.
     """
 
     def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: Report = unreported) -> None:
@@ -91,28 +91,32 @@ class LivelyScreen:
         self._screen = screen
         self._report = report
         self._lips = None if voice is None else Lips(voice, screen, clock)
+        self._open = False
         self._ending = Event()
         self._thread: Thread | None = None
 
     def open(self) -> None:
         """Open the screen, and begin to move its mouth. Safe more than once."""
-        if self._thread is not None:
+        if self._open:
             return
+        self._open = True
         self._screen.open()
         if isinstance(self._screen, PageScreen) and self._screen.address:
             self._report(Notice(self.name, "online", f"the face is at {self._screen.address}"))
-        self._ending.clear()
-        self._thread = Thread(target=self._run, name="lips", daemon=True)
-        self._thread.start()
+        if self._lips is not None:
+            self._ending.clear()
+            self._thread = Thread(target=self._run, args=(self._lips,), name="lips", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """End it. Safe from any state, more than once."""
+        self._open = False
         self._ending.set()
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.join()
         self._screen.close()
 
-    def _run(self) -> None:
-        while self._lips is not None and not self._ending.wait(FRAME):
-            self._lips.step()
+    def _run(self, lips: Lips) -> None:
+        while not self._ending.wait(FRAME):
+            lips.step()

@@ -2,7 +2,9 @@
 
 import re
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 from typing import Any, ClassVar
 
 import click
@@ -51,12 +53,37 @@ class Size(click.ParamType[float]):
 SIZE = Size()
 
 
+class MissionCommand(click.Command):
+    """A command that runs a mission: it says what to type for a param without ``--param``, and for a missing value."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments. Raises click.UsageError."""
+        options = {word: option for option in self.params if isinstance(option, click.Option) for word in option.opts}
+        for word, follows in pairwise(args):
+            if word in options and follows in options and not (options[word].is_flag or options[word].count):
+                takes = options[word].make_metavar(ctx)
+                ctx.fail(f"{word} needs a value\n  try: {word} {takes}")
+        ctx.allow_extra_args = True
+        left = super().parse_args(ctx, list(args))
+        if left and not ctx.resilient_parsing:
+            ctx.fail(self.too_much(left, args))
+        return left
+
+    def too_much(self, words: list[str], args: list[str]) -> str:
+        """Say what is wrong with ``words``, which are none of the arguments that it takes."""
+        del args
+        params = [f"--param {quote(word)}" for word in words if "=" in word]
+        return f"unexpected: {' '.join(words)}" + (f"\n  try: {' '.join(params)}" if params else "")
+
+
 def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
-    """Return a click callback that reads NAME=VALUE, as often as it is given."""
+    """Return a click callback that reads NAME=VALUE, as often as it is given; in UTF-8, since the text is passed on."""
 
     def read(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
         found: dict[str, str] = {}
         for value in values:
+            if (shown := value.encode(errors="surrogateescape").decode(errors="backslashreplace")) != value:
+                raise click.BadParameter(f"'{shown}' is no text in UTF-8", ctx=ctx, param=option)
             name, equals, text = value.partition("=")
             if not equals or not name.strip():
                 raise click.BadParameter(f"'{value}' is not NAME=VALUE, such as {example}", ctx=ctx, param=option)

@@ -15,6 +15,7 @@ from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.viewing import LiveView
+from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
@@ -67,6 +68,7 @@ def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Resul
     recording = None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up)
     runner = Runner(order, listeners=[watcher], give_up=give_up) if recording is None else recording.runner
     check_pad(order, runner.plan)
+    check_people(order, runner.plan)
     watcher.watch(runner.root)
     with ExitStack() as closing:
         _write(outputs, runner, closing)

@@ -3,23 +3,22 @@
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
-from threading import Event
 
 import click
 
-from drivers.clock import SystemClock, time_of_day
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
+from missions.folders import state_folder
 from missions.tasks.channels import channels_of
 from missions.tasks.courier import Courier
-from missions.tasks.lock import Taken, locked
+from missions.tasks.lock import Taken, locked, run_lock, server_lock
 from missions.tasks.notices import channel_of
 from missions.tasks.outbox import Outbox
 from missions.tasks.queue import Queue
-from missions.tasks.schema import folder, open_db
+from missions.tasks.schema import in_words, open_db, queue_file
 from missions.tasks.serve import Server
 from missions.tasks.task import TaskError
-from missions.tasks.times import local_zone
+from missions.tasks.times import local_zone, wall_clock
 from missions.tasks.work import Child
 
 LEAVE = 60.0
@@ -34,11 +33,11 @@ FLUSH = 60.0
 def command(once: bool) -> int:
     """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
 
-    `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and tried again or given
-    up as its task says.
+    `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and given up, or tried
+    again where its task says so.
     """
     try:
-        serve(folder(), once=once)
+        serve(state_folder(), once=once)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
         raise click.ClickException(f"{error}{hint}") from error
@@ -47,18 +46,18 @@ def command(once: bool) -> int:
 
 def serve(where: Path, *, once: bool) -> None:
     """Serve the queue in the folder ``where``. Raises TaskError where another server does, or it cannot be used."""
-    with ExitStack() as closed:
+    path = queue_file(where)
+    with in_words(path), ExitStack() as closed:
         try:
             closed.enter_context(locked(server_lock(where)))
         except Taken as error:
             raise TaskError(f"another `mission serve` does the tasks: {error}") from error
-        held = _after_orphan(where / "run.lock", closed)
-        path = queue_file(where)
+        held = _after_orphan(run_lock(where), closed)
         connection = closed.enter_context(closing(open_db(path)))
         queue = Queue(connection, channels_of, local_zone())
-        server = Server(queue, Child([held], _tell), now, _tell)
+        server = Server(queue, Child([held], _tell), wall_clock, _tell)
         closed.enter_context(Signals(server.stop))
-        courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), now, _tell))
+        courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
         _tell(f"serving {path}")
         server.run(once=once)
         if once:
@@ -67,34 +66,16 @@ def serve(where: Path, *, once: bool) -> None:
                 _tell(f"{waiting} notices are not delivered yet: the next `mission serve` goes on with them")
 
 
-def queue_file(where: Path) -> Path:
-    """Return the file of the queue in a folder."""
-    return where / "tasks.db"
-
-
-def server_lock(where: Path) -> Path:
-    """Return what a server holds as long as it lives."""
-    return where / "serve.lock"
-
-
-def now() -> float:
-    """Return the time of day, in seconds (Unix)."""
-    return time_of_day().timestamp()
-
-
 def _after_orphan(path: Path, closed: ExitStack) -> int:
     """Hold what each run holds as well: where a run has lost its server, wait until it has come to rest."""
-    clock, pause, told = SystemClock(), Event(), False
-    while True:
-        try:
-            return closed.enter_context(locked(path))
-        except Taken as error:
-            if clock.now() > LEAVE:
-                raise TaskError(f"a run of another server does not end: {error}", hint=f"fuser {path}") from error
-        if not told:
-            _tell("waiting: a run that has lost its server comes to rest")
-            told = True
-        pause.wait(0.1)
+    try:
+        return closed.enter_context(locked(path))
+    except Taken:
+        _tell("waiting: a run that has lost its server comes to rest")
+    try:
+        return closed.enter_context(locked(path, patience=LEAVE))
+    except Taken as error:
+        raise TaskError(f"a run of another server does not end: {error}", hint=f"fuser {path}") from error
 
 
 def _tell(text: str) -> None:

@@ -11,26 +11,27 @@ from typing import Literal
 import click
 
 from config.library import find, shipped
+from config.notices import named
 from missions.cli.options import SECONDS, behaviours_option, params_option
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
-from missions.cli.serve import now, queue_file, server_lock
 from missions.columns import in_columns
+from missions.folders import state_folder
 from missions.language.plan import Plan
 from missions.library import find_mission, shipped_missions
 from missions.order import Order, Simulate
 from missions.tasks.channels import channels_of
-from missions.tasks.lock import is_locked
+from missions.tasks.lock import is_locked, server_lock
 from missions.tasks.outbox import Letter, Outbox
 from missions.tasks.queue import Queue
-from missions.tasks.schema import folder, open_db
-from missions.tasks.task import Attempt, Interrupted, NewTask, Policy, Task, TaskError
-from missions.tasks.times import first_time, local_zone, read_at, read_every
+from missions.tasks.schema import in_words, open_db, queue_file
+from missions.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
+from missions.tasks.times import first_time, local_zone, read_at, read_every, wall_clock
 
 LATE = 3600.0
 """Seconds after which a task that has a time is missed, unless somebody says otherwise."""
 
-POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
+POLICIES: Mapping[str, Interrupted] = {"": "give-up", "retry": "retry", "give_up": "give-up"}
 """What is done about an interrupted task, by what its mission says of that."""
 
 NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
@@ -49,7 +50,8 @@ def command() -> None:
 def _queue() -> Iterator[tuple[Queue, Outbox]]:
     """Open the user's queue, and tell in words what goes wrong with it."""
     try:
-        with closing(open_db(queue_file(folder()))) as connection:
+        path = queue_file(state_folder())
+        with in_words(path), closing(open_db(path)) as connection:
             yield Queue(connection, channels_of, local_zone()), Outbox(connection)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
@@ -65,12 +67,19 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
 @click.option(
     "--late", type=SECONDS, metavar="TIME", help="Miss it, and say so, where it is later than this; else 1 h."
 )
+@click.option(
+    "--priority",
+    type=click.IntRange(*PRIORITIES),
+    default=0,
+    metavar="NUMBER",
+    help="Of the tasks that are due, the highest is first: -100 to 100, else 0. What runs is not broken off.",
+)
 @click.option("--retry", type=click.IntRange(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
 @click.option(
     "--if-interrupted",
     "interrupted",
     type=click.Choice(["retry", "give-up"]),
-    help="What to do where nobody knows how far it came, after a power cut, say; else what the mission says, or retry.",
+    help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or give-up.",
 )
 @click.option("--robot", metavar="NAME", help="The robot to run on; it moves, unless --simulate.")
 @click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
@@ -83,6 +92,7 @@ def add(
     at: str | None,
     every: str | None,
     late: float | None,
+    priority: int,
     retry: int,
     interrupted: Interrupted | None,
     robot: str | None,
@@ -93,7 +103,7 @@ def add(
     """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission serve`."""
     order = Order(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
     plan = _check(order)
-    time = now()
+    time = wall_clock()
     due, repetition = _when(at, every, time)
     new = NewTask(
         mission=_kept(mission, shipped_missions(), find_mission(mission)),
@@ -101,6 +111,7 @@ def add(
         robot="" if robot is None else _kept(robot, shipped("robots"), find("robots", robot)),
         options=tuple(_options(order)),
         due=due,
+        priority=priority,
         late=LATE if late is None and (at or every) else late,
         every=repetition,
         policy=Policy(interrupted or POLICIES[plan.if_interrupted], retries=retry),
@@ -108,31 +119,39 @@ def add(
     with _queue() as (queue, _):
         number = queue.add(new, time)
     when = f"at {_clock(due)}" if due > time else "as soon as its turn comes"
-    click.echo(f"task {number}: {mission} {when}" + (f", then every {repetition}" if repetition else ""))
-    if not is_locked(server_lock(folder())):
+    click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
+    if not is_locked(server_lock(state_folder())):
         click.echo("nobody does tasks at the moment: mission serve", err=True)
     return SUCCESS
 
 
+def _as_json(task: Task) -> dict[str, object]:
+    """Return a task for programs; of where it is told, what may be told of that."""
+    return asdict(task) | {"channels": [named(each) for each in task.channels]}
+
+
 def _check(order: Order) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
-    from missions.runner import load  # noqa: PLC0415 - the other subcommands need none of what it imports
+    from missions.cli.whom import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
+    from missions.runner import load  # noqa: PLC0415
 
     check_order(order)
     if order.simulation is not None:
         order.world_file()
-    return load(order, order.robot_file())
+    plan = load(order, order.robot_file())
+    check_people(order, plan)
+    return plan
 
 
 def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
-    """Return when a task is due for the first time, and its repetition."""
+    """Return when a task is due for the first time, and its repetition; 0 for as soon as its turn comes."""
     zone = local_zone()
     try:
-        due = time if at is None else read_at(at, time, zone)
+        due = 0.0 if at is None else read_at(at, time, zone)
         if every is None:
             return due, ""
-        repetition = read_every(every, due, zone)
-        return first_time(repetition, due, zone), str(repetition)
+        repetition = read_every(every, due or time, zone)
+        return (due if repetition.period else first_time(repetition, due or time, zone)), str(repetition)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
@@ -158,22 +177,32 @@ def _kept(name: str, library: dict[str, Path], path: Path) -> str:
 @click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
 @AS_JSON
 def list_command(everything: bool, as_json: bool) -> None:
-    """List the tasks that wait or run, in the order in which they are due."""
+    """List the tasks that wait or run, by priority, then in the order in which they are due."""
     with _queue() as (queue, _):
         tasks = queue.tasks(ended=everything)
     if as_json:
-        click.echo(json.dumps([asdict(task) for task in tasks], indent=2))
+        click.echo(json.dumps([_as_json(task) for task in tasks], indent=2))
     elif not tasks:
         click.echo("no tasks" if everything else "no tasks wait; --all shows those that have ended")
     else:
-        headings = ("task", "state", "due", "every", "mission", "params", "reason")
-        click.echo(in_columns(headings, [_row(task) for task in tasks], left=frozenset(headings[1:])))
+        rows = [_row(task) for task in tasks]
+        headings = [name for name in rows[0] if name != "priority" or any(task.priority for task in tasks)]
+        cells = [[row[name] for name in headings] for row in rows]
+        click.echo(in_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
 
 
-def _row(task: Task) -> tuple[str, ...]:
-    params = " ".join(f"{name}={value}" for name, value in task.params.items())
-    state = "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " ")
-    return (str(task.id), state, _clock(task.due), task.every or "-", task.mission, params or "-", task.reason)
+def _row(task: Task) -> Mapping[str, str]:
+    """Return what the list says of a task, by heading."""
+    return {
+        "task": str(task.id),
+        "state": "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " "),
+        "priority": str(task.priority),
+        "due": _clock(task.since),
+        "every": task.every or "-",
+        "mission": task.name,
+        "params": " ".join(f"{name}={value}" for name, value in task.params.items()) or "-",
+        "reason": task.reason,
+    }
 
 
 @command.command()
@@ -181,8 +210,8 @@ def _row(task: Task) -> tuple[str, ...]:
 def cancel(number: int) -> None:
     """Cancel a task, and its repetition; one that runs is stopped safely."""
     with _queue() as (queue, _):
-        state = queue.cancel(number, now())
-    running = is_locked(server_lock(folder()))
+        state = queue.cancel(number, wall_clock())
+    running = is_locked(server_lock(state_folder()))
     stopping = "is being stopped" if running else "is cancelled as soon as `mission serve` runs again"
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
 
@@ -195,12 +224,12 @@ def log(number: int, as_json: bool) -> None:
     with _queue() as (queue, outbox):
         task, attempts, letters = queue.task(number), queue.attempts(number), outbox.of(number)
     if as_json:
-        told = {"task": asdict(task), "attempts": [asdict(each) for each in attempts]}
+        told = {"task": _as_json(task), "attempts": [asdict(each) for each in attempts]}
         click.echo(json.dumps(told | {"notices": [asdict(each) for each in letters]}, indent=2))
         return
     reason = f": {task.reason}" if task.reason else ""
-    click.echo(f"task {number}: {task.mission}, {task.state.replace('_', ' ')}{reason}")
-    click.echo(f"{_clock(task.added)}  added, due at {_clock(task.due)}")
+    click.echo(f"task {number}: {task.name}, {task.state.replace('_', ' ')}{reason}")
+    click.echo(f"{_clock(task.added)}  added, due {f'at {_clock(task.due)}' if task.due else 'at once'}")
     for attempt in attempts:
         click.echo(_about_attempt(attempt))
     for letter in letters:
@@ -219,8 +248,13 @@ def _about_letter(letter: Letter) -> str:
     if letter.delivered is not None:
         return f"{_clock(letter.delivered)}  delivered to {letter.channel}: {letter.notice.text}"
     why = f" ({letter.tries} tries; {letter.last_error})" if letter.tries else ""
-    return f"{_clock(letter.added)}  not delivered yet to {letter.channel}{why}: {letter.notice.text}"
+    state = "never delivered, and given up," if letter.given_up else "not delivered yet"
+    return f"{_clock(letter.added)}  {state} to {letter.channel}{why}: {letter.notice.text}"
 
 
 def _clock(time: float) -> str:
-    return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"
+    """Write a time, whatever stands in the file: of other calendars than ours, the bare number."""
+    try:
+        return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        return f"{time:g}"

@@ -16,7 +16,7 @@ Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted
 class Notice:
     """One notice. ``id`` is the same each time that it is sent, so that who gets it twice can tell.
 
-    ``task`` is a number, ``time`` when it was (ISO 8601, UTC).
+    ``task`` is a number, ``mission`` a name or the path of a file, ``time`` when it was (ISO 8601, UTC).
     """
 
     id: str
@@ -42,7 +42,7 @@ def notice_of(text: str) -> Notice:
 
 def ended(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
     """Tell that an attempt at ``task`` has ended and in which ``state`` it is now."""
-    because, name = f": {reason}" if reason else "", f"{task.mission} (task {task.id})"
+    because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
     match state:
         case "waiting" if how == "interrupted":
             return _notice(task, "interrupted", f"{name} was interrupted{because}; it is tried again", now)
@@ -60,7 +60,7 @@ def ended(task: Task, how: How, state: State, reason: str, now: float) -> Notice
 
 def missed(task: Task, reason: str, now: float) -> Notice:
     """Tell that a task was not begun in time."""
-    return _notice(task, "missed", f"{task.mission} (task {task.id}) was missed: {reason}", now)
+    return _notice(task, "missed", f"{task.name} (task {task.id}) was missed: {reason}", now)
 
 
 def said(task: Task, number: int, text: str, now: float) -> Notice:

@@ -5,21 +5,19 @@ database itself, whichever program writes: a task that has ended never changes a
 task runs at a time, no repetition is made twice, and no notice either.
 """
 
-import os
 import sqlite3
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from missions.tasks.task import TaskError
 
-VERSION = 1
-"""The version of the tables, as the file has it in ``user_version``."""
-
 PATIENCE = 30.0
 """Seconds to wait for another program that writes."""
 
-TABLES = """
+ELSEWHERE = "XDG_STATE_HOME says where the queue is kept"
+
+FIRST = """
 CREATE TABLE task (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
     mission TEXT NOT NULL, params TEXT NOT NULL, robot TEXT NOT NULL, options TEXT NOT NULL,
@@ -60,41 +58,73 @@ CREATE TRIGGER once BEFORE UPDATE OF state ON task
     BEGIN SELECT RAISE (ABORT, 'this task has ended already'); END;
 """
 
+ORDER = "priority DESC, max(due, added), id"
+"""The order of tasks that are due; one without a time is due when it was added."""
 
-def folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the queue is kept: among the user's state, as the XDG base directory specification has it."""
-    state = environment.get("XDG_STATE_HOME", "")
-    return (Path(state) if Path(state).is_absolute() else Path.home() / ".local/state") / "missiontree"
+SECOND = f"""
+ALTER TABLE task ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE task ADD COLUMN not_before REAL NOT NULL DEFAULT 0;
+ALTER TABLE task ADD COLUMN interruptions INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE task ADD COLUMN channels TEXT NOT NULL DEFAULT '[]';
+UPDATE task SET interruptions = attempts - failures - (state = 'running') WHERE state IN ('waiting', 'running');
+DROP INDEX waiting;
+CREATE INDEX waiting ON task ({ORDER}) WHERE state = 'waiting';
+"""  # noqa: S608 - ours
+
+STEPS = (FIRST, SECOND)
+"""What makes the tables, and each version of those of the version before: a file of any earlier one is brought up."""
+
+VERSION = len(STEPS)
+"""The version of the tables, as the file has it in ``user_version``."""
+
+
+def queue_file(folder: Path) -> Path:
+    """Return the file of the queue in a folder."""
+    return folder / "tasks.db"
 
 
 def open_db(path: Path) -> sqlite3.Connection:
     """Open the database, and make it where there is none, for its owner alone. For the thread that opens it.
 
-    Raises TaskError for a folder that cannot hold it, and a file that is another, or of a newer version.
+    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, or of a newer version.
     """
-    elsewhere = "XDG_STATE_HOME says where the queue is kept"
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
-    except (OSError, sqlite3.OperationalError) as error:
-        raise TaskError(f"{path}: {error}", hint=elsewhere) from error
-    with ExitStack() as undone:
-        undone.callback(connection.close)
-        try:
+        with in_words(path), ExitStack() as undone:
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+            undone.callback(connection.close)
             # Before anything is in it. Nobody but SQLite may open the file here: to close it again would drop the locks
             # that other connections of this process have on it, and with them what they write.
             path.chmod(0o600)
             prepare(connection, path)
-        except (OSError, sqlite3.OperationalError) as error:
-            raise TaskError(f"{path}: {error}", hint=elsewhere) from error
-        except sqlite3.DatabaseError as error:
-            raise TaskError(f"{path}: is no queue of tasks: {error}", hint=f"mv {path} {path}.broken") from error
-        undone.pop_all()
-    return connection
+            undone.pop_all()
+            return connection
+    except OSError as error:
+        raise TaskError(f"{path}: {error}", hint=ELSEWHERE) from error
+
+
+@contextmanager
+def in_words(path: Path) -> Iterator[None]:
+    """Tell of a file that cannot be used, or is damaged, as a TaskError; of what is a fault of ours as it is."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise TaskError(f"{path}: {error}", hint=ELSEWHERE) from error
+    except sqlite3.DatabaseError as error:
+        if type(error) is not sqlite3.DatabaseError:  # one of its kinds, such as a constraint that is broken
+            raise
+        raise _damaged(path, str(error)) from error
+
+
+def _damaged(path: Path, why: str) -> TaskError:
+    return TaskError(
+        f"{path}: is damaged, or no queue of tasks: {why}",
+        hint=f"mv {path} {path}.broken  (a new queue begins; sqlite3 {path}.broken .recover shows what is left)",
+    )
 
 
 def prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Set a connection up, and make the tables where there are none. Raises TaskError, or an error of sqlite3."""
+    """Set a connection up, and make the tables, or bring them up. Raises TaskError, or an error of sqlite3."""
     connection.row_factory = sqlite3.Row
     (journal,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
     if journal != "wal":
@@ -104,13 +134,16 @@ def prepare(connection: sqlite3.Connection, path: Path) -> None:
         )
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
-    if _version(connection, path) == 0:
-        # Another program may be at the same: whoever comes second finds them made.
+    faults = [str(fault) for (fault,) in connection.execute("PRAGMA quick_check (1)")]
+    if faults != ["ok"]:
+        raise _damaged(path, faults[0])
+    if _version(connection, path) < VERSION:
+        # Another program may be at the same: whoever comes second finds it done.
         connection.execute("BEGIN IMMEDIATE")
-        if _version(connection, path) == 0:
-            for statement in _statements(TABLES):
+        for step in STEPS[_version(connection, path) :]:
+            for statement in _statements(step):
                 connection.execute(statement)
-            connection.execute(f"PRAGMA user_version = {VERSION}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
         connection.execute("COMMIT")
 
 

@@ -2,6 +2,7 @@
 
 import sqlite3
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from threading import Event
 from typing import TypeVar
@@ -35,20 +36,21 @@ class Server:
         self._stopping = True
 
     def run(self, *, once: bool = False) -> None:
-        """Serve until told to stop; with ``once``, until nothing is due."""
+        """Serve until told to stop; with ``once``, until nothing is due, nor to be tried again."""
         self._written(lambda: self._queue.recover(self._now()))
         while not self._stopping:
-            claim = self._written(lambda: self._queue.claim(self._now()))
+            now = self._now()
+            claim = self._written(partial(self._queue.claim, now))
             if claim is not None:
                 self._do(claim)
-            elif once:
+            elif once and not self._written(partial(self._queue.pauses, now)):
                 return
             else:
                 self._pause.wait(PERIOD)
 
     def _do(self, claim: Claim) -> None:
         task, numbers = claim.task, count(1)
-        self._tell(f"task {task.id}: {task.mission} begins" + (f", attempt {claim.number}" if claim.number > 1 else ""))
+        self._tell(f"task {task.id}: {task.name} begins" + (f", attempt {claim.number}" if claim.number > 1 else ""))
 
         def stopping() -> bool:
             return self._stopping or bool(self._written(lambda: self._queue.cancelling(claim)))
@@ -61,6 +63,9 @@ class Server:
             outcome = self._work(claim, stopping, say)
         except OSError as error:
             outcome = Outcome("error", f"no process could be started: {error}")
+        if self._stopping and outcome.how == "interrupted":
+            reason = f"the server was stopped{': ' if outcome.reason else ''}{outcome.reason}"
+            outcome = Outcome("interrupted", reason, stopped=True)
         # Where even this cannot be written before the end, the next server finds the attempt without an end.
         self._written(lambda: self._queue.finish(claim, outcome, self._now()))
 

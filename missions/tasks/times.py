@@ -1,6 +1,6 @@
 """When a task is due: times of day and repetitions as people say them, in the local time of a place.
 
-Everything is computed from what is handed in, in seconds of the wall clock (Unix). Where the clocks go forward, a time
+All else than ``wall_clock`` is computed from what is handed in, in seconds (Unix). Where the clocks go forward, a time
 that is left out is the moment at which they do; where they go back, a time that comes twice is the first of the two.
 """
 
@@ -14,11 +14,15 @@ from zoneinfo import ZoneInfo
 
 from config.faults import did_you_mean
 from config.units import in_dimension, seen, written
+from drivers.clock import time_of_day
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
 SHORTEST = 1.0
 """Seconds from one repetition to the next, at least."""
+
+LONGEST = 366 * 24 * 3600.0
+"""Seconds from one repetition to the next, at most: a year."""
 
 _DATE_AND_TIME = re.compile(r"(\d{4}-\d{2}-\d{2})[ T]+(\d{1,2}:\d{2})")
 
@@ -40,6 +44,11 @@ class Every:
         return f"{'day' if self.day is None else DAYS[self.day]} {self.at:%H:%M}"
 
 
+def wall_clock() -> float:
+    """Return the time of day, in seconds (Unix)."""
+    return time_of_day().timestamp()
+
+
 def read_every(text: str, begin: float, zone: tzinfo) -> Every:
     """Read "30 min", "day", "monday" or "day 18:00"; without a time of day it is that of ``begin``.
 
@@ -56,6 +65,8 @@ def read_every(text: str, begin: float, zone: tzinfo) -> Every:
         raise ValueError(f"{seen(text)} is no repetition: {hint}") from error
     if period < SHORTEST:
         raise ValueError(f"{seen(text)} is too often: at least {written(SHORTEST, 'duration')}")
+    if period > LONGEST:
+        raise ValueError(f"{seen(text)} is too seldom: at most a year, {LONGEST / 3600:g} h")
     return Every(period=period)
 
 
@@ -75,6 +86,14 @@ def next_time(every: Every, due: float, now: float, zone: tzinfo) -> float:
     while (found := due + steps * every.period) <= max(due, now):  # rounding may leave it one step short
         steps += 1
     return found
+
+
+def drawn_in(every: Every, due: float, now: float, zone: tzinfo) -> float:
+    """Return when a repetition comes that is to come at ``due``: sooner, if the clock was put back meanwhile.
+
+    It is never further ahead than the next one of a repetition that begins ``now``.
+    """
+    return min(due, now + every.period if every.period else _next_day(every, now, zone))
 
 
 def read_at(text: str, now: float, zone: tzinfo) -> float:

@@ -61,7 +61,10 @@ class Child:
         self._clock = SystemClock() if clock is None else clock
 
     def __call__(self, claim: Claim, stopping: Stopping, say: Say) -> Outcome:
-        """Run it to its end. Raises OSError where no process can be started."""
+        """Run it to its end; where that is not to be, since ``stopping`` or ``say`` raises, until it is at rest.
+
+        Raises OSError where no process can be started, and what those two raise.
+        """
         with _leashed() as leash:
             command = [*self._command, "--json", f"--leash={leash}", *arguments_of(claim.task)]
             with subprocess.Popen(  # noqa: S603 - ourselves
@@ -79,22 +82,50 @@ class Child:
 
     def _attend(self, process: "subprocess.Popen[bytes]", stopping: Stopping, say: Say) -> Outcome:
         """Listen to a run until it ends, and stop it where that is wanted."""
-        heard, killed = _Heard(say, self._out), ""
-        kill_at: float | None = None
+        heard, end = _Heard(say, self._out), _End(process, self._grace, self._clock)
         with Pipes(process) as pipes:
-            while True:
-                over = process.poll() is not None
-                for pipe, line in pipes.rest() if over else pipes.lines(PERIOD):
-                    heard.line(line, result=pipe is process.stdout)
-                if over:
-                    break
-                if kill_at is None and stopping():
-                    process.terminate()
-                    kill_at = self._clock.now() + self._grace
-                elif kill_at is not None and self._clock.now() > kill_at:
-                    killed = f"it did not stop within {self._grace:g} s, and was killed"
-                    _kill(process)
-        return heard.outcome(process.returncode, killed)
+            try:
+                for line, from_results in _lines(process, pipes, stopping, end):
+                    heard.line(line, result=from_results)
+            except BaseException:
+                # Whatever goes wrong here, the robot comes to rest. To be heard no more must not block its last words.
+                for _ in _lines(process, pipes, lambda: True, end):
+                    pass
+                raise
+        return heard.outcome(process.returncode, end.killed)
+
+
+def _lines(
+    process: "subprocess.Popen[bytes]", pipes: Pipes, stopping: Stopping, end: "_End"
+) -> Iterator[tuple[str, bool]]:
+    """Yield what a run says, and whether it comes from where results do, until it has ended, or was brought to it."""
+    over = False
+    while not over:
+        over = process.poll() is not None
+        for pipe, line in pipes.rest() if over else pipes.lines(PERIOD):
+            yield line, pipe is process.stdout
+        if not over and (end.begun or stopping()):
+            end.go_on()
+
+
+class _End:
+    """Brings a process to its end: asks it to stop and, once ``grace`` seconds are over, kills it."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", grace: float, clock: Clock) -> None:
+        self._process, self._grace, self._clock = process, grace, clock
+        self._kill_at = 0.0
+        self.begun = False
+        self.killed = ""
+
+    def go_on(self) -> None:
+        """Do what is to be done by now."""
+        if not self.begun:
+            self.begun = True
+            self._process.terminate()
+            self._kill_at = self._clock.now() + self._grace
+        elif self._clock.now() > self._kill_at:
+            self.killed = f"it did not stop within {self._grace:g} s, and was killed"
+            _kill(self._process)
 
 
 class _Heard:
@@ -109,7 +140,7 @@ class _Heard:
         """Take in a line: of JSON, where it comes from where results do."""
         told = _json(line) if result else None
         if told is not None and "notice" in told:
-            self._say(str(told["notice"]))
+            self._say(_clean(told["notice"]))
         elif told is not None and told.get("result") in ("success", "failure", "interrupted", "error"):
             self._result = told
         else:
@@ -119,7 +150,7 @@ class _Heard:
     def outcome(self, code: int, killed: str) -> Outcome:
         """Return how the run ended, which had this exit code. One that could not tell its result was interrupted."""
         if self._result is not None:
-            return Outcome(self._result["result"], str(self._result.get("reason", "")))
+            return Outcome(self._result["result"], _clean(self._result.get("reason", "")))
         if killed or code < 0:
             return Outcome("interrupted", killed or f"the run died: signal {-code}")
         return Outcome("error", self._last or f"the run ended with exit code {code}, and said nothing")
@@ -141,6 +172,11 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
     if process.poll() is None:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+
+
+def _clean(told: object) -> str:
+    """Return a text without the halves of signs that JSON lets through, and that no file or terminal takes."""
+    return str(told).encode(errors="replace").decode()
 
 
 def _json(line: str) -> dict[str, Any] | None:

@@ -114,6 +114,13 @@ def _texts(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[I
         yield Item(item.mark, item.text)
 
 
+def _words(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Read words on the screen; an empty text is for those that are taken away."""
+    del grammar
+    for item in _scalars(fields, key, node, empty=True):
+        yield Item(item.mark, item.text)
+
+
 def _heard_by(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
     """Read who hears what: ``{Anna: [a text, another], Ben: []}``. An item is a name and texts; none is for nothing."""
     if not isinstance(node, Mapping):
@@ -238,10 +245,10 @@ def _check(fields: Fields, name: Scalar, grammar: Grammar) -> None:
         fields.fault(name.mark, problem)
 
 
-def _scalars(fields: Fields, key: str, node: Node) -> Iterator[Scalar]:
-    """One text, or a list of them."""
+def _scalars(fields: Fields, key: str, node: Node, *, empty: bool = False) -> Iterator[Scalar]:
+    """One text, or a list of them; ``empty`` says whether one may be."""
     for item in node.items if isinstance(node, Listing) else [node]:
-        if isinstance(item, Scalar) and item.value is not None and item.text.strip():
+        if isinstance(item, Scalar) and item.value is not None and (item.text.strip() or (empty and not item.text)):
             yield item
         else:
             fields.fault(item.mark, f"'{key}' needs a text, or a list of texts")
@@ -255,7 +262,7 @@ READERS: dict[str, Read] = {
     "said": _texts,
     "never_said": _texts,
     "heard_by": _heard_by,
-    "showed": _texts,
+    "showed": _words,
     "moods": _moods,
     "notified": _texts,
     "ran": _counts,

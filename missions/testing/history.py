@@ -56,8 +56,8 @@ class History:
 
     ``claimed`` names what two leaves drove at a time, ``moving`` says whether the base moved at the last tick, ``pose``
     where it came to rest in the frame of the world, and ``joints`` how the arm did (radians). ``said`` is what the
-    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen, and
-    ``notified`` what it told whoever had given the task, in order.
+    robot said, ``heard_by`` which of that each person heard, ``showed`` and ``moods`` what was on its screen (an empty
+    text where the words were taken away), and ``notified`` what it told whoever had given the task, in order.
     ``result`` and ``returns`` are the mission's, once it has ended.
     """
 
@@ -168,7 +168,7 @@ class History:
         self._happens(Happening(event.t, (event.part,), NOTICES[event.what], event.detail))
 
     def _show(self, values: Mapping[str, object]) -> None:
-        if values.get("show"):
+        if "show" in values:
             self.showed.append(str(values["show"]))
         if "mood" in values:
             self.moods.append(str(values["mood"]))

@@ -53,14 +53,18 @@ def _said(wanted: Expectation, history: History) -> Iterator[Miss]:
 
 
 def _in_turn(did: str, texts: Sequence[str], wanted: Expectation) -> Iterator[Miss]:
-    """Hold texts, of each of which a part is expected, against what there was, in order; none against nothing."""
+    """Hold texts, of each of which a part is expected, against what there was, in order; none against nothing.
+
+    An empty text is part of nothing but itself.
+    """
     if texts and not wanted.items:
         yield wanted.mark, f"it {did} {_quoted(texts)}"
-    left = iter(texts)
+    left, before = iter(texts), ""
     for item in wanted.items:
-        if not any(item.value in text for text in left):
-            yield item.mark, f"it {did} {_quoted(texts)}"
+        if not any(item.value in text if item.value else not text for text in left):
+            yield item.mark, f'it never {did} "{item.value}"{before}; it {did} {_quoted(texts)}'
             return
+        before = f' after "{item.value}"'
 
 
 def _never_said(wanted: Expectation, history: History) -> Iterator[Miss]:
@@ -81,7 +85,9 @@ def _heard_by(wanted: Expectation, history: History) -> Iterator[Miss]:
 
 
 def _showed(wanted: Expectation, history: History) -> Iterator[Miss]:
-    yield from _in_turn("showed", history.showed, wanted)
+    """Hold words against those on the screen; an empty text is for words that were taken away, and only for that."""
+    words = history.showed if wanted.items else [text for text in history.showed if text]
+    yield from _in_turn("showed", words, wanted)
 
 
 def _moods(wanted: Expectation, history: History) -> Iterator[Miss]:

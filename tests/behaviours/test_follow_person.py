@@ -5,12 +5,16 @@ from dataclasses import replace
 
 import pytest
 
+from behaviours.catalogue import LEAVES
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.tracking.follow import RuleBases
 from behaviours.tracking.follow_person import FollowPerson
 from config.controller import load_controller
+from config.faults import InvalidFileError, Source
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
+from missions.assembly.things import THINGS
+from missions.language.document import check_plan
 from missions.testing.recorders import STOP, Bench, face, good, none, stale
 
 LEFT = Sides(left=True)
@@ -166,3 +170,9 @@ def test_a_halt_stops_the_base(rules: RuleBases) -> None:
     assert told(bench).linear == 0.3
     assert bench.halt(leaf)
     assert bench.base.commands[-1] == STOP
+
+
+def test_it_cannot_be_told_to_come_so_near_that_it_bumps_into_people() -> None:
+    with pytest.raises(InvalidFileError, match=r"'distance' must be between 0\.6 m and 5 m"):
+        check_plan(Source("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, THINGS)
+    check_plan(Source("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, THINGS)

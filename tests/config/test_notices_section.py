@@ -9,6 +9,7 @@ from config.notices import (
     NoticeConfig,
     TerminalNotice,
     WebhookNotice,
+    named,
     read_written,
     written,
 )
@@ -26,6 +27,7 @@ def test_each_way_is_read() -> None:
   - command: [notify-send, Robot]
   - webhook: https://example.org/robot
   - webhook: {url: "http://home:8123/api", headers: {Authorization: TOKEN}}
+  - webhook: {url_from: CHAT_URL}
   - mqtt: {host: broker.local, topic: home/robot, tls: true, user: robot, password: MQTT_PASSWORD}
   - mqtt: {}
 """
@@ -34,6 +36,7 @@ def test_each_way_is_read() -> None:
         CommandNotice(("notify-send", "Robot")),
         WebhookNotice("https://example.org/robot"),
         WebhookNotice("http://home:8123/api", {"Authorization": "TOKEN"}),
+        WebhookNotice(url_from="CHAT_URL"),
         MqttNotice("broker.local", "home/robot", 8883, True, "robot", "MQTT_PASSWORD"),
         MqttNotice("localhost", "missiontree/tasks", 1883, False, "", ""),
     )
@@ -56,6 +59,10 @@ def test_a_robot_that_says_nothing_has_none() -> None:
         ("  - webhook: file:///etc/passwd", "'webhook' needs the address of a web server", "https://..."),
         ("  - webhook: https://", "'webhook' needs the address of a web server", ""),
         ("  - webhook: https://x:99999/", "'webhook' needs the address of a web server", ""),
+        ("  - webhook: https://me:word@x/", "'webhook' needs the address of a web server", ""),
+        ("  - webhook: https://x/ä", "'webhook' needs the address of a web server", ""),
+        ("  - webhook: {headers: {}}", "'webhook' needs either 'url' or 'url_from'", "url_from: ROBOT_URL"),
+        ("  - webhook: {url: 'https://x', url_from: X}", "'webhook' needs either 'url' or 'url_from'", ""),
         ("  - webhook: {url: 'https://x', header: {}}", "'webhook' has no key 'header'", "did you mean 'headers'?"),
         ("  - mqtt: {topic: home/#}", "'topic' names one topic", ""),
         ("  - mqtt: {port: 70000}", "'port' must be at most 65535", ""),
@@ -72,10 +79,11 @@ def test_what_is_wrong_is_told_at_its_place(text: str, fault: str, hint: str) ->
     assert found.mark.line == 3
 
 
-WAYS = [
+WAYS: list[NoticeConfig] = [
     TerminalNotice(),
     CommandNotice(("sh", "-c", "cat > 'a b'")),
     WebhookNotice("https://x/y?z", {"B": "1", "A": "2"}),
+    WebhookNotice(url_from="CHAT_URL"),
     MqttNotice("h", "t", 1, True, "u", "p"),
 ]
 
@@ -83,6 +91,17 @@ WAYS = [
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
 def test_what_is_written_can_be_read_again(way: NoticeConfig) -> None:
     assert read_written(written(way)) == way
+
+
+def test_people_see_a_way_without_its_secrets() -> None:
+    assert [named(written(way)) for way in WAYS] == [
+        "terminal", "command sh", "webhook https://x", "webhook CHAT_URL", "mqtt h:1",
+    ]  # fmt: skip
+    assert named("an old way") == "an old way"
+
+
+def test_a_way_that_was_written_before_addresses_could_come_from_elsewhere_is_read() -> None:
+    assert read_written('{"webhook": {"headers": {}, "url": "https://x"}}') == WebhookNotice("https://x")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"terminal": {"x": 1}}', '{"terminal": {}, "command": {}}', "null"])

@@ -1,5 +1,6 @@
 """The robot's face: its moods from afar, blinks and words, drawn as SVG and as images alike."""
 
+import unicodedata
 from itertools import combinations
 from xml.etree import ElementTree as ET
 
@@ -18,7 +19,7 @@ from drivers.screen.frame import frame
 from drivers.screen.page import news, picture
 from drivers.screen.printed import PrintedScreen
 from drivers.screen.svg import numbers, svg
-from drivers.screen.words import LINES, arranged
+from drivers.screen.words import LINES, MOST, arranged
 from drivers.sim.twins.screen import ScreenTwin
 from missions.testing.recorders.screen import RecordedScreen
 
@@ -131,7 +132,24 @@ def test_too_many_words_end_in_an_ellipsis() -> None:
     assert words.lines[-1].endswith("…")
 
 
-@given(st.text(max_size=200))
+@pytest.mark.parametrize("text", ["word " * 4000, "x" * 20_000, " " * 20_000 + "word", "\x00" * 20_000, "字" * 20_000])
+def test_a_book_costs_no_more_to_show_than_a_page(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at = 0
+    category = unicodedata.category
+
+    def counted(letter: str) -> str:
+        nonlocal looked_at
+        looked_at += 1
+        return category(letter)
+
+    monkeypatch.setattr(unicodedata, "category", counted)
+    lines = arranged(text).lines
+    assert looked_at <= MOST + 1
+    assert lines[-1:] == ("word",) if text.strip() == "word" else "".join(lines).endswith("…") or not "".join(lines)
+    assert len(news(Shown(text=text), CALM)) < 10_000
+
+
+@given(st.text(max_size=400))
 def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
     words = arranged(text)
     assert len(words.lines) == len(words.feet) <= LINES

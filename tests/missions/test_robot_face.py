@@ -1,7 +1,11 @@
 """The robot's face in a run: a mouth that moves with the voice, and a page."""
 
+import socket
+from pathlib import Path
 from threading import Event
 from urllib.request import urlopen
+
+import pytest
 
 from config.screen import ScreenConfig
 from drivers.api import Mood, Mouth, MouthShape
@@ -10,6 +14,7 @@ from drivers.screen.pages import PageScreen
 from drivers.screen.printed import PrintedScreen
 from missions.assembly.face import OPENINGS, Lips, LivelyScreen, screen
 from missions.testing.recorders import Bench
+from tests.missions.command import command
 
 
 def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> None:
@@ -74,3 +79,31 @@ def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -
         lively.close()
         lively.close()
     assert not lively.health().online
+
+
+def test_a_robot_without_a_voice_has_no_thread_for_its_mouth(monkeypatch: pytest.MonkeyPatch) -> None:
+    def started(**_: object) -> None:
+        pytest.fail("a thread for a mouth that nothing moves")
+
+    monkeypatch.setattr("missions.assembly.face.Thread", started)
+    bench, told = Bench(), list[str]()
+    lively = LivelyScreen(PageScreen(bench.clock), None, bench.clock, lambda notice: told.append(notice.what))
+    for _ in range(2):  # opened again after it was closed
+        lively.open()
+        lively.open()
+        assert lively.health().online
+        lively.close()
+    assert len(told) == 2
+
+
+def test_a_robot_works_while_another_program_has_the_port_of_its_face(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, mission = tmp_path / "faced.yaml", tmp_path / "smile.yaml"
+    mission.write_text("mission: smile\ntree:\n  sequence:\n    - face: happy\n    - show: Hello\n", encoding="utf-8")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        robot.write_text(f"robot: faced\nscreen: {{port: {port}}}\n", encoding="utf-8")
+        outcome = command(capsys, "run", str(mission), "--robot", str(robot))
+    assert outcome.code == 0
+    assert (outcome.out + outcome.err).count(f"no page at 127.0.0.1 port {port}") == 1

@@ -5,13 +5,18 @@ import signal
 import subprocess
 import tempfile
 from contextlib import suppress
+from threading import Event
 
 from config.notices import CommandNotice
+from drivers.clock import SystemClock
 from missions.tasks.notice import Notice
 from missions.tasks.notices.refused import NotTaken
 
 TIMEOUT = 30.0
 """Seconds that the program has."""
+
+SLICE = 0.05
+"""Seconds from one look whether it has ended to the next."""
 
 SHOWN = 200
 """Bytes of what it says on its standard error that are told."""
@@ -22,6 +27,7 @@ class Command:
 
     def __init__(self, config: CommandNotice, timeout: float = TIMEOUT) -> None:
         self._command, self._timeout = config.command, timeout
+        self._given_up = Event()
 
     def __call__(self, notice: Notice) -> None:
         """Run it once. Raises NotTaken for another exit code, and a program that is not there or takes too long."""
@@ -37,15 +43,32 @@ class Command:
             except (OSError, ValueError) as error:
                 raise NotTaken(f"{name}: cannot be started: {error}") from error
             try:
-                code = process.wait(self._timeout)
-            except subprocess.TimeoutExpired as error:
-                raise NotTaken(f"{name}: did not end within {self._timeout:g} s") from error
+                code = self._code(process)
             finally:
-                if process.poll() is None:
-                    with suppress(ProcessLookupError):
-                        os.killpg(process.pid, signal.SIGKILL)
-                    process.wait()
+                _kill(process)
             words.seek(max(0, words.seek(0, os.SEEK_END) - SHOWN))
             said = words.read().decode(errors="replace").strip()
         if code != 0:
             raise NotTaken(f"{name}: ended with exit code {code}" + (f": {said}" if said else ""))
+
+    def give_up(self) -> None:
+        """Kill the program that runs, if one does, with all that it has started. From any thread, once and for all."""
+        self._given_up.set()
+
+    def _code(self, process: "subprocess.Popen[bytes]") -> int:
+        """Wait for the end of the program; return its exit code."""
+        clock = SystemClock()
+        while (code := process.poll()) is None:
+            if clock.now() > self._timeout:
+                raise NotTaken(f"{self._command[0]}: did not end within {self._timeout:g} s")
+            if self._given_up.wait(SLICE):
+                raise NotTaken(f"{self._command[0]}: had not ended when the server did")
+        return code
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    """Kill a program, and those that it has started; nothing where it has ended."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

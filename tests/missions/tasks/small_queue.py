@@ -8,7 +8,7 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from missions.tasks.outbox import Outbox
-from missions.tasks.queue import Queue
+from missions.tasks.queue import PAUSE, Queue
 from missions.tasks.schema import open_db
 from missions.tasks.task import Claim, How, NewTask, Outcome, Policy, Task
 
@@ -18,16 +18,20 @@ START = datetime(2026, 11, 21, 12, 0, tzinfo=BERLIN).timestamp()
 
 CHANNELS = ("home", "away")
 
+RETRY = Policy("retry")
+
 
 def new(
     mission: str = "greet",
     *,
     due: float = START,
+    priority: int = 0,
     late: float | None = None,
     every: str = "",
-    policy: Policy | None = None,
+    policy: Policy = RETRY,
 ) -> NewTask:
-    return NewTask(mission=mission, params={"to": "Ana"}, due=due, late=late, every=every, policy=policy or Policy())
+    params = {"to": "Ana"}
+    return NewTask(mission=mission, params=params, due=due, priority=priority, late=late, every=every, policy=policy)
 
 
 class Shop:
@@ -48,10 +52,12 @@ class Shop:
         return claim
 
     def attempt(self, how: How, reason: str = "") -> Task:
-        """Run what is due first; it ends like this a second later."""
+        """Run what is due first; it ends like this a second later. Then the pause before another try is over."""
         claim = self.claim()
         self.now += 1.0
-        return self.queue.finish(claim, Outcome(how, reason), self.now)
+        task = self.queue.finish(claim, Outcome(how, reason), self.now)
+        self.now += PAUSE
+        return task
 
     def told(self, task: int, channel: str = "home") -> list[str]:
         return [letter.notice.text for letter in self.outbox.of(task) if letter.channel == channel]

@@ -5,11 +5,11 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread, Timer
 
 import pytest
 
@@ -76,6 +76,15 @@ def test_a_program_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path)
     wait_until(lambda: not alive(child))
 
 
+def test_a_program_is_killed_when_it_is_given_up() -> None:
+    command = Command(CommandNotice(("sleep", "600")))
+    timer = Timer(0.2, command.give_up)
+    timer.start()
+    with pytest.raises(NotTaken, match="sleep: had not ended when the server did"):
+        command(NOTICE)
+    timer.join()
+
+
 def alive(process: int) -> bool:
     """Say whether a process goes on; one that is dead and that nobody has asked about does not."""
     try:
@@ -97,6 +106,7 @@ class Site:
 
     code: int = 200
     location: str = ""
+    reason: str | None = None
     port: int = 0
     posted: list[tuple[str, dict[str, str], str]] = field(default_factory=list)
 
@@ -112,7 +122,7 @@ def web(site: Site) -> Iterator[Site]:
             body = self.rfile.read(int(self.headers["Content-Length"]))
             headers = {name.lower(): value for name, value in self.headers.items()}
             site.posted.append((self.path, headers, body.decode()))
-            self.send_response(site.code)
+            self.send_response(site.code, site.reason)
             if site.location:
                 self.send_header("Location", site.location)
             self.end_headers()
@@ -165,14 +175,14 @@ def test_a_redirection_is_no_delivery_and_is_not_followed(code: int) -> None:
 
 @pytest.mark.parametrize("code", [400, 404, 429, 500, 503])
 def test_a_web_server_that_complains_has_not_taken_it(code: int) -> None:
-    with web(Site(code)) as site, pytest.raises(NotTaken, match=f"{site.url}: the server says {code}"):
+    with web(Site(code)) as site, pytest.raises(NotTaken, match=f"127.0.0.1:{site.port}: the server says {code}"):
         Webhook(WebhookNotice(site.url), {})(NOTICE)
 
 
 def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         url = f"http://127.0.0.1:{listening.getsockname()[1]}/"
-        with pytest.raises(NotTaken, match="timed out"):
+        with pytest.raises(NotTaken, match=r"timed out|did not answer within 0.3 s"):
             Webhook(WebhookNotice(url), {}, timeout=0.3)(NOTICE)
     with pytest.raises(NotTaken, match=r"cannot be reached: .*refused"):
         Webhook(WebhookNotice(url), {})(NOTICE)
@@ -183,6 +193,83 @@ def test_a_secret_that_is_not_set_is_named_and_nothing_is_sent() -> None:
         with pytest.raises(NotTaken, match="environment variable ROBOT_TOKEN"):
             Webhook(WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"}), {})(NOTICE)
         assert site.posted == []
+
+
+@contextmanager
+def trickle(lines: bytes) -> Iterator[int]:
+    """A server that says ``lines`` a byte at a time, which takes seconds; gives its port."""
+    ending = Event()
+
+    def say(listening: socket.socket) -> None:
+        with suppress(OSError), listening.accept()[0] as talk:
+            for place in range(len(lines)):
+                if ending.wait(0.05):
+                    return
+                talk.sendall(lines[place : place + 1])
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        listening.settimeout(10.0)
+        thread = Thread(target=say, args=(listening,))
+        thread.start()
+        try:
+            yield listening.getsockname()[1]
+        finally:
+            ending.set()
+            thread.join()
+
+
+LINES = {
+    "http": b"HTTP/1.1 200 OK\r\nX: " + b"x" * 100 + b"\r\n\r\n",
+    "https": b"\x16\x03\x03\x40\x00" + bytes(100),  # TLS: a handshake of 16 kB is announced, which never ends
+}
+
+
+@pytest.mark.parametrize("scheme", ["http", "https"])
+def test_a_server_that_answers_a_byte_at_a_time_is_hung_up_on(scheme: str) -> None:
+    with trickle(LINES[scheme]) as port, pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"):
+        Webhook(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+
+
+SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody
+
+
+def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
+    with web(Site()) as site:
+        Webhook(WebhookNotice(url_from="CHAT_URL"), {"CHAT_URL": f"http://127.0.0.1:{site.port}{SECRET}\n"})(NOTICE)
+    assert [path for path, _, _ in site.posted] == [SECRET]
+
+
+@pytest.mark.parametrize(
+    ("environment", "why"),
+    [
+        ({}, "the environment variable CHAT_URL, which the robot file names, is not set"),
+        ({"CHAT_URL": "ntfy.sh/secret"}, "the environment variable CHAT_URL holds no address of a web server$"),
+        ({"CHAT_URL": "https://me:secret@ntfy.sh/"}, "holds no address of a web server$"),
+        ({"CHAT_URL": "https://ntfy.sh:secret/"}, "holds no address of a web server$"),
+    ],
+)
+def test_a_variable_without_an_address_is_named_and_what_it_holds_is_not(environment: dict[str, str], why: str) -> None:
+    with pytest.raises(NotTaken, match=why) as raised:
+        Webhook(WebhookNotice(url_from="CHAT_URL"), environment)(NOTICE)
+    assert "secret" not in str(raised.value)
+
+
+def test_no_error_tells_the_secret_part_of_an_address_or_of_a_header() -> None:
+    with web(Site(404, reason=f"nobody at {SECRET}")) as site:
+        url = f"http://127.0.0.1:{site.port}"
+        with pytest.raises(NotTaken, match=rf"{url}: the server says 404 nobody at \.\.\.$"):
+            Webhook(WebhookNotice(url + SECRET), {})(NOTICE)
+        told = []
+        for wrong, word in (
+            (url, "pass\nword"),
+            (url, "passwörd\u20ac"),
+            (url.replace("http", "https"), "pass"),
+            ("http://nobody.invalid", "pass"),
+        ):
+            with pytest.raises(NotTaken) as raised:
+                Webhook(WebhookNotice(wrong + SECRET, {"Authorization": "WORD"}), {"WORD": word})(NOTICE)
+            told.append(str(raised.value))
+    assert not any(secret in line for line in told for secret in ("Winnie", "abc", "pass"))
 
 
 # MQTT

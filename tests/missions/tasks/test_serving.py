@@ -18,10 +18,15 @@ def queue(tmp_path: Path) -> Iterator[Shop]:
         yield opened
 
 
-def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], Outcome]) -> list[str]:
-    """Serve once; return what was told."""
+def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], Outcome], look: float = 0.0) -> list[str]:
+    """Serve once; return what was told. Each look at the clock takes ``look`` seconds."""
     told: list[str] = []
-    Server(queue.queue, work, lambda: queue.now, told.append).run(once=True)
+
+    def now() -> float:
+        queue.now += look
+        return queue.now
+
+    Server(queue.queue, work, now, told.append).run(once=True)
     return told
 
 
@@ -79,7 +84,8 @@ def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
     server = Server(queue.queue, work, lambda: queue.now, lambda _: None)
     server.run()
     assert [task.state for task in queue.queue.tasks()] == ["waiting", "waiting"]
-    assert queue.kinds(1) == ["interrupted"]
+    assert queue.told(1) == ["greet (task 1) was interrupted: the server was stopped: SIGTERM; it is tried again"]
+    assert queue.queue.task(1).interruptions == 0, "that somebody stops the server does not count"
 
 
 def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
@@ -88,11 +94,25 @@ def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
     def work(*_: object) -> Outcome:
         raise OSError(12, "Cannot allocate memory")
 
-    serve(queue, work)
+    serve(queue, work, look=20.0)
     task = queue.queue.task(1)
     assert (task.state, task.attempts) == ("failed", 2)
     assert task.reason.startswith("no process could be started: ")
     assert "Cannot allocate memory" in task.reason
+
+
+def test_once_waits_for_what_is_to_be_tried_again_and_does_others_meanwhile(queue: Shop) -> None:
+    queue.add(new("absent", policy=Policy(retries=1)))
+    queue.add(new("greet"))
+    order: list[str] = []
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del stopping, say
+        order.append(claim.task.mission)
+        return Outcome("failure" if order == ["absent"] else "success")
+
+    serve(queue, work, look=4.0)
+    assert order == ["absent", "greet", "absent"]
 
 
 def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,9 +1,12 @@
 """How a task is done: a process that tells how it went, stops when it is told to, and does not outlive its server."""
 
 import signal
+import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -19,19 +22,29 @@ ROOT = Path(__file__).parents[3]
 def claim(**more: object) -> Claim:
     values = {name: getattr(new(), name) for name in new().__dataclass_fields__}
     known: dict[str, object] = {"id": 7, "added": START, "state": "running", "reason": "", "attempts": 1}
-    known |= {"failures": 0, "cancelling": False, "series": None}
+    known |= {"failures": 0, "interruptions": 0, "not_before": 0.0, "cancelling": False, "series": None}
     return Claim(Task(**(values | known | more)), 1)
 
 
 class Attended:
     """A child that runs a piece of Python instead of a mission, and all that was heard of it."""
 
-    def __init__(self, script: str, *, stop: bool = False, hold: tuple[int, ...] = (), grace: float = 30.0) -> None:
+    def __init__(
+        self,
+        script: str,
+        *,
+        stop: bool = False,
+        stopping: Callable[[], bool] = lambda: True,
+        say: Callable[[str], None] | None = None,
+        hold: tuple[int, ...] = (),
+        grace: float = 30.0,
+    ) -> None:
         self.lines: list[str] = []
         self.said: list[str] = []
         begun = "import sys, os, json, signal, time\n"
         child = Child(hold, self.lines.append, command=(sys.executable, "-c", begun + script), grace=grace)
-        self.outcome = child(claim(), lambda: stop and "ready" in self.lines, self.said.append)
+        heard = self.said.append if say is None else say
+        self.outcome = child(claim(), lambda: stop and "ready" in self.lines and stopping(), heard)
 
 
 RESULT = "print(json.dumps({{'result': '{0}', 'reason': 'so'}}))"
@@ -92,6 +105,39 @@ def test_a_run_that_does_not_stop_is_killed_with_all_that_it_started(tmp_path: P
         ran = Attended(script + PATIENT.format("signal.SIG_IGN"), stop=True, hold=(held,), grace=0.5)
     wait_until(lambda: not is_locked(tmp_path / "run.lock"))
     assert ran.outcome == Outcome("interrupted", "it did not stop within 0.5 s, and was killed")
+
+
+def test_a_run_comes_to_rest_before_it_is_killed_whatever_goes_wrong_in_the_server(tmp_path: Path) -> None:
+    rested = tmp_path / "rested"
+    # It says more than a pipe holds meanwhile: to be heard no more must not keep it from its rest.
+    end = f"def end(*_): print('x' * 300000); sys.stdout.flush(); open({str(rested)!r}, 'w').close(); sys.exit(130)\n"
+
+    def fail(*_: object) -> NoReturn:
+        raise sqlite3.DatabaseError("database disk image is malformed")
+
+    with pytest.raises(sqlite3.DatabaseError):
+        Attended(end + PATIENT.format("end"), stop=True, stopping=fail)
+    assert rested.exists()
+    rested.unlink()
+    told = "signal.signal(signal.SIGTERM, end); print('ready', file=sys.stderr, flush=True); "
+    with pytest.raises(sqlite3.DatabaseError):
+        Attended(f"{end}{told}print(json.dumps({{'notice': 'n'}}), flush=True); time.sleep(600)", say=fail)
+    assert rested.exists()
+
+
+def test_a_run_that_does_not_rest_when_the_server_fails_is_killed() -> None:
+    def fail(*_: object) -> NoReturn:
+        raise sqlite3.DatabaseError("database disk image is malformed")
+
+    with pytest.raises(sqlite3.DatabaseError):
+        Attended(PATIENT.format("signal.SIG_IGN"), stop=True, stopping=fail, grace=0.5)
+
+
+def test_what_no_file_takes_is_heard_as_a_question_mark() -> None:
+    script = "print(json.dumps({'notice': 'hello Ren\\udce9'})); "
+    script += "print(json.dumps({'result': 'failure', 'reason': 'no \\udce9'}))"
+    ran = Attended(script)
+    assert (ran.said, ran.outcome) == (["hello Ren?"], Outcome("failure", "no ?"))
 
 
 def test_what_a_run_leaves_behind_does_not_keep_it_from_ending() -> None:

@@ -89,14 +89,14 @@ def serve_once() -> list[str]:
 
 def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     added = user.add("--at", "2126-12-24 18:00")
-    assert added.out == f"task 1: {user.mission} at 2126-12-24 18:00:00\n"
+    assert added.out == "task 1: tell at 2126-12-24 18:00:00\n"
     assert added.err == "nobody does tasks at the moment: mission serve\n"
     listed = user.task("list").out.splitlines()
     assert listed[1].split()[:4] == ["1", "waiting", "2126-12-24", "18:00:00"]
     assert "to=Ana time=0 s" in listed[1]
     assert user.task("cancel", "1").out == "task 1 is cancelled\n"
     assert user.task("list").out == "no tasks wait; --all shows those that have ended\n"
-    assert user.task("log", "1").out.splitlines()[0] == f"task 1: {user.mission}, cancelled: somebody cancelled it"
+    assert user.task("log", "1").out.splitlines()[0] == "task 1: tell, cancelled: somebody cancelled it"
     assert json.loads(user.task("log", "1", "--json").out)["task"]["state"] == "cancelled"
 
 
@@ -127,7 +127,47 @@ def test_a_mission_says_what_becomes_of_it_unless_whoever_asks_does(user: User) 
     user.add()
     user.add("--if-interrupted", "retry")
     policies = [task["policy"] for task in user.tasks()]
-    assert [policy["interrupted"] for policy in policies if isinstance(policy, dict)] == ["retry", "give-up", "retry"]
+    assert [policy["interrupted"] for policy in policies if isinstance(policy, dict)] == ["give-up"] * 2 + ["retry"]
+    user.mission.write_text(TELL.replace("tree:", "if_interrupted: retry\ntree:"), encoding="utf-8")
+    user.add()
+    assert user.tasks()[3]["policy"] == {"interrupted": "retry", "most": 3, "retries": 0}
+
+
+def test_a_priority_is_kept_and_listed_where_any_is_not_0(user: User) -> None:
+    user.add()
+    assert "priority" not in user.task("list").out
+    user.add("--priority", "7", "--every", "30 min")
+    headings, first, second = user.task("list").out.splitlines()
+    assert headings.split()[:4] == ["task", "state", "priority", "due"]
+    assert (first.split()[:3], second.split()[:3]) == (["2", "waiting", "7"], ["1", "waiting", "0"])
+    assert [task["due"] for task in user.tasks()] == [0.0, 0.0], "as soon as their turn comes"
+    refused = user.task("add", "greet", "--priority", "101")
+    assert (refused.code, "-100<=x<=100" in refused.err) == (2, True)
+
+
+def test_a_param_that_is_not_utf_8_is_refused_in_words(user: User) -> None:
+    refused = user.task("add", str(user.mission), "--param", "to=Ren\udce9")
+    assert refused.code == 2
+    assert "'to=Ren\\xe9' is no text in UTF-8" in refused.err
+    assert user.tasks() == []
+
+
+def test_the_list_shows_what_no_calendar_holds(user: User) -> None:
+    user.add("--every", "30 min")
+    with closing(open_db(user.state / "tasks.db")) as connection:
+        connection.execute("UPDATE task SET due = 1e300, every = '1e15 s'")
+    assert "1e+300  1e15 s" in user.task("list").out
+    assert user.task("log", "1").code == 0
+
+
+def test_a_damaged_queue_is_told_in_words(user: User, capsys: pytest.CaptureFixture[str]) -> None:
+    user.add()
+    path = user.state / "tasks.db"
+    path.write_bytes(path.read_bytes()[:4096] + b"\x5a" * 65536)
+    for outcome in (user.task("list"), command(capsys, "serve", "--once")):
+        assert outcome.code == 2
+        assert f"{path}: is damaged, or no queue of tasks: " in outcome.err
+        assert f"try: mv {path} {path}.broken" in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -175,18 +215,17 @@ def test_tasks_are_run_and_told_on_the_terminal(user: User) -> None:
     user.add()
     user.add("--simulate", "fast")
     lines = [line.partition("  ")[2] for line in serve_once()]
-    name = user.mission
     assert lines == [
         "looking for Ana  (task 1)",
-        f"{name} (task 1) is done",
+        "tell (task 1) is done",
         "looking for Ana  (task 2)",
-        f"{name} (task 2) is done",
+        "tell (task 2) is done",
     ]
-    assert user.task("log", "1").out.count('delivered to {"terminal": {}}') == 2
+    assert user.task("log", "1").out.count("delivered to terminal: ") == 2
 
 
 def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: User, server: Process) -> None:
-    user.add("--if-interrupted", "give-up", time="600 s")
+    user.add(time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
     assert user.state_of(1) == "running"
     server.end(signal.SIGKILL)
@@ -209,17 +248,28 @@ def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: 
 
 
 def test_a_server_that_is_stopped_stops_its_run_and_keeps_the_task(user: User, server: Process) -> None:
-    user.add(time="600 s")
+    user.add("--if-interrupted", "retry", time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
     assert server.end(signal.SIGINT) == 0
+    assert any("was interrupted" in line for line in server.lines)
     assert not is_locked(user.lock)
     (task,) = user.tasks()
-    assert (task["state"], task["attempts"]) == ("waiting", 1)
+    assert (task["state"], task["attempts"], task["interruptions"]) == ("waiting", 1, 0)
+    assert task["reason"] == "the server was stopped: SIGTERM"
+
+
+def test_nobody_reads_a_secret_address_off_the_queue(user: User) -> None:
+    robot = user.folder / "rob.yaml"
+    robot.write_text("robot: rob\nvoice: {driver: print}\nnotices:\n  - webhook: https://chat.example/s3cret\n")
+    user.add("--robot", str(robot))
+    told = user.task("list", "--json").out + user.task("log", "1", "--json").out + user.task("log", "1").out
+    assert "chat.example" in told
+    assert "s3cret" not in told
 
 
 def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
     for _ in range(3):
-        user.add("--simulate", "fast")
+        user.add("--simulate", "fast", "--if-interrupted", "retry")
     for seconds in (0.4, 1.1, 2.3):
         process = Process("serve", "--once")
         Event().wait(seconds)

@@ -1,5 +1,7 @@
 """The file of the queue: whose it is, what it refuses, and that two programs may begin with it at once."""
 
+import fcntl
+import os
 import sqlite3
 import stat
 import subprocess
@@ -11,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from missions.tasks.lock import Taken, is_locked, locked
-from missions.tasks.schema import VERSION, folder, open_db, prepare
-from missions.tasks.task import TaskError
+from missions.tasks.schema import STEPS, VERSION, in_words, open_db, prepare
+from missions.tasks.task import Policy, TaskError
+from tests.missions.tasks.small_queue import new, shop
 
 ROOT = Path(__file__).parents[3]
 
@@ -51,10 +54,61 @@ def test_a_newer_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
 def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     path.write_text("my notes" * 1000, encoding="utf-8")
-    with pytest.raises(TaskError, match="is no queue of tasks: file is not a database") as raised:
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: file is not a database") as raised:
         open_db(path)
-    assert raised.value.hint == f"mv {path} {path}.broken"
+    assert raised.value.hint.startswith(f"mv {path} {path}.broken  (")
     assert path.read_text(encoding="utf-8") == "my notes" * 1000
+
+
+def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    open_db(path).close()
+    damaged = path.read_bytes()[:4096] + b"\x5a" * 8192
+    path.write_bytes(damaged)
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+        open_db(path)
+    assert f"mv {path} {path}.broken" in raised.value.hint
+    assert path.read_bytes() == damaged
+
+
+def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        for _ in range(200):
+            opened.add(new())
+    whole = path.read_bytes()
+    middle = len(whole) // 8192 * 4096
+    path.write_bytes(whole[:middle] + b"\x5a" * 4096 + whole[middle + 4096 :])
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: "):
+        open_db(path)
+
+
+def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with pytest.raises(TaskError, match="is damaged") as raised, in_words(path):
+        raise sqlite3.DatabaseError("database disk image is malformed")
+    assert raised.value.hint
+    with pytest.raises(TaskError, match=r"tasks\.db: disk I/O error"), in_words(path):
+        raise sqlite3.OperationalError("disk I/O error")
+    with pytest.raises(sqlite3.IntegrityError), in_words(path):
+        raise sqlite3.IntegrityError("UNIQUE constraint failed")
+
+
+def test_a_queue_of_the_first_version_is_brought_up_with_all_that_is_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(sqlite3.connect(path, isolation_level=None)) as old:
+        old.executescript(STEPS[0])
+        old.execute("PRAGMA user_version = 1")
+        sql = "INSERT INTO task (mission, params, robot, options, added, due, every, interrupted, most, retries, {0}) "
+        sql += "VALUES ('greet', '{{}}', '', '[]', 1.0, 2.0, '', 'retry', 3, 1, {1})"
+        old.execute(sql.format("attempts, failures", "3, 1"))
+        old.execute(sql.format("attempts, state", "2, 'running'"))
+    with shop(path) as opened:
+        waiting, running = opened.queue.tasks()
+        assert (waiting.state, waiting.interruptions, waiting.priority, waiting.channels) == ("waiting", 2, 0, ())
+        assert (running.state, running.interruptions, running.not_before) == ("running", 1, 0.0)
+        assert waiting.policy == Policy("retry", 3, 1)
+        assert opened.connection.execute("PRAGMA user_version").fetchone()[0] == VERSION
 
 
 def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:
@@ -99,18 +153,36 @@ def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: P
             assert other.execute("SELECT COUNT(*) FROM attempt").fetchone()[0] == 2
 
 
-def test_the_folder_is_among_the_users_state(tmp_path: Path) -> None:
-    assert folder({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "missiontree"
-    assert folder({"XDG_STATE_HOME": "not/absolute"}) == Path.home() / ".local/state/missiontree"
-
-
 def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
     path = tmp_path / "new" / "serve.lock"
     assert not is_locked(path)
     with locked(path):
         assert is_locked(path)
-        with pytest.raises(Taken, match=r"serve\.lock: is held by process \d+"), locked(path):
+        taken = pytest.raises(Taken, match=r"serve\.lock: is held by process \d+")
+        with taken, locked(path, patience=0.1):
             pass
     assert not is_locked(path)
     with locked(path):
         pass
+
+
+class Prober:
+    """Somebody who asks whether the lock is held, and is done with that at the second look at the clock."""
+
+    def __init__(self, path: Path) -> None:
+        self._number = os.open(path, os.O_RDONLY | os.O_CREAT, 0o600)
+        fcntl.flock(self._number, fcntl.LOCK_SH)
+        self.looks = 0
+
+    def now(self) -> float:
+        self.looks += 1
+        if self.looks == 2:
+            os.close(self._number)
+        return 0.0
+
+
+def test_who_only_asks_for_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
+    prober = Prober(tmp_path / "serve.lock")
+    with locked(tmp_path / "serve.lock", clock=prober):
+        assert is_locked(tmp_path / "serve.lock")
+    assert prober.looks == 2

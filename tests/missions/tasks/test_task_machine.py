@@ -97,9 +97,16 @@ class Days(RuleBasedStateMachine):
         finally:
             self.connection.left = None
 
-    @rule(target=tasks, crash=CRASHES, policy=POLICIES, every=st.sampled_from(["", "100 s", "day 12:00"]))
-    def add(self, crash: tuple[int, bool] | None, policy: Policy, every: str) -> int:
-        task: NewTask = new(due=self.now, every=every, policy=policy)
+    @rule(
+        target=tasks,
+        crash=CRASHES,
+        policy=POLICIES,
+        every=st.sampled_from(["", "100 s", "day 12:00"]),
+        priority=st.integers(-1, 1),
+        timed=st.booleans(),
+    )
+    def add(self, crash: tuple[int, bool] | None, policy: Policy, every: str, priority: int, timed: bool) -> int:
+        task: NewTask = new(due=self.now if timed else 0.0, every=every, policy=policy, priority=priority)
         number: int | None = self.do(crash, lambda: self.shop.queue.add(task, self.now))
         if number is not None:
             assert number not in self.known
@@ -145,6 +152,10 @@ class Days(RuleBasedStateMachine):
     @rule(hours=st.integers(0, 30))
     def wait(self, hours: int) -> None:
         self.now += hours * 3600.0
+
+    @rule(hours=st.integers(1, 100))
+    def put_the_clock_back(self, hours: int) -> None:
+        self.now -= hours * 3600.0
 
     @invariant()
     def nothing_is_lost_or_done_twice(self) -> None:

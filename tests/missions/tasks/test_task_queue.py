@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from missions.tasks.task import How, Outcome, Policy, State, TaskError
-from tests.missions.tasks.small_queue import START, Shop, new, shop
+from tests.missions.tasks.small_queue import CHANNELS, RETRY, START, Shop, new, shop
 
 
 @pytest.fixture
@@ -25,9 +25,59 @@ def test_tasks_are_done_in_the_order_in_which_they_are_due(queue: Shop) -> None:
     assert queue.queue.claim(queue.now) is None
 
 
+def test_of_those_that_are_due_the_highest_priority_is_first(queue: Shop) -> None:
+    plain, low, high = queue.add(new()), queue.add(new(priority=-1)), queue.add(new(due=START + 1.0, priority=5))
+    also_high, ahead = queue.add(new(due=START + 2.0, priority=5)), queue.add(new(due=START + 1e6, priority=9))
+    assert [task.id for task in queue.queue.tasks()] == [ahead, high, also_high, plain, low]
+    queue.now += 3.0
+    assert [queue.attempt("success").id for _ in range(4)] == [high, also_high, plain, low]
+
+
+def test_a_repetition_keeps_its_priority(queue: Shop) -> None:
+    queue.add(new(priority=5, every="60 s"))
+    queue.attempt("success")
+    assert [task.priority for task in queue.queue.tasks(ended=False)] == [5]
+
+
+def test_a_task_without_a_time_takes_its_turn_from_when_it_was_added(queue: Shop) -> None:
+    timed = queue.add(new(due=START + 1.0))
+    queue.now += 2.0
+    at_once = queue.add(new(due=0.0))
+    assert [queue.attempt("success").id for _ in range(2)] == [timed, at_once]
+
+
+def test_the_order_is_read_from_an_index(queue: Shop) -> None:
+    statements: list[str] = []
+    queue.connection.set_trace_callback(statements.append)
+    queue.queue.claim(queue.now)
+    (due,) = [statement for statement in statements if "LIMIT 1" in statement]
+    plan = [row["detail"] for row in queue.connection.execute(f"EXPLAIN QUERY PLAN {due}")]
+    assert plan == ["SCAN task USING INDEX waiting"]
+
+
+def test_a_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
+    for task in (replace(new(), mission="Ren\udce9.yaml"), replace(new(), params={"to": "Ren\udce9"})):
+        with pytest.raises(TaskError, match=r"'Ren\\udce9.*' cannot be kept: it is not UTF-8"):
+            queue.add(task)
+    assert queue.queue.tasks() == []
+
+
+def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
+    assert [new(name).name for name in ("greet", "motions/square", "/home/ana/my/tell.yaml")] == [
+        "greet",
+        "motions/square",
+        "tell",
+    ]
+    number = queue.add(new("/home/ana/tell.yaml"))
+    queue.attempt("success")
+    (letter, _) = queue.outbox.of(number)
+    assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/home/ana/tell.yaml")
+
+
 def test_a_task_is_what_was_added(queue: Shop) -> None:
     wanted = replace(new("mine.yaml", due=START, late=60.0), robot="r.yaml", options=("--simulate=fast",))
     number = queue.add(wanted)
+    wanted = replace(wanted, channels=CHANNELS)  # as they are now
     task = queue.queue.task(number)
     assert {name: getattr(task, name) for name in type(wanted).__dataclass_fields__} == {
         name: getattr(wanted, name) for name in type(wanted).__dataclass_fields__
@@ -49,11 +99,11 @@ def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
         (Policy(), ["failure"], "failed", ["failed"]),
         (Policy(retries=1), ["failure", "success"], "done", ["retried", "done"]),
         (Policy(retries=1), ["error", "failure"], "failed", ["retried", "failed"]),
-        (Policy(), ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
-        (Policy(), ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
-        (Policy("give-up"), ["interrupted"], "given_up", ["given_up"]),
+        (RETRY, ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
+        (RETRY, ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
+        (Policy(), ["interrupted"], "given_up", ["given_up"]),
         (
-            Policy(retries=1),
+            Policy("retry", retries=1),
             ["interrupted", "failure", "interrupted", "failure"],
             "failed",
             ["interrupted", "retried", "interrupted", "failed"],
@@ -118,6 +168,22 @@ def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
         queue.connection.execute("UPDATE task SET state = 'lost' WHERE id = ?", (other,))
 
 
+def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(queue: Shop) -> None:
+    number = queue.add(new(policy=Policy("retry", most=2)))
+    for _ in range(5):
+        claim = queue.claim()
+        task = queue.queue.finish(claim, Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+        assert (task.state, task.interruptions) == ("waiting", 0)
+    assert queue.kinds(number) == ["interrupted"] * 5
+    assert queue.attempt("interrupted").state == "waiting"
+    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    assert task.state == "waiting", "though the next that counts is the last"
+    assert queue.attempt("interrupted").state == "given_up"
+    given_up = queue.add(new(policy=Policy()))
+    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    assert (task.id, task.state) == (given_up, "given_up")
+
+
 # Cancelling
 
 
@@ -163,55 +229,6 @@ def test_what_cannot_be_cancelled_says_why(queue: Shop) -> None:
     with pytest.raises(TaskError, match="there is no task 99") as raised:
         queue.queue.cancel(99, queue.now)
     assert raised.value.hint == "mission task list --all"
-
-
-# Time
-
-
-def test_a_repetition_comes_again_however_it_ended(queue: Shop) -> None:
-    first = queue.add(new(every="day 12:00", policy=Policy("give-up")))
-    hows: list[How] = ["success", "failure", "interrupted"]
-    for days, how in enumerate(hows, start=1):
-        queue.attempt(how)
-        (task,) = queue.queue.tasks(ended=False)
-        assert (task.due, task.series) == (START + days * 86400.0, first)
-        assert (task.attempts, task.failures, task.policy) == (0, 0, Policy("give-up"))
-        queue.now = task.due
-
-
-def test_repetitions_that_passed_while_it_ran_are_not_made_up_for(queue: Shop) -> None:
-    queue.add(new(every="60 s"))
-    claim = queue.claim()
-    queue.now += 200.0
-    queue.queue.finish(claim, Outcome("success"), queue.now)
-    (task,) = queue.queue.tasks(ended=False)
-    assert task.due == START + 240.0
-
-
-def test_a_task_that_was_missed_is_told_and_the_next_one_waits(queue: Shop) -> None:
-    number = queue.add(new(due=START, late=3600.0, every="day 12:00"))
-    other = queue.add(new(due=START + 1.0))
-    queue.now += 5 * 3600.0
-    assert queue.claim().task.id == other
-    task = queue.queue.task(number)
-    assert (task.state, task.attempts) == ("given_up", 0)
-    assert queue.told(number) == [
-        f"greet (task {number}) was missed: it was due at 2026-11-21 12:00, and is not begun more than 3600 s later"
-    ]
-    assert [each.due for each in queue.queue.tasks(ended=False) if each.state == "waiting"] == [START + 86400.0]
-
-
-def test_a_task_that_is_late_within_its_limit_runs(queue: Shop) -> None:
-    number = queue.add(new(due=START, late=3600.0))
-    queue.now += 3600.0
-    assert queue.claim().task.id == number
-
-
-def test_one_that_was_begun_in_time_and_interrupted_is_not_missed(queue: Shop) -> None:
-    number = queue.add(new(due=START, late=60.0))
-    queue.attempt("interrupted")
-    queue.now += 3600.0
-    assert queue.claim().task.id == number
 
 
 def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:

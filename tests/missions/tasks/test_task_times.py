@@ -79,6 +79,7 @@ def test_a_repetition_without_a_time_of_day_takes_that_of_its_beginning(text: st
         ("3 m", "is no repetition"),
         ("0.5 s", "too often: at least 1 s"),
         ("-1 h", "too often"),
+        ("1e15 s", "too seldom: at most a year, 8784 h"),
         ("day 25:00", "'25:00' is no time of day"),
     ],
 )

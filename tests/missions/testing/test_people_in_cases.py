@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.missions.testing.playing import played, seen, write
+from config.faults import InvalidFileError
+from tests.missions.testing.playing import cases, played, seen, write
 
 ASKS = """mission: m
 tree:
@@ -64,8 +65,40 @@ def test_what_is_expected_comes_true(room: Path, body: str) -> None:
         ("showed: [coffee]", 'it showed "??"'),
         ("moods: [happy, sad]", 'it looked "happy"'),
         ("showed: []", 'it showed "??"'),
+        ("showed: ['??', '']", 'it showed "??"'),
     ],
 )
 def test_what_is_not_so_is_told(room: Path, expect: str, said: str) -> None:
     verdict = played(room, ASKS, f"world: room.yaml, expect: {{{expect}}}")
     assert said in " ".join(seen(verdict))
+
+
+def test_words_that_are_taken_away_again_are_expected_as_an_empty_text(room: Path) -> None:
+    shows = "mission: m\ntree: {sequence: [show: {text: Coffee?, for: 1 s}, wait: 1 s]}\n"
+    verdict = played(room, shows, "world: room.yaml, expect: {showed: [Coffee, '']}")
+    assert verdict.passed, seen(verdict)
+    assert not played(room, shows, "world: room.yaml, expect: {showed: ['', Coffee]}").passed
+
+
+def test_a_screen_that_is_only_wiped_has_shown_nothing(room: Path) -> None:
+    wipes = "mission: m\ntree: {show: ''}\n"
+    assert played(room, wipes, "world: room.yaml, expect: {showed: []}").passed
+    assert played(room, wipes, "world: room.yaml, expect: {showed: ''}").passed
+
+
+@pytest.mark.parametrize(
+    ("mock", "said"),
+    [
+        ("succeeds with no", "write listen: {does: succeeds, result: no}"),
+        ("{does: succeeds, result: nope}", "'listen' cannot hear 'nope'"),
+        ("{does: succeeds, result: No}", "did you mean 'no'?"),
+    ],
+)
+def test_a_mock_hears_only_what_is_listened_for(tmp_path: Path, mock: str, said: str) -> None:
+    mission = "mission: m\ntree: {listen: [yes, no], as: answer}\n"
+    with pytest.raises(InvalidFileError) as caught:
+        cases(tmp_path, mission, f"given: [{{listen: {mock}}}], expect: {{result: success}}")
+    assert said in str(caught.value)
+    assert played(
+        tmp_path, mission, "given: [{listen: {does: succeeds, result: no}}], expect: {result: success}"
+    ).passed
