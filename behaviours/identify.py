@@ -25,7 +25,8 @@ class Identify(Seeing[Face]):
     noun = "face"
     senses = frozenset({"faces", "names"})
     stores = KEPT
-    face: object = argument("value", "whose, as `as` has kept them; else the largest", default=None, principal=True)
+    keeps = Face
+    face: Face | None = argument("face", "whose, as `as` has kept them; else the largest", default=None, principal=True)
     _seen_at = 0.0
 
     @property

@@ -30,8 +30,9 @@ class Leaf(Node):
     and fails. ``word`` is its name in missions. ``claims`` are the actuators it drives (``base``, ``head``, ``arm``,
     ``voice``), ``needs`` the parts without which it is of no use, ``uses`` those that it makes use of where the robot
     has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``names`` of
-    people, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps; the subclass
-    puts it into ``result``: it is kept when the leaf succeeds, and while it runs as soon as there is one. An
+    people, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps, ``keeps``
+    of which type that always is, where the checker is to know its members; the subclass puts it into ``result``: it is
+    kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
     ``ends`` is how it can end, for the checker to see what is never reached; one that is ``instant`` never runs for
@@ -48,6 +49,7 @@ class Leaf(Node):
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
     drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
+    keeps: ClassVar[type | None] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
@@ -187,7 +189,7 @@ class Leaf(Node):
         if self.computed:
             problem = self._fill_in()
             if problem:
-                return self.fail(problem)
+                return self.fail(f"{self.place}: {problem}")
         self.result = self._since = None
         if self._prepares:
             if self.drives and not self.run.make_way():

@@ -20,6 +20,7 @@ class ObjectSeen(Seen[Thing]):
     word = "object_seen"
     senses = frozenset({"things"})
     stores = _STORED
+    keeps = Thing
     what: Wanted = argument("object", "a colour and a shape, or the name of an object", principal=True)
     within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
 
@@ -45,6 +46,7 @@ class FindObject(Search[Thing]):
     noun = "object"
     senses = frozenset({"things"})
     stores = _STORED
+    keeps = Thing
     what: Wanted = argument("object", "a colour and a shape, or the name of an object", principal=True)
 
     def percepts(self) -> Sequence[Thing]:

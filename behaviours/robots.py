@@ -21,6 +21,7 @@ class RobotSeen(Seen[Marker]):
     noun = "robot"
     senses = frozenset({"markers"})
     stores = _STORED
+    keeps = Marker
     which: str = argument("text", _WHICH, default="", principal=True)
     within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
 
@@ -49,6 +50,7 @@ class FindRobot(Search[Marker]):
     noun = "robot"
     senses = frozenset({"markers"})
     stores = _STORED
+    keeps = Marker
     which: str = argument("text", _WHICH, default="", principal=True)
 
     def percepts(self) -> Sequence[Marker]:

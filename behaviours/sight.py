@@ -51,6 +51,7 @@ class FaceSeen(Faces):
 
     word = "face_seen"
     stores = KEPT
+    keeps = Face
     instant = True
     within: float = argument("duration", "how long ago still counts", default=LATELY, principal=True, low=0.01)
     nearer: float | None = argument("length", "only this near or nearer; else at any distance", default=None, low=0.1)
@@ -100,10 +101,11 @@ class FaceCentred(Faces):
 
     word = "face_centred"
     stores = KEPT
+    keeps = Face
     instant = True
     within: float = argument("angle", "how far from the axis still counts", default=math.radians(5), principal=True)
     max_age: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)
-    face: object = argument("value", "whose, as `as` has kept them; else the largest", default=None)
+    face: Face | None = argument("face", "whose, as `as` has kept them; else the largest", default=None)
 
     @property
     def age_limit(self) -> float:
@@ -132,6 +134,7 @@ class FindFace(Faces, Search[Face]):
 
     word = "find_face"
     stores = KEPT
+    keeps = Face
     new: bool = argument("flag", "only somebody whom it has not found before in this run", default=False)
     _met: tuple[Meeting, ...] = ()  # outlives a restart: that is what `new` is for
 

@@ -15,12 +15,17 @@ SLOWEST, QUICKEST = 80, 450
 
 
 class Uttering(Leaf):
-    """Something that is heard: running until it was, silent when it is halted; fails when it was broken off."""
+    """Something that is heard: running until it was, silent when it is halted.
+
+    Where the voice has gone before the end, it is waited for, and all of it is heard once more; what is broken off
+    again fails.
+    """
 
     needs = frozenset({"voice"})
     drives = frozenset({"voice"})
     priority: str = "normal"
     _utterance: Utterance | None = None
+    _again = False
 
     @abstractmethod
     def utter(self, priority: Priority) -> Utterance:
@@ -32,13 +37,23 @@ class Uttering(Leaf):
         """What it does, in words."""
 
     def initialise(self) -> None:
-        self._utterance = None
-        self._utterance = self.utter(Priority[self.priority.upper()])
+        self._again, self._utterance = False, None
+        self._begin()
 
     def update(self) -> Status:
-        if self._utterance is not None and self._utterance.done():
-            return self.fail("broken off") if self._utterance.cancelled else SUCCESS
+        said = self._utterance
+        if said is None or not said.done():
+            return self.wait(self.doing)
+        if not said.cancelled:
+            return SUCCESS
+        if self._again:
+            return self.fail("broken off")
+        self._begin()  # which raises NotConnected until the voice is back
+        self._again = True
         return self.wait(self.doing)
+
+    def _begin(self) -> None:
+        self._utterance = self.utter(Priority[self.priority.upper()])
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._utterance is not None:
@@ -48,9 +63,10 @@ class Uttering(Leaf):
 class Say(Uttering):
     """Speak.
 
-    Running until it is spoken, then succeeds; fails when the voice is gone before that. Falls silent when it is
-    halted. What has a higher priority is heard at once; what it breaks off is said again from its beginning
-    afterwards. A smiley in the text is not spoken: it sets the mood of the face. The mouth moves with the words.
+    Running until it is spoken, then succeeds. Falls silent when it is halted. What has a higher priority is heard at
+    once; what it breaks off is said again from its beginning afterwards, and so is what a voice that was unplugged has
+    broken off; the second time that fails. A smiley in the text is not spoken: it sets the mood of the face. The mouth
+    moves with the words.
     """
 
     word = "say"
@@ -78,8 +94,8 @@ class Say(Uttering):
 class PlaySound(Uttering):
     """Play a sound.
 
-    Running until it was heard, then succeeds; fails when the file is no sound, or the voice is gone before that.
-    Silent when it is halted. It takes turns with what is said.
+    Running until it was heard, then succeeds; fails when the file is no sound. Silent when it is halted. It takes turns
+    with what is said, and is heard once more where the voice was unplugged before its end.
     """
 
     word = "play_sound"

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from unicodedata import combining, east_asian_width
 
+SHORT = 5
+"""Letters of a word in which only one slip is taken for one."""
+
 MAX_FAULTS = 100
 """A file with more mistakes than this is no file of the kind: reading stops there."""
 
@@ -90,11 +93,33 @@ def note(faults: list[Fault], fault: Fault) -> None:
         raise InvalidFileError(faults)
 
 
+def closest(word: str, known: Iterable[str]) -> str:
+    """Return the known word that may be meant by ``word``, or the empty string.
+
+    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters.
+    """
+    spelt = {each.lower(): each for each in known}
+    meant = word.lower()
+    if len(meant) > SHORT:
+        close = get_close_matches(meant, spelt, n=1, cutoff=0.6)
+    else:
+        like = [each for each in spelt if _one_slip(meant, each) or each.startswith(meant)]
+        close = get_close_matches(meant, like, n=1, cutoff=0.51)
+    return spelt[close[0]] if close else ""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the known word that is closest, or the empty string."""
-    spelt = {each.lower(): each for each in known}
-    close = get_close_matches(word.lower(), spelt, n=1, cutoff=0.6)
-    return f"did you mean '{spelt[close[0]]}'?" if close else ""
+    close = closest(word, known)
+    return f"did you mean '{close}'?" if close else ""
+
+
+def _one_slip(word: str, other: str) -> bool:
+    """Say whether one letter more, less or in the place of another makes ``other``, or two that change places."""
+    same = next((at for at, (a, b) in enumerate(zip(word, other, strict=False)) if a != b), min(len(word), len(other)))
+    word, other = word[same:], other[same:]
+    swapped = word[:2] == other[1::-1] and word[2:] == other[2:]
+    return swapped or word[1:] == other[1:] or word[1:] == other or word == other[1:]
 
 
 def one_of(word: str, known: Iterable[str]) -> str:

@@ -1,15 +1,25 @@
 """Where files are found: by name in the folders that ship with MissionTree, or by path."""
 
+from collections.abc import Collection
 from pathlib import Path
 
-from config.faults import did_you_mean
+from config.faults import closest, did_you_mean
+from config.kinds import kinds_of, wrong_kind
 from config.units import seen
 
 HERE = Path(__file__).parent
 
+LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
+"""The kinds that `mission list` knows."""
+
+SUFFIXES = (".yaml", ".yml")
+
+FEW = 5
+"""So many names are told at most where there are more."""
+
 
 class UnknownNameError(LookupError):
-    """A name that is neither a file nor in the library; the message says what is there."""
+    """A name that is neither a file of the kind nor in the library; the message says what is there."""
 
 
 def shipped(kind: str) -> dict[str, Path]:
@@ -17,21 +27,23 @@ def shipped(kind: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted((HERE / kind).glob("*.yaml"))}
 
 
-def find(kind: str, name: str, *, library: dict[str, Path] | None = None) -> Path:
-    """Return the file that ``name`` means: a path where it looks like one or exists, else a name in the library.
+def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder: Path = Path()) -> Path:
+    """Return the file that ``name`` means: one in the library, else a path, which goes from ``folder``.
 
-    Raises UnknownNameError with the closest name, or all of them.
+    Raises UnknownNameError with the file or the name that may be meant, or with what a file is that is of another kind.
     """
     known = shipped(kind) if library is None else library
     if name in known:
         return known[name]
-    path = Path(name)
+    path = folder / name
     if is_file(path):
+        if wrong := wrong_kind(kind, path):
+            raise UnknownNameError(wrong)
         return path
-    if path.suffix in (".yaml", ".yml"):
-        raise UnknownNameError(f"{seen(name)}: no such file")
-    close = did_you_mean(name, known) or f"known are: {', '.join(known)}"
-    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {close}")
+    hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
+    if path.suffix in (*SUFFIXES, ".mcap"):
+        raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
+    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}")
 
 
 def is_file(path: Path) -> bool:
@@ -40,3 +52,41 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # a name that is too long, a folder that may not be read, a zero in the name
         return False
+
+
+def _meant(kind: str, folder: Path, name: str) -> str:
+    """Say what may be meant by a name that leads to no file: one with another ending, or one that is spelt alike."""
+    bare = name.removesuffix(".yaml").removesuffix(".yml")
+    for there in [bare + suffix for suffix in SUFFIXES if Path(bare).name]:
+        if is_file(folder / there):
+            return wrong_kind(kind, folder / there) or f"did you mean the file '{there}'?"
+    if bare == name:
+        return ""
+    spelt = {each.stem: each.name for each in _beside(folder / name) if kind in kinds_of(each)}
+    close = closest(Path(bare).name, spelt)
+    return f"did you mean the file '{Path(name).with_name(spelt[close])}'?" if close else ""
+
+
+def _beside(path: Path) -> list[Path]:
+    """Return the YAML files in the folder of ``path``."""
+    try:
+        return [each for each in sorted(path.parent.iterdir()) if each.suffix in SUFFIXES]
+    except (OSError, ValueError):  # no such folder, or one that may not be read
+        return []
+
+
+def _close(kind: str, name: str, known: Collection[str]) -> str:
+    """Ask for the name in the library that is closest, or for those of which ``name`` is a part."""
+    if hint := did_you_mean(name, known):
+        return hint
+    holding = [each for each in known if len(name) > 2 and name.lower() in each.lower()]
+    if len(holding) == 1:
+        return f"did you mean '{holding[0]}'?"
+    more = f"; `mission list {kind}` has more" if len(holding) > FEW and kind in LISTED else ""
+    return f"did you mean one of {', '.join(holding[:FEW])}?{more}" if holding else ""
+
+
+def _all(kind: str, known: Collection[str]) -> str:
+    if len(known) > FEW and kind in LISTED:
+        return f"`mission list {kind}` has all"
+    return f"known are: {', '.join(known)}"

@@ -119,8 +119,10 @@ def _act(person: Fields, node: Node) -> ActConfig:
         leave=fields.flag("leave", False),
         times=fields.integer("times", 0, low=1),
     )
+    before = len(fields.faults)
     fields.done()
-    if (at is None) == (hears is None):
+    misspelt = at is None and hears is None and len(fields.faults) > before
+    if (at is None) == (hears is None) and not misspelt:
         fields.fault(node.mark, "an act needs either 'at' or 'hears'", "such as {at: 5 s, ...} or {hears: hello, ...}")
     elif at is not None and fields.node_of("after") is not None:
         fields.fault(node.mark, "'after' is for what somebody hears; 'at' says when already")

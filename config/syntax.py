@@ -22,6 +22,9 @@ _SLIPS = {
 }
 """What the parser was doing, and what the mistake mostly is then."""
 
+_IN_COLUMNS = ("while parsing a block mapping", "while parsing a block collection")
+"""Where what stands in one column decides."""
+
 _BEGIN_THERE = ("while scanning", "while parsing a flow")
 """Where these begin is where to look, rather than where the parser gave up."""
 
@@ -47,6 +50,8 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Fault:
         return found
     if problem.endswith("that cannot start any token"):
         return Fault(source, mark, f"'{line[mark.column - 1 : mark.column]}' cannot begin a text", _QUOTES)
+    if context in _IN_COLUMNS and (under_dash := _under_dash(source, mark.line)) is not None:
+        return under_dash
     if context in _SLIPS:
         message, suggestion = _SLIPS[context]
         begin = _mark(error.context_mark) if context.startswith(_BEGIN_THERE) else None
@@ -74,6 +79,30 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Fault |
         hint = "the line above lacks a colon, or this one is indented too far"
         return Fault(source, mark, "a colon is not expected here", hint)
     return None
+
+
+def _under_dash(source: Source, number: int) -> Fault | None:
+    """Find a key in the column of the dashes above it, which is meant to stand beside what follows the last dash.
+
+    The parser gives up there, or at the next dash: until then the key may belong to what is around the list.
+    """
+    line, key = source.line(number), None
+    indent = len(line) - len(line.lstrip(" "))
+    for at in range(number, 0, -1):
+        found = re.match(r"( *)(- +)?(\w+):?(?=\s|$)", source.line(at))
+        if found is None or len(found[1]) > indent or (at == number and found[2]):
+            continue
+        if len(found[1]) < indent:
+            return None
+        if found[2]:
+            return None if key is None else _of_key(source, *key, found[3])
+        key = Mark(at, indent + 1, len(found[3])), found[3]
+    return None
+
+
+def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Fault:
+    hint = f"indent it by two more blanks, under '{behind_dash}'"
+    return Fault(source, mark, f"'{word}' stands under the dash", hint)
 
 
 def _open_hole(line: str) -> re.Match[str] | None:

@@ -30,7 +30,15 @@ PAGES = ROOT / "tests" / "missions" / "pictures" / "golden"
 PICTURES = ("greet", "patrol", "motions/square")
 """The missions that are there as PNG too: PNGs are large, and look like the SVG."""
 
-LINKED = {".txt": "text", ".ascii": "ASCII", ".dot": "DOT", ".mmd": "Mermaid", ".json": "JSON", ".png": "PNG"}
+LINKED = {
+    ".txt": "text",
+    ".unicode": "py_trees",
+    ".ascii": "ASCII",
+    ".dot": "DOT",
+    ".mmd": "Mermaid",
+    ".json": "JSON",
+    ".png": "PNG",
+}
 """What the gallery links to beside the SVG that it shows, and what the links are called."""
 
 MOMENT = 5.0

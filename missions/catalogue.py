@@ -19,6 +19,7 @@ WRITTEN: dict[str, object] = {
     "joints": "left_arm",
     "new move": "my_wave",
     "file": "bell.wav",
+    "face": "${person}",
     "phrases": ["yes", "no"],
 }
 """A value of each kind that has no unit, as a mission writes it."""

@@ -31,15 +31,13 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     """Return the file that ``name`` means: a name in the library, or a path relative to the folder ``beside``.
 
     A mission in a folder may be named without it, where that is unique. Raises config.library.UnknownNameError with
-    the closest name.
+    what may be meant.
     """
     library = shipped_missions()
     short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
     if len(short) == 1:
         return short[0]
-    if name not in library and Path(name).suffix in (".yaml", ".yml"):
-        return find("missions", str(beside / name), library={})
-    return find("missions", name, library=library)
+    return find("missions", name, library=library, folder=beside)
 
 
 def load_mission(
@@ -48,10 +46,12 @@ def load_mission(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
+    ears: Target | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
     """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
 
+    Without a robot, what it listens for is checked for the one of ``ears``.
     ``leaves`` are what it may be made of: missions.vocabulary finds more of them than ship with MissionTree.
 
     Raises UnknownNameError, or InvalidFileError with every mistake in it.
@@ -64,4 +64,5 @@ def load_mission(
         params=params,
         complete=complete,
         robot=robot,
+        ears=ears,
     )

@@ -21,8 +21,11 @@ class TrackFace(Track):
     word = "track_face"
     noun = "face"
     stores = KEPT
+    keeps = Face
     controller: RuleBases = argument("controller", "the rules to follow by", default="face", principal=True)
-    face: object = argument("value", "whom to begin with, as `as` has kept them; else the largest face", default=None)
+    face: Face | None = argument(
+        "face", "whom to begin with, as `as` has kept them; else the largest face", default=None
+    )
 
     def percepts(self) -> Sequence[Face]:
         return self.robot.sight.faces()

@@ -20,6 +20,7 @@ class TrackObject(Track):
     noun = "object"
     senses = frozenset({"things"})
     stores = "the object: id, name, colour, shape, yaw, pitch, distance"
+    keeps = Thing
     what: Wanted = argument("object", "a colour and a shape, or the name of an object", principal=True)
 
     def percepts(self) -> Sequence[Thing]:

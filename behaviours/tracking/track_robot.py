@@ -19,6 +19,7 @@ class TrackRobot(Track):
     noun = "robot"
     senses = frozenset({"markers"})
     stores = "the robot: id, number, name, yaw, pitch, distance, heading"
+    keeps = Marker
     which: str = argument("text", "its marker's number, or its name; else any", default="", principal=True)
 
     def percepts(self) -> Sequence[Marker]:

@@ -14,6 +14,7 @@ from missions.assembly.target import target_of
 from missions.cli.options import behaviours_option, files_of, params_option
 from missions.language.claims import Target
 from missions.library import TESTS, load_mission, shipped_missions
+from missions.order import DEFAULT_ROBOT
 from missions.vocabulary import vocabulary
 
 
@@ -27,13 +28,11 @@ def command(
     names: tuple[str, ...], robot: str | None, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
 ) -> int:
     """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
-    target = None
-    if robot is not None:
-        target = target_of(load_robot(find("robots", robot)))
+    target = target_of(load_robot(find("robots", robot or DEFAULT_ROBOT)))
     leaves = vocabulary(files)
     found: list[Fault] = []
     for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
-        said, faults = _checked(name, params, target, leaves)
+        said, faults = _checked(name, params, target, leaves, named=robot is not None)
         found += faults
         if not as_json:
             click.echo(said, err=bool(faults))
@@ -47,17 +46,23 @@ def command(
 def _checked(
     name: str,
     params: dict[str, str],
-    robot: Target | None,
+    target: Target,
     leaves: Mapping[str, type[Leaf]],
+    *,
+    named: bool,
 ) -> tuple[str, Sequence[Fault]]:
-    """Check one mission, or one file of tests; return what to tell of it, and its mistakes."""
+    """Check one mission, or one file of tests; return what to tell of it, and its mistakes.
+
+    Where no robot is ``named``, whose parts are to be there, only what it listens for is checked for the usual one.
+    """
+    robot, ears = (target, None) if named else (None, target)
     try:
         if Path(name).name.endswith(TESTS):
             from missions.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
 
             cases = len(load_suite(Path(name)))
             return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", []
-        plan = load_mission(name, params=params, robot=robot, leaves=leaves)
+        plan = load_mission(name, params=params, robot=robot, ears=ears, leaves=leaves)
     except InvalidFileError as error:
         return str(error), error.faults
     except UnknownNameError as error:

@@ -28,6 +28,9 @@ from missions.executive.events import (
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
 
+SOON = 2.0
+"""Seconds after which it is worth a line that the parts of the robot are ready."""
+
 SIGNS = {"success": ("✓", "green"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
 REFLEXES = {
@@ -48,6 +51,8 @@ class Watcher:
         self._live = Live(console=self._console, auto_refresh=False, transient=True) if out.isatty() else None
         self._drawn = -REFRESH
         self._started: dict[str, float] = {}
+        self._there: list[str] = []  # parts, until the first tick
+        self._ready = False
 
     def watch(self, root: Node) -> None:
         """Show the leaves of this tree."""
@@ -71,6 +76,7 @@ class Watcher:
         match event:
             case Started():
                 self._console.print(Text.assemble(("mission ", "bold"), event.mission, f" on {event.robot}"))
+                self._prepare()
             case NodeChanged() if event.kind:
                 self._node(event)
             case FaultRaised():
@@ -83,12 +89,25 @@ class Watcher:
                 self._log(event)
             case Notified():
                 self._console.print(Text.assemble(("  notice: ", "bold green"), event.text))
-            case Ticked() if event.t - self._drawn >= REFRESH:
-                self._draw(event.t)
+            case Ticked():
+                self._tick(event.t)
             case Ended() if event.result != "error":  # an error is told by the command itself, with what to try
                 self._end(event)
             case _:
                 pass
+
+    def _prepare(self) -> None:
+        """Show, until the first tick, which parts of the robot are there."""
+        if self._live is not None and not self._ready:
+            there = f": {', '.join(self._there)}" if self._there else ""
+            self._live.update(Text(f"  getting ready{there}", no_wrap=True, overflow="ellipsis"), refresh=True)
+
+    def _tick(self, time: float) -> None:
+        if not self._ready and time > SOON:
+            self._console.print(Text(f"{time:6.1f} s  ready"))
+        self._ready = True
+        if time - self._drawn >= REFRESH:
+            self._draw(time)
 
     def _node(self, event: NodeChanged) -> None:
         """Show a behaviour that has done something: one that ran for a while, and has ended."""
@@ -106,6 +125,8 @@ class Watcher:
 
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
+            self._there.append(event.part)
+            self._prepare()
             if "http:" in event.detail:  # where the page with its face is
                 self._console.print(Text(f"  {event.plain}"))
             return

@@ -1,5 +1,6 @@
 """Pictures one after another, into a film or a folder: for whatever films something."""
 
+import shlex
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -8,6 +9,7 @@ import click
 import cv2
 
 from drivers.api import Image
+from missions.cli.outputs import check_folder
 
 CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
 """By the ending of a film, codecs that come with OpenCV's wheels; any other name is a folder of pictures."""
@@ -25,6 +27,10 @@ def check_place(path: Path, option: str) -> None:
         raise click.UsageError(f"{option}: {path} is a file; end it in {' or '.join(CODECS)}, or name a folder")
     elif path.is_dir() and any(path.iterdir()):
         raise click.UsageError(f"{option}: the folder {path} is not empty")
+    else:
+        check_folder(
+            path, option, f"{option} {shlex.quote(str(path.with_suffix('.mp4')))}, or a name without an ending"
+        )
 
 
 class Movie:

@@ -18,6 +18,17 @@ def writing(path: Path, option: str) -> Iterator[None]:
         raise click.BadParameter(_why(path, error), param_hint=option) from error
 
 
+def check_folder(path: Path, option: str, instead: str) -> None:
+    """Raise click.BadParameter where ``path`` has the ending of a file, and no folder of that name is there.
+
+    ``instead`` says what to type for what was meant.
+    """
+    if path.suffix[1:2].isalpha() and not path.is_dir():
+        raise click.BadParameter(
+            f"{path} would become a folder, and ends in {path.suffix}\n  try: {instead}", param_hint=option
+        )
+
+
 def _why(path: Path, error: OSError) -> str:
     folder = path.parent
     if not folder.is_dir():

@@ -1,5 +1,6 @@
 """``mission record``: what a record holds, mending one that was not closed, pieces of it, and files made of it."""
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import click
 
 from missions.cli.options import SECONDS
+from missions.cli.outputs import check_folder
 from missions.recording.export import to_csv, to_folder, to_jsonl
 from missions.recording.faults import InvalidRecordError
 from missions.recording.info import lines_about
@@ -86,6 +88,9 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
     """Write a record for other programs: as tables, as lines of JSON, or as a folder of files."""
     if tables is lines is folder is None:
         raise click.UsageError(f"say what to write, such as --csv FOLDER: mission record export {path} --csv tables")
+    for option, place in (("--csv", tables), ("--folder", folder)):
+        if place is not None:
+            check_folder(place, option, f"{option} {shlex.quote(str(place.with_suffix('')))}")
     with _in_words():
         record = open_record(path)
         if tables is not None:

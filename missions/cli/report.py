@@ -1,16 +1,20 @@
 """``mission report``: a record as one page for people who were not there, and as pictures for papers."""
 
+import shlex
 from pathlib import Path
 
 import click
 
-from missions.cli.outputs import writing
+from missions.cli.outputs import check_folder, writing
 from missions.recording.read import open_record
 from missions.report.page import page
 from missions.report.study import Study, study
 
 MOST_PICTURES = 60
 """Pictures of 320 pixels: about a megabyte."""
+
+PAGES = (".html", ".htm")
+"""What the name of a report may end in."""
 
 
 @click.command()
@@ -20,7 +24,7 @@ MOST_PICTURES = 60
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Write the page there, instead of beside the record.",
+    help="Write the page there, instead of beside the record (greet_report.html of greet.mcap).",
 )
 @click.option(
     "--pictures",
@@ -43,7 +47,14 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
     was seen in them, how head and base moved, the tracking error, and faults.
     """
     if output is None and plots is None:
-        output = file.with_suffix(".html")
+        output = file.with_name(f"{file.stem}_report.html")  # not the name of a picture of the mission
+    elif output is not None and output.suffix.lower() not in PAGES:
+        raise click.BadParameter(
+            f"{output}: a report is a page of HTML\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",
+            param_hint="-o",
+        )
+    if plots is not None:
+        check_folder(plots, "--plots", f"--plots {shlex.quote(str(plots.with_suffix('')))}")
     found = study(open_record(file), most_pictures=pictures if output is not None else 0)
     try:
         if output is not None:

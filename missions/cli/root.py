@@ -56,12 +56,24 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one subcommand; None for an unknown name, on which click makes suggestions."""
+        """Import and return one subcommand; None for an unknown name."""
         del ctx
         if cmd_name not in COMMANDS:
             return None
         command = import_module(f"missions.cli.{cmd_name}").command
         return command if isinstance(command, click.Command) else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the subcommand; say what may be meant by an unknown one."""
+        word = args[0]
+        if word not in COMMANDS and not word.startswith("-"):
+            from config.faults import closest  # noqa: PLC0415 - as in `guarded`
+
+            meant = closest(word, COMMANDS)
+            ctx.fail(f"no such command: '{word}'\n  try: mission {meant or '--help'}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list for ``--help``."""

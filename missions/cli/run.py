@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import asdict
+from itertools import pairwise
 from math import inf, isfinite
 from pathlib import Path
 from typing import Literal
@@ -10,7 +11,7 @@ from typing import Literal
 import click
 
 from missions.cli.leash import leash_option
-from missions.cli.options import behaviours_option, pairs, params_option
+from missions.cli.options import MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
@@ -24,7 +25,7 @@ EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED
 LEVELS = ("wire", "fast")
 
 
-class RunCommand(click.Command):
+class RunCommand(MissionCommand):
     """A command whose ``--simulate`` and ``--pad`` may stand alone: what follows is theirs only where it can be."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -39,6 +40,13 @@ class RunCommand(click.Command):
             for word, follows in zip(args, after, strict=True)
         ]
         return super().parse_args(ctx, told)
+
+    def too_much(self, words: list[str], args: list[str]) -> str:
+        """Say it of a level that there is not."""
+        level = next((follows for word, follows in pairwise(args) if word == "--simulate=wire"), "")
+        if level in words:
+            return f"--simulate takes {' or '.join(LEVELS)}, got '{level}'"
+        return super().too_much(words, args)
 
 
 @click.command(cls=RunCommand)

@@ -1,5 +1,6 @@
 """``mission show``: the tree of a mission, or of a record at a moment, as a picture; or two of them side by side."""
 
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -22,7 +23,7 @@ RECORD = ".mcap"
 """What the name of a record ends in; all other names are missions."""
 
 NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}.mcap, then show that"
-NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or --format svg"
+NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
 
 
 @click.command()
@@ -31,7 +32,7 @@ NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[pl
     "--format",
     "form",
     type=click.Choice(list(FORMS)),
-    help="How to draw it: unicode, unless the file after -o says otherwise.",
+    help="How to draw it: text, unless the file after -o says otherwise.",
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record at this moment, such as 12.5s.")
@@ -66,16 +67,17 @@ def command(
     try:
         dump = FORMS[form](drawings[0]) if other is None else _pair(drawings[0], drawings[1], form, output)
     except ImportError as error:
-        raise click.UsageError(NO_PLOTS) from error
+        raise click.UsageError(NO_PLOTS.format(stem=Path(name).stem)) from error
     _write(dump, output, form, name)
 
 
 def _form_of(output: Path | None) -> str:
     if output is None:
-        return "unicode"
+        return "text"
     if output.suffix.lower() not in SUFFIXES:
         known = ", ".join(SUFFIXES)
-        raise click.UsageError(f"-o {output}: the name says no format that is known ({known})\n  try: --format svg")
+        picture = shlex.quote(str(output.with_suffix(".png")))
+        raise click.UsageError(f"-o {output}: the name says no format that is known ({known})\n  try: -o {picture}")
     return SUFFIXES[output.suffix.lower()]
 
 
@@ -102,7 +104,7 @@ def _pair(left: Drawing, right: Drawing, form: str, output: Path | None) -> Dump
     if form not in PAIR_FORMS:
         raise click.UsageError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")
     comparison = compare(left, right)
-    if output is None and form in ("unicode", "ascii"):
+    if output is None and form in ("text", "unicode", "ascii"):
         return side_by_side(comparison, shutil.get_terminal_size((120, 24)).columns, ascii_only=form == "ascii")
     return PAIR_FORMS[form](comparison)
 

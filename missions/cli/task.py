@@ -12,7 +12,7 @@ import click
 
 from config.library import find, shipped
 from config.notices import named
-from missions.cli.options import SECONDS, behaviours_option, params_option
+from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
 from missions.columns import in_columns
@@ -58,7 +58,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
         raise click.ClickException(f"{error}{hint}") from error
 
 
-@command.command()
+@command.command(cls=MissionCommand)
 @click.argument("mission")
 @params_option
 @behaviours_option

@@ -1,5 +1,6 @@
 """``mission world``: what a world file describes, in words, as a plan, or as the robot's camera sees it."""
 
+import shlex
 from pathlib import Path
 
 import click
@@ -10,25 +11,34 @@ from config.robot import RobotConfig, load_robot
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
-from drivers.sim.topview import TopView
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
 from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
 from missions.order import DEFAULT_ROBOT
 from missions.pictures.plan import plan
+from missions.pictures.png import png
 from missions.pictures.words import lines_about
 
-PIXELS = 120
-"""Pixels to a metre of a plan as a picture, where the room is not larger than ``LARGEST`` then."""
-
-LARGEST = 1600
-"""Pixels of the longer side of such a picture."""
+ZOOM = 1.5
+"""Pixels of a PNG to a unit of the plan."""
 
 FORMS = (".svg", ".png")
 
 
-@click.group()
+class Worlds(click.Group):
+    """A group that says what to type where the name of a world stands in the place of a subcommand."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the subcommand."""
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            ctx.fail(f"no such command: '{args[0]}'\n  try: mission world show {args[0]}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=Worlds)
 def command() -> None:
     """Show simulated worlds."""
 
@@ -60,19 +70,29 @@ def show(name: str, output: Path | None, camera: bool, time: float, robot: str) 
     if output.suffix not in FORMS or (camera and output.suffix != ".png"):
         raise click.UsageError(f"'{output}': the name must end in {'.png' if camera else ' or '.join(FORMS)}")
     if output.suffix == ".svg":
-        data = plan(config.name, build_world(config), config.summary, time).encode()
+        data = _plan(config, time).encode()
+    elif camera:
+        data = _png(_seen(config, load_robot(find("robots", robot)), time))
     else:
-        data = _png(_seen(config, load_robot(find("robots", robot)), time) if camera else _map(config, time))
+        data = _drawn(_plan(config, time), output)
     with writing(output, "-o"):
         output.write_bytes(data)
     click.echo(f"drew {output}")
 
 
-def _map(config: WorldConfig, time: float) -> Image:
-    scale = min(PIXELS, LARGEST / (max(config.length, config.width) + 0.7))
-    size = (round((config.length + 0.7) * scale), round((config.width + 0.7) * scale))
-    world = build_world(config)
-    return TopView(world, size).draw(time, world.start)
+def _plan(config: WorldConfig, time: float) -> str:
+    return plan(config.name, build_world(config), config.summary, time)
+
+
+def _drawn(svg: str, output: Path) -> bytes:
+    """Return a plan as a PNG."""
+    try:
+        return png(svg, zoom=ZOOM)
+    except ImportError as error:
+        instead = shlex.quote(str(output.with_suffix(".svg")))
+        raise click.UsageError(
+            f"a plan as PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {instead}"
+        ) from error
 
 
 def _seen(config: WorldConfig, robot: RobotConfig, time: float) -> Image:

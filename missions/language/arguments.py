@@ -12,8 +12,11 @@ from behaviours.leaf import Argument, Leaf
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
+from missions.language.faces import KIND as FACE
+from missions.language.faces import as_face, read_face
 from missions.language.notes import Notes
-from missions.language.phrases import KIND, read_phrases
+from missions.language.phrases import KIND as PHRASES
+from missions.language.phrases import read_phrases, second_phrase
 from missions.language.values import Convert, Value, in_si, shown, whole
 
 NAMES = ("text", "joint", "joints", "choice", "file")
@@ -36,7 +39,8 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
             if name.text in declared:
                 values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
             else:
-                notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", one_of(name.text, declared))
+                hint = second_phrase(leaf, node, name) or one_of(name.text, declared)
+                notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint)
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):
         principal = next((argument for argument in declared.values() if argument.principal), None)
         if principal is not None:
@@ -53,7 +57,8 @@ def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Valu
         if argument.name in given:
             continue
         if argument.required:
-            notes.fault(key.mark, f"'{leaf.word}' needs '{argument.name}': {argument.help}")
+            choices = f", one of {', '.join(argument.choices)}" if argument.choices else ""
+            notes.fault(key.mark, f"'{leaf.word}' needs '{argument.name}': {argument.help}{choices}")
         elif argument.kind in notes.things:
             values[argument.name] = notes.constant(key, argument.default, f"'{leaf.word}'", converter(notes, argument))
     return values
@@ -84,8 +89,10 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
         return _read_span(notes, argument, node, what)
     if argument.by_joint:
         return _read_by_joint(notes, argument, node, what)
-    if argument.kind == KIND:
+    if argument.kind == PHRASES:
         return read_phrases(notes, node, what)
+    if argument.kind == FACE and isinstance(node, Scalar):
+        return read_face(notes, node, what)
     convert = converter(notes, argument)
     if isinstance(node, Scalar):
         return notes.value(_as_meant(notes, argument, node), what, convert)
@@ -260,6 +267,7 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
     "joints": _joints,
     "value": _anything,
     "outcomes": _outcomes,
+    FACE: lambda _, value: as_face(value),
 }
 
 

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from config.faults import one_of
-from config.marked import Listing, Mapping, Node, Scalar
+from config.marked import Mapping, Node, Scalar
 from config.units import seen
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
 from missions.language.params import Param, read_params
-from missions.language.plan import MISSION, SWITCH, Property, Step
+from missions.language.plan import Property, Step
 from missions.language.properties import read_properties
+from missions.language.stored import of_one_kind, setters
 from missions.language.values import Value
 
 KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
@@ -52,7 +53,10 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
     if node is None:
         notes.fault(root.mark, "the mission needs 'tree:' with its first behaviour under it")
         return Body(mission, summary, None, {})
-    notes.stored |= stored_names(node, {word: leaf.open_ended for word, leaf in notes.leaves.items()})
+    found = setters(node, notes.leaves)
+    given = notes.params.keys() | notes.stored
+    notes.kept |= {name: leaf for name, leaf in of_one_kind(found).items() if name not in given}
+    notes.stored |= found.keys()
     tree = read_step(notes, node)
     properties = read_properties(notes, root.get("properties"), tree)
     returns = read_returns(notes, root.get("returns"))
@@ -96,33 +100,3 @@ def read_returns(notes: Notes, node: Node | None) -> dict[str, Value]:
         else:
             notes.fault(value.mark, f"result '{key.text}' needs an expression")
     return found
-
-
-def stored_names(node: Node, words: dict[str, bool]) -> set[str]:
-    """Return the variables that anything below ``node`` sets: by ``as``, ``returns``, or a leaf such as ``set``.
-
-    ``words`` says of each leaf whether it is open-ended. Read before the steps, since an expression may stand above
-    what sets its variable.
-    """
-    found: set[str] = set()
-    if isinstance(node, Listing):
-        for item in node.items:
-            found |= stored_names(item, words)
-    elif isinstance(node, Mapping):
-        for key, value in node.entries:
-            if key.text == "as" and isinstance(value, Scalar):
-                found.add(value.text)
-            elif isinstance(value, Mapping) and (words.get(key.text) or _is_returns(node, key.text)):
-                found.update(value.keys())
-            elif key.text == SWITCH and isinstance(value, Mapping):
-                cases = value.get("cases")
-                branches = [case for _, case in cases.entries] if isinstance(cases, Mapping) else []
-                for branch in (*branches, value.get("default")):
-                    found |= set() if branch is None else stored_names(branch, words)
-            elif isinstance(value, Listing):
-                found |= stored_names(value, words)
-    return found
-
-
-def _is_returns(beside: Mapping, key: str) -> bool:
-    return key == "returns" and beside.get(MISSION) is not None

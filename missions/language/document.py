@@ -7,6 +7,7 @@ from pathlib import Path
 from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError, Source
 from config.marked import compose, read_source
+from missions.language.answers import check_answers
 from missions.language.body import read_body
 from missions.language.claims import Target, check_claims, check_needs, check_reach
 from missions.language.flow import check_flow
@@ -30,15 +31,17 @@ def load_plan(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
+    ears: Target | None = None,
 ) -> Plan:
     """Read and check a mission, and the missions that it runs.
 
-    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for.
+    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for;
+    where none is named, ``ears`` is the one that it listens with.
     Raises InvalidFileError with every mistake, in the files and in the params.
     """
     source = read_source(path)
     words = Words(leaves, things, find_mission)
-    return _check(source, words, (path.resolve(),), params or {}, complete=complete, robot=robot)
+    return _check(source, words, (path.resolve(),), params or {}, complete=complete, robot=robot, ears=ears)
 
 
 def check_plan(
@@ -50,10 +53,11 @@ def check_plan(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
+    ears: Target | None = None,
 ) -> Plan:
     """Check a mission's text. See ``load_plan``."""
     words = Words(leaves, things, find_mission)
-    return _check(source, words, (), params or {}, complete=complete, robot=robot)
+    return _check(source, words, (), params or {}, complete=complete, robot=robot, ears=ears)
 
 
 def _check(
@@ -64,6 +68,7 @@ def _check(
     *,
     complete: bool,
     robot: Target | None,
+    ears: Target | None,
 ) -> Plan:
     faults: list[Fault] = []
     root = compose(source, faults)
@@ -85,6 +90,9 @@ def _check(
             if robot is not None:
                 check_reach(notes, tree, robot)
                 check_phrases(notes, tree, robot)
+            elif ears is not None:
+                check_phrases(notes, tree, ears, asked=False)
+            check_answers(notes, tree)
             check_flow(notes, tree)
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:

@@ -12,7 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from config.faults import one_of
 from config.units import Bare, seen
+from missions.language.members import members_in
 from missions.language.operators import (
     BINARY,
     COMPARE,
@@ -57,12 +59,16 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """One name that an expression reads, with the first member if there is one ("percent" of ``battery.percent``)."""
+    """One name that an expression reads, with the first member if there is one ("percent" of ``battery.percent``).
+
+    ``compared`` is whether it is asked for equality with something, as a text may be.
+    """
 
     name: str
     member: str
     column: int
     length: int
+    compared: bool = False
 
     @property
     def dotted(self) -> str:
@@ -154,13 +160,23 @@ def _reads(text: str, tree: ast.expr, column: int) -> tuple[Read, ...]:
     nodes = list(ast.walk(tree))
     called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
     members = {id(node.value): node for node in nodes if isinstance(node, ast.Attribute)}
+    compared = {id(each) for node in nodes if isinstance(node, ast.Compare) for each in _operands(node)}
     found = []
     for node in nodes:
         if isinstance(node, ast.Name) and id(node) not in called and node.id not in WORDS:
             member = members.get(id(node))
             start, end = _characters(text, member or node)
-            found.append(Read(node.id, member.attr if member else "", column + start, end - start))
+            name = member.attr if member else ""
+            found.append(Read(node.id, name, column + start, end - start, id(node) in compared))
     return tuple(sorted(found, key=lambda read: read.column))
+
+
+def _operands(node: ast.Compare) -> list[ast.expr]:
+    """Return what is asked for equality, the items of lists too; nothing where the comparison is of sizes."""
+    if not all(isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn) for op in node.ops):
+        return []
+    sides = [node.left, *node.comparators]
+    return [*sides, *(item for side in sides if isinstance(side, ast.List | ast.Tuple) for item in side.elts)]
 
 
 def _characters(text: str, node: ast.expr) -> tuple[int, int]:
@@ -258,7 +274,10 @@ def _member(owner: object, name: str) -> object:
             raise ExpressionError(f"'{name}' cannot be read: {error}") from error
         if found is not _MISSING and not callable(found):
             return found
-    raise ExpressionError(f"'{name}' is not there" + (": nothing is stored yet" if owner is None else ""))
+    hint = one_of(name, members_in(owner))
+    raise ExpressionError(
+        f"'{name}' is not there" + (": nothing is stored yet" if owner is None else hint and f"; {hint}")
+    )
 
 
 _MISSING = object()

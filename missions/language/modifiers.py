@@ -78,8 +78,10 @@ def _only(answer: bool | str) -> Callable[[Notes, str, Scalar], Value]:
     return read
 
 
+IF = "asked once, at the start; false skips the node, which counts as success; for 'else' use switch"
+
 MODIFIERS = {
-    "if": Modifier("an expression", "asked once, at the start; where it is false the node is skipped", _condition),
+    "if": Modifier("an expression", IF, _condition),
     "while": Modifier("an expression", "asked at every tick; once false, the node is halted and fails", _condition),
     "until": Modifier("an expression", "asked at every tick; once true, the node is halted and succeeds", _condition),
     "timeout": Modifier("a duration", "fails, halting the node, when it still runs after that long", _duration),

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, Mark, Source, did_you_mean, note, one_of
+from config.faults import Fault, Mark, Source, closest, note, one_of
 from config.marked import Node, Scalar
-from config.units import seen
+from config.units import article, seen
 from missions.language.expressions import RESERVED, WORDS, Expression, ExpressionError, Read
+from missions.language.members import members_of
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 from missions.language.values import Convert, Template, Value, template
@@ -52,7 +53,8 @@ class Notes:
     """The mission being read: its text, its params' values, what it may name, and what is wrong with it.
 
     ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
-    ``awaited`` are those params among them that nobody has given yet.
+    ``awaited`` are those params among them that nobody has given yet. ``kept`` are those variables of which it is known
+    what they hold, each with a leaf that keeps that.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
 
@@ -63,6 +65,7 @@ class Notes:
     params: dict[str, object] = field(default_factory=dict)
     stored: set[str] = field(default_factory=set)
     awaited: set[str] = field(default_factory=set)
+    kept: dict[str, type[Leaf]] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
 
     @property
@@ -133,18 +136,38 @@ class Notes:
         self.fault(self._within(node, error.column or 0, error.length), f"{what}: {error}")
 
     def _known(self, node: Scalar, read: Read, what: str) -> bool:
-        """Note a name that nothing can give a value to."""
+        """Note a name that nothing can give a value to, and a member that its value cannot have."""
+        if read.name in self.kept:
+            return self._has_member(node, read, what, self.kept[read.name])
         if read.name in self.params or read.name in self.stored or read.member in STATE.get(read.name, ()):
             return True
+        mark = self._within(node, read.column, read.length)
+        self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", self._meant(read))
+        return False
+
+    def _has_member(self, node: Scalar, read: Read, what: str, leaf: type[Leaf]) -> bool:
+        """Note a member that what ``leaf`` keeps does not have."""
+        members = [] if leaf.keeps is None else members_of(leaf.keeps)
+        if not read.member or read.member in members:
+            return True
+        noun = leaf.stores.partition(":")[0].removeprefix("the ")
+        mark = self._within(node, read.column, read.length)
+        self.fault(mark, f"{what}: {article(noun)} has no {seen(read.member)}", one_of(read.member, members))
+        return False
+
+    def _meant(self, read: Read) -> str:
+        """Say what may be meant by an unknown name."""
+        own = sorted({*self.params, *self.stored})
         state = [f"{name}.{member}" for name, members in STATE.items() for member in members]
         if read.name in STATE:
-            hint = one_of(read.dotted, [name for name in state if name.startswith(f"{read.name}.")])
+            return one_of(read.dotted, [name for name in state if name.startswith(f"{read.name}.")])
+        if read.member:  # the name before it is what must be like another
+            close = closest(read.name, [*own, *STATE])
+            close = f"{close}.{read.member}" if close else ""
         else:
-            own = sorted({*self.params, *self.stored})
-            hint = did_you_mean(read.dotted, [*own, *state]) or f"known are: {', '.join([*own, *STATE])}"
-        mark = self._within(node, read.column, read.length)
-        self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", hint)
-        return False
+            close = closest(read.name, [*own, *state])
+        hint = f"did you mean '{close}'?" if close else f"known are: {', '.join([*own, *STATE])}"
+        return f"{hint}; write '{read.name}' in quotes for the text" if read.compared and not read.member else hint
 
     def _within(self, node: Scalar, column: int, length: int) -> Mark:
         """Return the place of a part of a scalar's text: the whole of it where the file writes it otherwise."""

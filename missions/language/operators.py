@@ -55,7 +55,7 @@ def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
     try:
         return bool(COMPARE[type(op)](left, right))
     except (TypeError, ValueError):
-        raise ValueError(f"cannot compare {_described(left)} with {_described(right)}") from None
+        raise ValueError(f"cannot compare {described(left)} with {described(right)}") from None
 
 
 def combine(op: ast.operator, left: Any, right: Any) -> object:
@@ -69,7 +69,7 @@ def calculate(function: Callable[..., Any], *numbers: object) -> int | float:
     """Apply arithmetic to numbers, and nothing but numbers. What bare numbers make is bare too."""
     for number in numbers:
         if not isinstance(number, int | float):
-            raise ValueError(f"cannot calculate with {_described(number)}")
+            raise ValueError(f"cannot calculate with {described(number)}")
     result: float = function(*numbers)
     if out_of_range(result):
         raise ValueError("a number out of range")
@@ -104,7 +104,7 @@ def short(text: str) -> str:
     return text
 
 
-def _described(value: object) -> str:
+def described(value: object) -> str:
     """Say what a value is, for a message."""
     if isinstance(value, str):
         return f"the text {seen(value)}"

@@ -9,6 +9,11 @@ Ends = frozenset[str]
 SUCCESS, FAILURE = "success", "failure"
 BOTH: Ends = frozenset({SUCCESS, FAILURE})
 
+LETS_THROUGH = frozenset(
+    {"timeout", "retry", "repeat", "on_failure", "while", "until", "hold", "delay", "cooldown", "once"}
+)
+"""The modifiers that succeed where what they stand around does."""
+
 
 def check_outcomes(notes: Notes, tree: Step) -> None:
     """Note the steps that are never reached, and the modifiers that cannot matter."""
@@ -17,6 +22,7 @@ def check_outcomes(notes: Notes, tree: Step) -> None:
             _unreached(notes, step, SUCCESS, "succeeds")
         elif step.kind in ("selector", "reactive_selector"):
             _unreached(notes, step, FAILURE, "fails")
+            _no_else(notes, step)
         elif len(step.children) == 1:
             _pointless(notes, step, step.children[0])
 
@@ -27,6 +33,24 @@ def _unreached(notes: Notes, step: Step, passes: str, verb: str) -> None:
             what = f"'{child.name}' (line {_inner(child).mark.line}) never {verb}"
             notes.fault_at(_inner(after), f"'{after.name}' is never reached: {what}")
             return
+
+
+def _no_else(notes: Notes, step: Step) -> None:
+    """Note an ``if`` after which others wait for a failure: where it is false, none of them has its turn."""
+    for child in map(_behind, step.children[:-1]):
+        if child.kind == "if":
+            notes.fault_at(
+                child,
+                f"'if' is no 'else' in a {step.kind}: what is skipped counts as success, and the others are not tried",
+                "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
+            )
+
+
+def _behind(step: Step) -> Step:
+    """Return the first step within that can turn a success into something else, or a failure into a success."""
+    while step.kind in LETS_THROUGH:
+        step = step.children[0]
+    return step
 
 
 def _pointless(notes: Notes, step: Step, child: Step) -> None:

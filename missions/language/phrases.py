@@ -1,9 +1,10 @@
 """What a mission listens for: read from its file, and gathered from its whole tree."""
 
-from collections.abc import Iterator
 from dataclasses import replace
+from string import punctuation
 
-from config.marked import Listing, Node, Scalar
+from behaviours.leaf import Leaf
+from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.claims import Target
 from missions.language.notes import Notes
@@ -23,6 +24,11 @@ def read_phrases(notes: Notes, node: Node, what: str) -> Value:
     """
     found: dict[str, str] = {}
     items = node.items if isinstance(node, Listing) else [node]
+    if isinstance(node, Scalar) and "," in node.text:
+        parts = [part.strip() for part in node.text.split(",")]
+        hint = f"write [{', '.join(parts)}] for {len(parts)} phrases, or leave the comma out"
+        notes.fault(node.mark, f"{what} is one phrase with a comma in it, {seen(node.text)}", hint)
+        return Value()
     if not items:
         notes.fault(node.mark, f"{what} needs at least one phrase")
     for item in items:
@@ -38,6 +44,15 @@ def read_phrases(notes: Notes, node: Node, what: str) -> Value:
     return Value(found)
 
 
+def second_phrase(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:
+    """Say how to write two phrases where ``{for: yes, no}`` stands, of which YAML makes a key without a value."""
+    own = next((argument.name for argument in leaf.arguments.values() if argument.kind == KIND), "")
+    first, second = node.get(own), node.get(name.text)
+    if not isinstance(first, Scalar) or not isinstance(second, Scalar) or second.value is not None:
+        return ""
+    return f"write {own}: [{first.text}, {name.text}] for two phrases"
+
+
 def _sayable(value: object) -> str:
     if not isinstance(value, str):
         raise ValueError(f"needs a phrase, got {seen(value)}")
@@ -48,24 +63,40 @@ def _sayable(value: object) -> str:
 
 def phrases_of(tree: Step) -> tuple[str, ...]:
     """Return all phrases that a mission listens for, as they are listened for, each once."""
-    return tuple(dict.fromkeys(phrase for step in tree.walk() for phrase in _own(step)))
+    return tuple(dict.fromkeys(phrase for step in tree.walk() for phrase in own_phrases(step)))
 
 
-def check_phrases(notes: Notes, tree: Step, robot: Target) -> None:
-    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said."""
+def own_phrases(step: Step) -> dict[str, str]:
+    """Return the phrases that one step listens for, as far as they are known: as written, by how each is heard."""
+    declared = {} if step.leaf is None else step.leaf.arguments
+    found: dict[str, str] = {}
+    for name, value in step.arguments.items():
+        if name in declared and declared[name].kind == KIND and isinstance(value.constant, dict):
+            found |= value.constant
+    return found
+
+
+def check_phrases(notes: Notes, tree: Step, robot: Target, *, asked: bool = True) -> None:
+    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said.
+
+    ``asked`` is whether it is the robot that somebody has named.
+    """
     words = dict.fromkeys(word for phrase in phrases_of(tree) for word in phrase.split())
     unknown = set(robot.unpronounceable(tuple(words))) if words else set()
+    other = "" if asked else "; for another robot: --robot NAME"
     for step in tree.walk():
-        for word in dict.fromkeys(word for phrase in _own(step) for word in phrase.split() if word in unknown):
+        own = own_phrases(step)
+        strange = {word: phrase for phrase in own for word in phrase.split() if word in unknown}
+        for word, phrase in strange.items():
             notes.fault_at(
                 step,
-                f"'{step.kind}' cannot listen for {seen(word)}: no dictionary has it",
-                f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' (docs/speech.md)",
+                f"'{step.kind}' cannot listen for {seen(_written(word, own[phrase]))}: no dictionary has it",
+                f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' "
+                f"(docs/speech.md){other}",
             )
 
 
-def _own(step: Step) -> Iterator[str]:
-    declared = {} if step.leaf is None else step.leaf.arguments
-    for name, value in step.arguments.items():
-        if name in declared and declared[name].kind == KIND and isinstance(value.constant, dict):
-            yield from value.constant
+def _written(word: str, phrase: str) -> str:
+    """Return a word as the mission writes it, in ``phrase``."""
+    plain = (each.strip(punctuation) for each in phrase.split())
+    return next((each for each in plain if normalised(each) == word), word)

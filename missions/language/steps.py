@@ -40,7 +40,8 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
             _unknown(notes, key, "modifier" if behaviours else "behaviour", [*MODIFIERS, *BESIDE])
             _read_below(notes, value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
-        notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING)
+        hint = "write it under the behaviour above, without a dash" if node.entries else ""
+        notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING, hint)
     for key, _ in behaviours[1:]:
         first = behaviours[0][0].text
         if key.text != first:  # the same word twice is a key that stands twice, which has been noted
@@ -84,7 +85,8 @@ def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | 
     if keep_as is not None:
         notes.new_name(keep_as, "'as'")
         if key.text != MISSION and (leaf is None or not leaf.stores):
-            notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep")
+            hint = "indent it, to stand beside the behaviour above" if key.text in COMPOSITES else ""
+            notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep", hint)
     if key.text != MISSION and beside is not None:
         for word, _ in beside.entries:
             if word.text in ("with", "returns"):

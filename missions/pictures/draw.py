@@ -96,5 +96,4 @@ def _fold(box: Box, depth: int) -> Box:
         return replace(box, children=tuple(_fold(child, depth) for child in box.children))
     if depth > 0:
         return replace(box, children=tuple(_fold(child, depth - 1) for child in box.children))
-    hidden = sum(1 + each.folded for child in box.children for each in child.walk())
-    return replace(box, children=(), folded=box.folded + hidden)
+    return replace(box, children=(), folded=box.folded + sum(child.nodes for child in box.children))

@@ -33,7 +33,7 @@ class Box:
     ``said`` is what stands behind the word in the file where that is one value: then it is the one argument too.
     ``badges`` are its modifiers, outermost first. ``mission`` is the name of the mission that a sub-mission runs, empty
     for all others; ``case`` the value for which a switch chooses it ("else" for the default). ``since`` says when it
-    took on its status, in seconds of the run. ``folded`` counts the boxes that are hidden below it.
+    took on its status, in seconds of the run. ``folded`` counts the nodes that are hidden below it.
     """
 
     key: str
@@ -59,6 +59,11 @@ class Box:
         yield self
         for child in self.children:
             yield from child.walk()
+
+    @property
+    def nodes(self) -> int:
+        """How many nodes there are from it on, as the checker counts: modifiers too, and what is folded."""
+        return 1 + len(self.badges) + self.folded + sum(child.nodes for child in self.children)
 
     @property
     def title(self) -> str:

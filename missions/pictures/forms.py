@@ -8,6 +8,7 @@ from missions.pictures.compare import Comparison
 from missions.pictures.diff_json import comparison_to_json
 from missions.pictures.drawing import Drawing
 from missions.pictures.mermaid import mermaid
+from missions.pictures.outline import outline
 from missions.pictures.page.page import page
 from missions.pictures.page.pair import pair_page
 from missions.pictures.png import png
@@ -24,6 +25,7 @@ def _json(data: object) -> str:
 
 
 FORMS: Mapping[str, Callable[[Drawing], Dump]] = {
+    "text": outline,
     "unicode": text_tree,
     "ascii": partial(text_tree, ascii=True),
     "dot": dot,
@@ -39,6 +41,7 @@ WIDE = 120
 """Columns of two missions side by side in a file."""
 
 PAIR_FORMS: Mapping[str, Callable[[Comparison], Dump]] = {
+    "text": partial(side_by_side, width=WIDE),
     "unicode": partial(side_by_side, width=WIDE),
     "ascii": partial(side_by_side, width=WIDE, ascii_only=True),
     "svg": svg_pair,
@@ -49,7 +52,8 @@ PAIR_FORMS: Mapping[str, Callable[[Comparison], Dump]] = {
 """The forms in which two trees stand side by side."""
 
 SUFFIXES: Mapping[str, str] = {
-    ".txt": "unicode",
+    ".txt": "text",
+    ".unicode": "unicode",
     ".ascii": "ascii",
     ".dot": "dot",
     ".gv": "dot",

@@ -21,7 +21,7 @@ METRE = 100
 """Units of the drawing to a metre."""
 
 _STYLE = """
-text { font: 15px sans-serif; fill: #33353a; text-anchor: middle; paint-order: stroke;
+text { font: 15px "DejaVu Sans", sans-serif; fill: #33353a; text-anchor: middle; paint-order: stroke;
        stroke: #fdfcf8; stroke-width: 4px; stroke-linejoin: round }
 .on { stroke: none } .light { fill: #f6f6f2 } .title { font-size: 24px; font-weight: bold; text-anchor: start }
 .summary { font-size: 16px; text-anchor: start; fill: #5a5d64 }
@@ -140,7 +140,7 @@ class _Plan:
         start = self._world.start
         self._disc((start.x, start.y), BASE_RADIUS, "robot")
         self._nose((start.x, start.y), start.heading, BASE_RADIUS * 0.8)
-        self._text("start", (start.x, start.y - BASE_RADIUS - 0.12))
+        self._text("robot", (start.x, start.y - BASE_RADIUS - 0.12))
 
     def _measures(self) -> None:
         """Draw the lengths of the room along two of its walls, what its corners are called, and a scale."""

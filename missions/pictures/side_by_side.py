@@ -1,43 +1,58 @@
 """Two missions in two columns of text, a sign between them for what is the same, changed, added or removed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from rich.cells import cell_len, chop_cells, set_cell_size
 
 from missions.pictures.compare import CHANGES, Comparison, Pair
-from missions.pictures.drawing import Box
+from missions.pictures.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Status
 
 LEAST = 16
 """Columns of a side at least, however narrow the terminal is."""
 
+Signs = Mapping[Status, str]
+"""How statuses are written in a column; none are, where it shows no moment of a run."""
+
 
 def side_by_side(comparison: Comparison, width: int, *, ascii_only: bool = False) -> str:
-    """Return a line for each pair of nodes, in ``width`` columns; below it, what has changed in the node itself."""
+    """Return a line for each pair of nodes, in ``width`` columns; below it, what has changed in the node itself.
+
+    A column that shows a moment of a run says how each node stands then.
+    """
     side = max((width - 3) // 2, LEAST)
-    rows = [_row(comparison.left.mission, " ", comparison.right.mission, side)]
-    rows += _rows(comparison.root, 0, side)
+    both = (comparison.left, comparison.right)
+    left, right = ({} if each.time is None else ASCII_SIGNS if ascii_only else SIGNS for each in both)
+    rows = [_row(_head(comparison.left), " ", _head(comparison.right), side)]
+    rows += _rows(comparison.root, 0, side, left, right)
     text = "\n".join([*rows, comparison.summary]) + "\n"
     return text.translate({ord("≠"): "!", ord("…"): "~"}) if ascii_only else text
 
 
-def _rows(pair: Pair, depth: int, side: int) -> Iterator[str]:
+def _head(drawing: Drawing) -> str:
+    return drawing.mission if drawing.time is None else f"{drawing.mission} at {drawing.time:.2f} s"
+
+
+def _rows(pair: Pair, depth: int, side: int, left: Signs, right: Signs) -> Iterator[str]:
     indent = " " * min(2 * depth, side // 2)
-    left, right = (indent + _said(box) if box is not None else "" for box in (pair.left, pair.right))
-    yield _row(left, CHANGES[pair.change], right, side)
+    columns = ((pair.left, left), (pair.right, right))
+    old, new = (indent + _said(box, signs) if box is not None else "" for box, signs in columns)
+    yield _row(old, CHANGES[pair.change], new, side)
     below = f"{indent}    "
     for line in pair.what.splitlines():
         yield from (_row("", " ", below + part, side) for part in chop_cells(line, side - len(below)))
     for child in pair.children:
-        yield from _rows(child, depth + 1, side)
+        yield from _rows(child, depth + 1, side, left, right)
 
 
-def _said(box: Box) -> str:
-    """Return a node in one line: its case, title, arguments, modifiers, and the variable that keeps its result."""
-    words = [f"{box.case}:"] if box.case else []
+def _said(box: Box, signs: Signs) -> str:
+    """Return a node in one line: how it stands, its case and title, why, arguments, modifiers, and its result."""
+    words = [signs[box.status]] if signs else []
+    words += [f"{box.case}:"] if box.case else []
     words.append(box.title)
+    words += [f"-- {box.reason}"] if box.reason else []
     told = [f"{name}: {text}" for name, text in box.untold.items()]
     told += [f"as: {box.keep_as}"] if box.keep_as else []
-    told += [f"{badge.kind}: {badge.text}" for badge in box.badges]
+    told += [f"{f'{signs[badge.status]} ' if signs else ''}{badge.kind}: {badge.text}" for badge in box.badges]
     return " ".join(words) + (f" ({', '.join(told)})" if told else "")
 
 

@@ -9,6 +9,9 @@ from missions.pictures.drawing import SIGNS, Status
 STATUSES: Mapping[str, Status] = {status: status for status in SIGNS}
 """The words of events as statuses; no other word is one."""
 
+NEAR = 1e-6
+"""Seconds within which two times are one: a sum of many ticks is a trifle off what a person reads and types."""
+
 
 @dataclass(frozen=True, slots=True)
 class Now:
@@ -44,6 +47,6 @@ def states_at(events: Iterable[Event], time: float) -> dict[str, Now]:
     """
     states = States()
     for event in events:
-        if event.t <= time:
+        if event.t <= time + NEAR:
             states.take(event)
     return states.now

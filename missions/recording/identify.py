@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from config.kinds import kinds_of, wrong_kind
 from missions.recording.codec import from_json
 from missions.recording.faults import InvalidRecordError, understanding
 from missions.recording.head import FORMAT, METADATA, Head
@@ -21,11 +22,18 @@ NEWEST = f"was written by a newer MissionTree; this one reads format {FORMAT}\n 
 def no_mcap(path: Path) -> InvalidRecordError:
     """Return what is to be said of a file that does not begin as MCAP files do. Raises OSError."""
     if not path.is_file():
-        return InvalidRecordError(f"{path}: no record: it is not even a file")
+        made = path if path.suffix == ".mcap" else "run.mcap"
+        hint = f"mission run MISSION --record {made}, which makes one"
+        return InvalidRecordError(f"{path}: no record: it is not even a file\n  try: {hint}")
     if path.stat().st_size == 0:
         return InvalidRecordError(f"{path}: is empty: its run ended before anything was written")
-    hint = f"\n  try: mission show {path}" if path.suffix in (".yaml", ".yml") else ""
-    return InvalidRecordError(f"{path}: no record: it does not begin as an MCAP file does{hint}")
+    if "missions" in kinds_of(path):
+        return InvalidRecordError(
+            f"{path}: a mission, and no record\n  try: mission run {path} --record {path.stem}.mcap, which makes one"
+        )
+    if other := wrong_kind("records", path):
+        return InvalidRecordError(other)
+    return InvalidRecordError(f"{path}: no record: it does not begin as an MCAP file does")
 
 
 def head_in(container: "Container", tables: Mapping[str, Mapping[str, str]]) -> Head:

@@ -5,8 +5,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from math import ceil
 
 from missions.columns import in_columns
+from missions.pictures.states import NEAR
 from missions.recording.read import Record
 
 LABEL = 10
@@ -95,7 +97,8 @@ def _hints(record: Record) -> Iterator[str]:
         yield f"mission record mend {path}    close it, so that other programs open it too"
     failure = next(iter(record.failures()), None)
     moment = record.until if failure is None else failure.t
+    time = ceil(1000 * (moment - NEAR)) / 1000  # not before it
     yield f"mission replay {path}"
-    yield f"mission show {path} --at {moment:.2f}s" + ("" if failure is None else "    the first failure of a node")
-    yield f"mission report {path} -o report.html"
+    yield f"mission show {path} --at {time:.3f}s" + ("" if failure is None else "    the first failure of a node")
+    yield f"mission report {path}"
     yield f"mission record export {path} --csv FOLDER"

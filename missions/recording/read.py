@@ -15,6 +15,7 @@ from missions.executive import events
 from missions.executive.events import Ended, Event, Logged, NodeChanged, Ticked
 from missions.executive.moment import Moment
 from missions.pictures.drawing import Drawing
+from missions.pictures.states import NEAR
 from missions.pictures.tree_json import from_json as drawing_from_json
 from missions.recording.codec import from_json
 from missions.recording.faults import InvalidRecordError, understanding
@@ -91,9 +92,9 @@ class Record:
     """What a run did. Made by ``open_record``; keeps no file open. Times are in seconds of the run.
 
     ``files`` are those that the run was made of, by their names in the record. ``whole`` says that it was closed
-    properly; ``until`` is the time of its last message. ``cut_from`` is where a piece begins that was cut out of
-    another record, and None for a record from its beginning. ``full`` says that it was as large as it might get, so
-    that the run went on without it. ``container`` is the file itself, for what works on it.
+    properly. ``cut_from`` is where a piece begins that was cut out of another record, and None for a record from its
+    beginning. ``full`` says that it was as large as it might get, so that the run went on without it. ``container`` is
+    the file itself, for what works on it.
 
     What is asked for is read when it is asked for, and kept; pictures and percepts are not. InvalidRecordError is
     raised for messages that are not what this program writes; messages in a damaged stretch are just not there.
@@ -114,7 +115,7 @@ class Record:
         self.head = head
         self.files = files
         self.whole = container.whole
-        self.until = until
+        self._last_message = until
         self.cut_from = cut_from
         self.full = full
         self._figures: dict[str, list[tuple[float, dict[str, float]]]] = {}
@@ -136,6 +137,11 @@ class Record:
                 if event.late is not None and event.late * self.head.rate <= 1:
                     event.late = None  # less than a tick: that is not late
         return found
+
+    @cached_property
+    def until(self) -> float:
+        """When it ends: at its last message or event. Messages are stamped in whole nanoseconds, events exactly."""
+        return max([self._last_message, *(event.t for event in self.events[-1:])])
 
     @cached_property
     def moments(self) -> Sequence[Moment]:
@@ -161,9 +167,9 @@ class Record:
         return [time for time, _ in found], [value for _, value in found]
 
     def statuses(self, time: float) -> Mapping[str, NodeChanged]:
-        """Return the newest change of each node up to ``time``, by key."""
+        """Return the newest change of each node up to ``time``, or so near behind it that nobody means less, by key."""
         changes = self._changes
-        return {change.node: change for change in changes[: bisect_right(changes, time, key=lambda it: it.t)]}
+        return {change.node: change for change in changes[: bisect_right(changes, time + NEAR, key=lambda it: it.t)]}
 
     def failures(self) -> Sequence[NodeChanged]:
         """Return every change of a node to failure, in order."""

@@ -4,6 +4,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
 
 from missions.executive.events import Event
+from missions.pictures.states import NEAR
 from missions.recording.read import Record
 
 JUMP = 5.0
@@ -15,9 +16,6 @@ SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 HELP = "space play  ←→ jump  ↑↓ speed  , . tick  f F failure  / n N search  0-9 tenth  q quit"
 
 BACKSPACE = ("\x7f", "\b")
-
-NEAR = 1e-6
-"""Seconds within which two times are one: whoever jumps to the next event is not to get the one that is shown."""
 
 
 class Player:
@@ -32,8 +30,7 @@ class Player:
         self.note = ""
         self.typing: str | None = None
         self.begin = 0.0 if record.cut_from is None else record.cut_from
-        # Messages are stamped in nanoseconds, events exactly: the last one must not be beyond the end.
-        self.until = max([record.until, self.begin, *(event.t for event in record.events[-1:])])
+        self.until = max(record.until, self.begin)
         self._record = record
         self._ticks = [moment.t for moment in record.moments]
         self._failures = [failure.t for failure in record.failures()]
@@ -94,7 +91,7 @@ class Player:
             self.speed = others[0 if faster else -1]
 
     def _jump(self, times: Sequence[float], what: str, *, back: bool = False) -> None:
-        """Pause at the next of some rising ``times``, or at the one before."""
+        """Pause at the next of some rising ``times``, or at the one before; never at the one that is shown."""
         place = bisect_left(times, self.time - NEAR) - 1 if back else bisect_right(times, self.time + NEAR)
         if 0 <= place < len(times):
             self.time, self.playing = self._within(times[place]), False

@@ -18,9 +18,11 @@ from missions.executive.events import (
 )
 from missions.pictures.draw import at
 from missions.pictures.drawing import SIGNS, Box, Status
-from missions.pictures.states import Now, now_of
+from missions.pictures.states import NEAR, Now, now_of
 from missions.recording.read import Record
 from missions.replay.play import HELP, Player
+from missions.report.words import in_words, name_of
+from perception.api import Percept
 
 STYLES: Mapping[Status, str] = {"idle": "dim", "running": "bold yellow", "success": "green", "failure": "red"}
 
@@ -32,9 +34,6 @@ MOST_VARIABLES = 6
 
 RARE = frozenset({"latch", "enable", "tune", "tone", "light", "relax", "follow", "recover"})
 """Commands worth a line; where base, head and arm go, and what is said, is told otherwise or all the time."""
-
-LONGEST = 60
-"""Characters of a value that are shown."""
 
 
 class Screen:
@@ -75,7 +74,7 @@ class Screen:
     def _values(self, time: float) -> list[Text]:
         """Return a line for each variable that has a value."""
         values = variables(self._variables, time)
-        lines = [f"  {name} = {_short(value)}" for name, value in values.items()]
+        lines = [f"  {name} = {in_words(value)}" for name, value in values.items()]
         more = [f"  and {len(lines) - MOST_VARIABLES} more"] if len(lines) > MOST_VARIABLES else []
         return [Text(line, style="cyan") for line in lines[:MOST_VARIABLES] + more]
 
@@ -91,16 +90,23 @@ class Screen:
 
 
 def lines(record: Record, start: float) -> Iterator[str]:
-    """Yield what happened from ``start`` on, a line for each change of a node and each event worth one."""
+    """Yield what happened from ``start`` on, a line for each change of a node and each event worth one.
+
+    A variable that holds somebody who was seen is told again once it is somebody else, not in each new place.
+    """
+    held: dict[tuple[str, str], str] = {}
     for event in record.events:
-        if event.t < start:
+        if event.t < start - NEAR:
             continue
         if isinstance(event, NodeChanged):
             reason = f": {event.reason}" if event.reason else ""
             sign, named = SIGNS[now_of(event).status], "" if event.name == event.kind else f" '{event.name}'"
             yield f"{event.t:8.2f} s  {sign} {event.status:<8} {event.kind}{named} (line {event.line}){reason}"
-        elif isinstance(event, VariableSet) and isinstance(event.value, str | float | int):
-            yield f"{event.t:8.2f} s    {event.name} = {_short(event.value)}"
+        elif isinstance(event, VariableSet):
+            variable, seen = (event.scope, event.name), name_of(event.value) if isinstance(event.value, Percept) else ""
+            if not seen or held.get(variable) != seen:
+                yield f"{event.t:8.2f} s    {event.name} = {in_words(event.value)}"
+            held[variable] = seen
         elif words := said(event):
             yield f"{event.t:8.2f} s    {words}"
 
@@ -129,7 +135,7 @@ def said(event: Event) -> str:
     """Return an event in words; nothing for those that happen all the time."""
     match event:
         case Logged():
-            return f'robot: "{event.text}"' if event.level == "voice" else f"{event.level}: {event.text}"
+            return _heard(event)
         case Notified():
             return f"notice: {event.text}"
         case FaultRaised():
@@ -137,10 +143,18 @@ def said(event: Event) -> str:
         case ReflexFired():
             return f"! {event.what} {event.where}".rstrip() + ("" if event.on else " over")
         case CommandSent() if RARE & set(event.values):
-            values = ", ".join(f"{name} {_short(value)}" for name, value in event.values.items())
+            values = ", ".join(f"{name} {in_words(value)}" for name, value in event.values.items())
             return f"{event.to}: {values}  ({event.source})"
         case _:
             return ""
+
+
+def _heard(line: Logged) -> str:
+    """Return a line of the log: of speech, who said it, and what."""
+    who, told, words = line.text.partition(": ")
+    if line.level == "voice":
+        return f'robot: "{line.text}"'
+    return f'{who}: "{words}"' if line.level == "person" and told else f"{line.level}: {line.text}"
 
 
 def _rows(root: Box, depth: int = 0) -> Iterator[tuple[int, Box]]:
@@ -166,8 +180,3 @@ def _window(rows: Sequence[Text], focus: int, height: int) -> Sequence[Text]:
     """Return as many rows as there is room for, with the one that it is about two thirds down."""
     start = min(max(0, focus - height * 2 // 3), max(0, len(rows) - height))
     return rows[start : start + height]
-
-
-def _short(value: object) -> str:
-    text = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

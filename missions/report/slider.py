@@ -63,12 +63,14 @@ class Texts:
 
 
 def moments_of(record: Record) -> Moments:
-    """Return the moments of a record: its beginning, every tick, everything that nodes did besides, and its end."""
+    """Return the moments of a record: its beginning, every tick, everything that nodes did besides, and its end.
+
+    It begins with the first tick: before that the robot's parts were got ready, which may take long.
+    """
     ticks = {event.t: event.tick for event in record.events if isinstance(event, Ticked)}
-    begin = record.cut_from or 0.0
-    # Messages are stamped in nanoseconds, events exactly: the last one must not be beyond the end.
-    end = max([begin, record.until, *(event.t for event in record.events[-1:])])
-    other = (event.t for event in record.events if isinstance(event, NodeChanged))
+    other = [event.t for event in record.events if isinstance(event, NodeChanged)]
+    begin = min((*ticks, *other), default=0.0) if record.cut_from is None else record.cut_from
+    end = max(begin, record.until)
     times = sorted({begin, end, *(time for time in (*ticks, *other) if begin <= time <= end)})
     counts, count = [], 0
     for time in times:

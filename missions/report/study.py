@@ -41,7 +41,7 @@ def study(record: Record, *, most_pictures: int = 0) -> Study:
         moments,
         lanes,
         misses,
-        charts_of(record, misses),
+        charts_of(record, misses, moments.begin),
         route_of(record),
         views,
         pictures(record, views, most_pictures),

@@ -15,6 +15,9 @@ from missions.report.words import Named, counted, in_seconds, names_in
 STILL = 0.01
 """Metres and radians together that are no movement: reports tremble."""
 
+SOON = 2.0
+"""Seconds that a robot may take to get ready before that is worth a sentence."""
+
 ENDS = {
     "success": "It succeeded",
     "failure": "It failed",
@@ -44,6 +47,8 @@ def sentences(found: Study) -> Iterator[str]:
     """Yield what there is to say of a record, the most important first."""
     record = found.record
     yield verdict(record)[1]
+    if record.cut_from is None and found.moments.begin > SOON:
+        yield f"Its first tick was at {in_seconds(found.moments.begin)}: so long the robot took to get ready."
     yield from _failures(record, found.drawing)
     yield from _busiest(found.lanes, found.drawing)
     yield _faults(record)

@@ -15,8 +15,6 @@ from missions.report.words import counted, in_seconds
 MOST_ROWS = 400
 """Of more the page would get slow; `mission replay` shows them all."""
 
-SPEAKERS = {"voice": "the robot", "person": "somebody"}
-"""Who speaks, where a line of the log is speech."""
 
 Row = tuple[float, str, str]
 """When, what, and the words."""
@@ -42,12 +40,22 @@ def faults_table(record: Record, moments: Moments) -> Markup:
 
 def log_table(record: Record, moments: Moments) -> Markup:
     """Return what was said, notified and logged."""
-    rows = [
-        (event.t, SPEAKERS.get(event.level, event.level) if isinstance(event, Logged) else "notice", event.text)
-        for event in record.events
-        if isinstance(event, Logged | Notified)
-    ]
+    rows = [(event.t, *_said(event)) for event in record.events if isinstance(event, Logged | Notified)]
     return _table(rows, moments, "Nothing was said or logged.")
+
+
+def _said(event: Logged | Notified) -> tuple[str, str]:
+    """Return who speaks, or what sort of line it is, and the words."""
+    match event:
+        case Logged(level="voice"):
+            return "the robot", event.text
+        case Logged(level="person"):
+            who, told, words = event.text.partition(": ")
+            return (who, words) if told else ("somebody", event.text)
+        case Logged():
+            return event.level, event.text
+        case _:
+            return "notice", event.text
 
 
 def sightings_table(found: Sequence[Sighting], moments: Moments) -> Markup:

@@ -1,5 +1,6 @@
 """What a robot did over time, as lines to be drawn: speed, head, battery and the way of its base."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
@@ -66,13 +67,13 @@ class Route:
         return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.places))
 
 
-def charts_of(record: Record, misses: Sequence[Miss]) -> list[Chart]:
-    """Return a chart of everything that a record tells of, without those in which nothing happens."""
+def charts_of(record: Record, misses: Sequence[Miss], begin: float = 0.0) -> list[Chart]:
+    """Return a chart of all that a record tells of from ``begin`` on (s), but for what stays as it is."""
     found = [
-        _asked("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float),
-        _asked("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees),
-        _asked("pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees),
-        _asked("tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees),
+        _asked("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
+        _asked("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
+        _asked("pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin),
+        _asked("tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin),
         Chart(
             "tracking",
             "Tracking error, from the middle of the picture",
@@ -82,7 +83,7 @@ def charts_of(record: Record, misses: Sequence[Miss]) -> list[Chart]:
                 Line("up and down", [(miss.time, miss.below) for miss in misses], asked=True),
             ],
         ),
-        Chart("battery", "Battery", "%", [Line("charge", _points(record, "battery.percent", float))]),
+        Chart("battery", "Battery", "%", [Line("charge", _points(record, "battery.percent", float, begin))]),
     ]
     return [chart for chart in found if chart.values and max(chart.values) - min(chart.values) > STILL]
 
@@ -119,15 +120,24 @@ def thinned(points: Points, begin: float, span: float) -> list[tuple[float, floa
 
 
 def _asked(
-    key: str, title: str, unit: str, record: Record, asked: str, measured: str, convert: Callable[[float], float]
+    key: str,
+    title: str,
+    unit: str,
+    record: Record,
+    asked: str,
+    measured: str,
+    convert: Callable[[float], float],
+    begin: float,
 ) -> Chart:
     lines = [
-        Line("asked", _points(record, asked, convert), asked=True),
-        Line("measured", _points(record, measured, convert)),
+        Line("asked", _points(record, asked, convert, begin), asked=True),
+        Line("measured", _points(record, measured, convert, begin)),
     ]
     return Chart(key, title, unit, [line for line in lines if line.points])
 
 
-def _points(record: Record, name: str, convert: Callable[[float], float]) -> Points:
+def _points(record: Record, name: str, convert: Callable[[float], float], begin: float) -> Points:
+    """Return a line from ``begin`` on, and first what held then."""
     times, values = record.series(name)
-    return [(time, convert(value)) for time, value in zip(times, values, strict=True)]
+    first = max(0, bisect_right(times, begin) - 1)
+    return [(max(time, begin), convert(value)) for time, value in zip(times[first:], values[first:], strict=True)]

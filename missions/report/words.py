@@ -1,6 +1,7 @@
-"""How a report puts values into words: times, what was seen, and what a variable holds."""
+"""How values are put into words wherever a run is shown: times, what was seen, and what a variable holds."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
 from math import degrees, isfinite
 from typing import NamedTuple
 
@@ -65,15 +66,24 @@ def names_in(drawing: Drawing) -> Mapping[str, Named]:
 
 
 def in_words(value: object) -> str:
-    """Return the value of a variable on one line, cut where it is long."""
+    """Return the value of a variable on one line, cut where it is long: no object as Python writes it."""
     match value:
         case Percept():
             text = about(value)
         case list() | tuple():
             text = ", ".join(in_words(each) for each in value) or "nothing"
         case _:
-            text = one_line(shown(value))
+            text = one_line(_plain(value))
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def _plain(value: object) -> str:
+    """Return a value as people write it; an object by its fields that are numbers and texts: "Touch: side left"."""
+    if not is_dataclass(value):
+        return shown(value)
+    held = {each.name: getattr(value, each.name) for each in fields(value)}
+    told = (f"{name} {shown(each)}" for name, each in held.items() if isinstance(each, bool | int | float | str))
+    return f"{type(value).__name__}: {', '.join(told)}"
 
 
 def _aside(angle: float) -> str:

@@ -49,6 +49,12 @@ PHRASES: Schema = {
 }
 """What is listened for."""
 
+_OWN: Mapping[str, Schema] = {
+    "phrases": PHRASES,
+    "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
+}
+"""The kinds whose values are unlike those of others."""
+
 EXPRESSION: Schema = {
     "type": SCALAR,
     "pattern": r"\S",
@@ -101,8 +107,8 @@ def written(argument: Argument, things: Things) -> Schema:
             "pattern": HOLE,
             "errorMessage": "needs joints, each with its value, such as {elbow: ...}",
         }
-    if kind == "phrases":
-        return PHRASES
+    if kind in _OWN:
+        return _OWN[kind]
     if kind in UNITS:
         one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
     else:

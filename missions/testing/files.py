@@ -28,7 +28,10 @@ def named_tests(name: str) -> list[Path]:
         return [here]
     tests = beside(find_mission(name))
     if not tests.is_file():
-        raise UnknownNameError(f"mission '{name}' has no tests: there is no {tests}")
+        raise UnknownNameError(
+            f"mission '{name}' has no tests: there is no {tests}\n"
+            f"  try: write it, beginning with `tests: {tests.name.removesuffix(TESTS)}` and `cases:` (docs/testing.md)"
+        )
     return [tests]
 
 

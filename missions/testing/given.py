@@ -1,5 +1,6 @@
 """What a case is given: leaves that are mocked, and what goes wrong with the robot."""
 
+import re
 from collections.abc import Mapping as Named
 
 from behaviours.hearing import Listening
@@ -8,11 +9,13 @@ from config.fields import Fields
 from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.arguments import default_value
+from missions.language.phrases import own_phrases
 from missions.testing.context import Setting
 from missions.testing.mishaps import JOINT, Mishap, read_mishap
-from missions.testing.mocks import FACES, RESULT_OF_FACE, MockSpec
+from missions.testing.mocks import RESULT_OF_FACE, MockSpec
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
+from perception.api import Face
 
 EITHER = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
 
@@ -54,11 +57,15 @@ def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpe
     if isinstance(value, Mapping):
         long = Fields(fields.source, value, fields.faults, what="a mock")
         does = long.node_of("does", required=True)
-        told, said = (None, long.text("result", "")) if _hears(key, setting) else (long.section("result"), "")
+        told, said = (None, _phrase(long, key, setting)) if _hears(key, setting) else (long.section("result"), "")
         long.done()
         script = does if does is not None else key
     if not isinstance(script, Scalar) or script.value is None:
         fields.fault(script.mark, f"what '{key.text}' does instead is missing", "such as 'fails twice, then succeeds'")
+        return MockSpec(key.text, ())
+    if (result := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
+        hint = f"write {key.text}: {{does: succeeds, result: {result[1]}}}"
+        fields.fault(script.mark, "what a mock does and its result stand apart", hint)
         return MockSpec(key.text, ())
     turns = read_script(Phrase(fields.source, script, fields.faults)) if script is not key else ()
     return MockSpec(key.text, turns, said or None if told is None else _result(told, key, setting))
@@ -67,6 +74,16 @@ def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpe
 def _hears(key: Scalar, setting: Setting) -> bool:
     """Say whether what is mocked keeps a phrase."""
     return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in setting.steps(key.text))
+
+
+def _phrase(fields: Fields, key: Scalar, setting: Setting) -> str:
+    """Read the phrase that a mock has heard: one of those that the mission listens for there."""
+    said, node = fields.text("result", ""), fields.node_of("result")
+    known = [phrase for step in setting.steps(key.text) for phrase in own_phrases(step).values()]
+    if said and node is not None and said not in known:
+        hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
+        fields.fault(node.mark, f"'{key.text}' cannot hear {seen(said)}", hint)
+    return said
 
 
 def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
@@ -83,7 +100,7 @@ def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
 
 def _result(told: Fields, key: Scalar, setting: Setting) -> Named[str, object]:
     """Read what ``as`` keeps, by name; the values of a face are those of a face."""
-    faces = any(step.leaf is not None and issubclass(step.leaf, FACES) for step in setting.steps(key.text))
+    faces = any(step.leaf is not None and step.leaf.keeps is Face for step in setting.steps(key.text))
     found: dict[str, object] = {}
     for name, value in told.entries():
         if faces and name.text not in RESULT_OF_FACE:

@@ -6,19 +6,13 @@ from typing import Any
 
 from py_trees.common import Status
 
-from behaviours.identify import Identify
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.sight import FaceCentred, FaceSeen, FindFace
-from behaviours.tracking.track_face import TrackFace
 from missions.language.plan import Step
 from missions.testing.script import Script, Turn
 from perception.api import Box, Face
 
-FACES = (FaceSeen, FaceCentred, FindFace, Identify, TrackFace)
-"""The leaves that find a face, so that what a mock keeps for them must be one."""
-
 RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in {"box", "stamp"})
-"""What a test file can say of such a face; the rest is made up."""
+"""What a test file can say of a face that a mock keeps; the rest is made up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +97,7 @@ def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | str | None) -> 
 
 
 def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
-    if not isinstance(leaf, FACES) or isinstance(told, str):
+    if leaf.keeps is not Face or isinstance(told, str):
         return told
     values: dict[str, Any] = {
         **dict.fromkeys(RESULT_OF_FACE, 0.0),

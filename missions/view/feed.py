@@ -10,7 +10,7 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict
 from threading import Lock
 
 from behaviours.node import RUNNING, Node
@@ -18,10 +18,8 @@ from drivers.clock import Clock
 from missions.executive.events import Event, NodeChanged, Ticked, VariableSet
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
-from missions.language.values import shown
 from missions.pictures.draw import one_line
-from missions.report.words import about
-from perception.api import Percept
+from missions.report.words import in_words
 
 Json = dict[str, object]
 
@@ -88,7 +86,7 @@ class Feed:
             case VariableSet():
                 name = f"{event.scope} {event.name}".lstrip()
                 with self._lock:
-                    self._variables[name] = None if event.value is None else _short(_told(event.value))
+                    self._variables[name] = None if event.value is None else in_words(event.value)
             case Ticked():
                 self._ticked(event)
             case _:
@@ -188,14 +186,3 @@ def _short(text: str) -> str:
 
 def _printable(line: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line.expandtabs())
-
-
-def _told(value: object) -> str:
-    """Return a value in words: what is seen as people say it, another object by its plainest fields."""
-    if isinstance(value, Percept):
-        return about(value)
-    if not is_dataclass(value):
-        return shown(value)
-    plain = {each.name: getattr(value, each.name) for each in fields(value)}
-    simple = (f"{name} {shown(each)}" for name, each in plain.items() if isinstance(each, bool | int | float | str))
-    return f"{type(value).__name__}: {', '.join(simple)}"

@@ -447,7 +447,7 @@ def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
     bench.run.preemptible.append(other)
     leaf = bench.put(Puppet(), computed={"text": fails_with(error)})
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "text: there is no 'visitor' yet"
+    assert leaf.reason == "puppet: text: there is no 'visitor' yet"
     assert leaf.asked == []
     assert other.status is RUNNING
     assert caplog.records == []

@@ -35,16 +35,19 @@ def test_a_halt_makes_it_fall_silent_once() -> None:
     assert bench.voice.commands == ["Hello!", CANCEL]
 
 
-def test_words_that_are_broken_off_are_a_failure() -> None:
+def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
     bench = Bench()
     leaf = saying(bench)
     bench.tick(leaf)
-    bench.voice.said[0].ended = bench.voice.said[0].cancelled = True  # as by the plug, or somebody who lays it to rest
-    assert bench.tick(leaf) is FAILURE
+    for number in (0, 1):
+        said = bench.voice.said[number]
+        said.ended = said.cancelled = True  # as by the plug, or somebody who lays it to rest
+        assert bench.tick(leaf) is (FAILURE if number else RUNNING)
     assert leaf.reason == "broken off"
     assert bench.tick(leaf) is RUNNING
     bench.halt(leaf)
-    assert bench.voice.said[1].cancelled
+    assert bench.voice.said[2].cancelled
+    assert bench.voice.commands == ["Hello!", "Hello!", CANCEL, "Hello!", CANCEL]
 
 
 def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one() -> None:

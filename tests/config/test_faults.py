@@ -10,6 +10,7 @@ from config.faults import (
     InvalidFileError,
     Mark,
     Source,
+    closest,
     did_you_mean,
     note,
     one_of,
@@ -95,6 +96,22 @@ def test_the_closest_word_is_suggested_whatever_its_case() -> None:
     assert did_you_mean("SAY", ["say"]) == "did you mean 'say'?"
     assert did_you_mean("ax-12a", ["AX-12A"]) == "did you mean 'AX-12A'?"
     assert did_you_mean("xyz", ["say"]) == ""
+
+
+@pytest.mark.parametrize("word", ["sya", "sai", "sy", "ssay", "say", "ay"])
+def test_one_slip_in_a_short_word_is_seen(word: str) -> None:
+    assert closest(word, ["drive", "say"]) == "say"
+
+
+@pytest.mark.parametrize(("word", "other"), [("dance", "race"), ("home", "house"), ("dance", "drive")])
+def test_a_short_word_that_only_has_the_same_letters_is_not_suggested(word: str, other: str) -> None:
+    assert did_you_mean(word, [other]) == ""
+
+
+@given(st.text("abc", min_size=2, max_size=5), st.data())
+def test_any_letter_may_be_missing_from_a_short_word(word: str, data: st.DataObject) -> None:
+    at = data.draw(st.integers(0, len(word) - 1))
+    assert closest(word[:at] + word[at + 1 :], [word]) == word
 
 
 def test_where_nothing_is_close_all_words_are_listed_once() -> None:

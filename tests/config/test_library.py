@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from config.kinds import kinds_of
 from config.library import UnknownNameError, find, shipped
 
 KINDS = ("robots", "gestures", "worlds", "controllers")
@@ -51,6 +52,94 @@ def test_an_unknown_name_says_what_there_is(name: str, message: str) -> None:
     with pytest.raises(UnknownNameError) as caught:
         find("gestures", name, library=library)
     assert caught.value.args[0] == message
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that the user is in, with a file of each of three kinds."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in {
+        "ask.yaml": "mission: ask\ntree: succeed\n",
+        "home.yaml": "# mine\nworld: home\nroom: {}\n",
+        "ask.test.yaml": "tests: ask\ncases: []\n",
+    }.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "ask.mcap").write_bytes(b"\x89MCAP0\r\n")
+    return tmp_path
+
+
+MISSIONS = {name: Path(name) for name in ("greet", "asking", "patrol", "patrol_two", "wander", "wave")}
+
+
+def said_of(kind: str, name: str, *, library: dict[str, Path] | None = None, beside: Path = Path()) -> str:
+    with pytest.raises(UnknownNameError) as caught:
+        find(kind, name, library=library, folder=beside)
+    return str(caught.value.args[0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("missions", "ask", "unknown mission 'ask'; did you mean the file 'ask.yaml'?"),
+        ("worlds", "home", "unknown world 'home'; did you mean the file 'home.yaml'?"),
+        ("worlds", "home.yml", "'home.yml': no such file; did you mean the file 'home.yaml'?"),
+        ("worlds", "hoem.yaml", "'hoem.yaml': no such file; did you mean the file 'home.yaml'?"),
+        ("missions", "hoem.yaml", "'hoem.yaml': no such file"),
+        ("missions", "greet.yaml", "'greet.yaml': no such file; did you mean 'greet'?"),
+        ("missions", "gone.mcap", "'gone.mcap': no such file"),
+        ("missions", "trol", "unknown mission 'trol'; did you mean one of patrol, patrol_two?"),
+        ("missions", "ander", "unknown mission 'ander'; did you mean 'wander'?"),
+        ("missions", "xyzzy", "unknown mission 'xyzzy'; `mission list missions` has all"),
+    ],
+)
+def test_a_slip_in_a_name_is_answered_with_what_may_be_meant(folder: Path, kind: str, name: str, said: str) -> None:
+    del folder
+    assert said_of(kind, name, library=MISSIONS if kind == "missions" else None) == said
+
+
+def test_many_names_that_would_do_are_not_all_told(folder: Path) -> None:
+    del folder
+    many = {f"patrol_{number}": Path("x") for number in range(9)}
+    said = said_of("missions", "trol", library=many)
+    assert said.count("patrol_") == 5
+    assert said.endswith("; `mission list missions` has more")
+
+
+def test_a_file_beside_the_one_that_names_it_is_meant_from_there(folder: Path) -> None:
+    assert said_of("missions", "ask", library={}, beside=folder).endswith("did you mean the file 'ask.yaml'?")
+    assert find("missions", "ask.yaml", library={}, folder=folder) == folder / "ask.yaml"
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("missions", "home.yaml", "home.yaml is a world: mission world show home.yaml, or mission run MISSION --world"),
+        ("missions", "ask.test.yaml", "ask.test.yaml is a test: mission test ask.test.yaml"),
+        ("missions", "ask.mcap", "ask.mcap is a record: mission replay ask.mcap"),
+        ("worlds", "ask.yaml", "ask.yaml is a mission: mission run ask.yaml"),
+        ("robots", "home.yaml", "home.yaml is a world: "),
+        ("missions", "home.yml", "'home.yml': no such file; home.yaml is a world: "),
+    ],
+)
+def test_a_file_of_another_kind_says_what_it_is_for(folder: Path, kind: str, name: str, said: str) -> None:
+    del folder
+    assert said_of(kind, name).startswith(said)
+
+
+@pytest.mark.parametrize("text", ["", "sumary: a world: of things\n", "{mission: m}", "tree:\n  world: x\n", "\xff"])
+def test_a_file_that_does_not_say_what_it_is_is_read_as_what_was_asked_for(folder: Path, text: str) -> None:
+    (folder / "x.yaml").write_bytes(text.encode("latin-1"))
+    assert find("worlds", "x.yaml") == Path("x.yaml")
+
+
+def test_a_file_that_has_the_key_of_its_kind_may_have_others(folder: Path) -> None:
+    (folder / "x.yaml").write_text("robot: marvin\nworld: x\n", encoding="utf-8")
+    assert find("worlds", "x.yaml") == Path("x.yaml")
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "objects"])
+def test_every_file_that_ships_is_known_for_what_it_is(kind: str) -> None:
+    assert {tuple(kinds_of(path)[:1]) for path in shipped(kind).values()} == {(kind,)}
 
 
 @given(st.text())

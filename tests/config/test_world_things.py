@@ -131,6 +131,7 @@ def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str,
     [
         ("{turn: away}", "an act needs either 'at' or 'hears'"),
         ("{at: 1 s, hears: hello, nod: true}", "an act needs either 'at' or 'hears'"),
+        ("{hear: hello, nod: true}", "an act has no key 'hear'"),
         ("{at: 1 s}", "nothing is done here"),
         ("{at: 1 s, after: 2 s, nod: true}", "'after' is for what somebody hears"),
         ("{at: 1 s, times: 2, nod: true}", "'times' is for what somebody hears"),

@@ -22,6 +22,8 @@ from missions.language.modifiers import MODIFIERS
 from missions.language.notes import STATE
 from missions.language.plan import COMPOSITES, Plan, Step
 from missions.language.values import Value
+from missions.library import load_mission
+from perception.api import Thing
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 
@@ -189,6 +191,8 @@ def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
 
 LISTED = "`mission behaviours` lists what there is"
 NAMES = "known are: n, patience, x, base, battery, face, head, range"
+WITHOUT_DASH = "write it under the behaviour above, without a dash"
+INDENT = "indent it, to stand beside the behaviour above"
 ANGLE = "'turn' needs an angle such as '30 deg'"
 UNITS = "(units: deg, rad)"
 
@@ -205,7 +209,7 @@ UNITS = "(units: deg, rad)"
         (["- say: Hi", "  tiemout: 3 s"], "tiemout", "unknown modifier 'tiemout'", "did you mean 'timeout'?"),
         (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LISTED),
         # the form of a node
-        (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", ""),
+        (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", WITHOUT_DASH),
         (["- {}"], "{", "a behaviour is missing here", ""),
         (["-"], "", "a behaviour is missing here", ""),
         (["- [say: Hi]"], "[", "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it"),
@@ -230,8 +234,76 @@ UNITS = "(units: deg, rad)"
             "'selector' needs a list of at least one behaviour, each on a line with '- '",
             "",
         ),
+        # faces
+        (
+            ["- identify: person"],
+            "person",
+            "'identify' needs a face kept by 'as', got the text 'person'",
+            'keep one with as: person, beside find_face, and write "${person}"',
+        ),
+        (
+            ["- find_face:", "  as: person", "- identify: person"],
+            "person",
+            "'identify' needs a face kept by 'as', got the text 'person'",
+            'write "${person}"',
+        ),
+        (
+            ["- find_face:", "  as: person", "- face_centred: {face: perso}"],
+            "perso",
+            "'face_centred': 'face' needs a face kept by 'as', got the text 'perso'",
+            'write "${person}"',
+        ),
+        (
+            ["- find_object: red ball", "  as: ball", "- track_face: {face: '${ball}'}"],
+            "'${ball}'",
+            "'track_face': 'face' needs a face kept by 'as', got what 'find_object' keeps",
+            'keep one with as: person, beside find_face, and write "${person}"',
+        ),
+        (["- identify: ${n}"], "${n}", "'identify' needs a face kept by 'as', got 2", ""),
+        # what a variable holds
+        (
+            ["- find_face:", "  as: p", '- say: "So ${p.nam}"'],
+            "p.nam",
+            "'say': a face has no 'nam'",
+            "did you mean 'name'?",
+        ),
+        (
+            ["- say: x", "  if: b.mood == 3", "- find_object: red ball", "  as: b"],
+            "b.mood",
+            "'if': an object has no 'mood'",
+            f"known are: {', '.join(sorted(Thing.__dataclass_fields__))}",
+        ),
+        (["- say: '${q.name}'"], "q.name", "'say': unknown name 'q.name'", NAMES),
+        (["- say: '${patienc.x}'"], "patienc.x", "'say': unknown name 'patienc.x'", "did you mean 'patience.x'?"),
+        (
+            ["- say: x", "  if: n == yes"],
+            "yes",
+            "'if': unknown name 'yes'",
+            f"{NAMES}; write 'yes' in quotes for the text",
+        ),
+        (
+            ["- say: x", "  if: n in [1, yes]"],
+            "yes",
+            "'if': unknown name 'yes'",
+            f"{NAMES}; write 'yes' in quotes for the text",
+        ),
+        (["- say: x", "  if: yes < 3"], "yes", "'if': unknown name 'yes'", NAMES),
+        (
+            ["- face:"],
+            "face",
+            "'face' needs 'mood': which, one of neutral, happy, sad, surprised, asleep, listening, speaking",
+            "",
+        ),
+        (["- dance"], "dance", "unknown behaviour 'dance'", LISTED),
+        # an if that is no else
+        (
+            ["- selector:", "    - say: a", "      if: n > 1", "      timeout: 3 s", "    - say: b"],
+            "if",
+            "'if' is no 'else' in a selector: what is skipped counts as success, and the others are not tried",
+            "write switch: {on: ..., cases: {true: ...}, default: ...}, or put 'if' beside the last of them",
+        ),
         # what stands beside
-        (["- sequence: [succeed]", "  as: it"], "it", "'sequence' finds nothing out that 'as' could keep", ""),
+        (["- sequence: [succeed]", "  as: it"], "it", "'sequence' finds nothing out that 'as' could keep", INDENT),
         (["- say: Hi", "  as: it"], "it", "'say' finds nothing out that 'as' could keep", ""),
         (["- find_face:", "  as: my face"], "my face", "'as' needs a plain word, got 'my face'", "such as 'last_seen'"),
         (
@@ -419,6 +491,34 @@ def test_a_mistake_is_told_under_its_word(lines: list[str], under: str, message:
     ((line, found, said, hint),) = mistakes(steps(*lines))
     assert (found, said, hint) == (under, message, suggestion)
     assert 5 <= line < 5 + len(lines)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["- find_face:", "  as: p", "- say: '${p.name} ${p.distance} ${p.bearing}'", "- identify: ${p}"],
+        ["- find_face:", "  as: p", "- set: {p: {nam: 3}}", "- say: '${p.nam}'"],
+        ["- find_face:", "  as: p", "- find_object: red ball", "  as: p", "- say: '${p.colour}'"],
+        ["- identify:", "- face_centred: {face: null}"],
+        ["- selector:", "    - say: a", "    - say: b", "      if: n > 1"],
+        ["- selector:", "    - say: a", "      if: n > 1", "      on_success: fail", "    - say: b"],
+        ["- selector:", "    - say: a", "      if: n > 1", "      invert: true", "    - say: b"],
+    ],
+)
+def test_what_may_be_so_is_no_mistake(lines: list[str]) -> None:
+    assert check(steps(*lines)).mission == "m"
+
+
+def test_a_variable_that_a_mission_inside_may_set_holds_anything(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text(
+        "mission: inner\ntree:\n  find_object: red ball\n  as: b\nreturns: {p: b}\n", encoding="utf-8"
+    )
+    (tmp_path / "m.yaml").write_text(
+        "mission: m\ntree:\n  sequence:\n    - find_face:\n      as: p\n    - mission: inner.yaml\n"
+        "    - say: '${p.colour}'\n",
+        encoding="utf-8",
+    )
+    assert load_mission(str(tmp_path / "m.yaml")).mission == "m"
 
 
 @pytest.mark.parametrize(

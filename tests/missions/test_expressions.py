@@ -150,6 +150,22 @@ def test_values_of_python_have_no_members(text: str) -> None:
         parse(text).evaluate(SCOPE)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("thing.sen", "'sen' is not there; did you mean 'seen'?"),
+        ("thing.method", "'method' is not there; known are: broken, percent, seen"),
+        ("place.long", "'long' is not there; known are: x"),
+        ("name.upper", "'upper' is not there"),
+        ("nothing.x", "'x' is not there: nothing is stored yet"),
+    ],
+)
+def test_a_missing_member_says_which_there_are(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text).evaluate(SCOPE)
+    assert str(caught.value) == message
+
+
 @pytest.mark.parametrize("text", ["thing.method", "thing.missing", "place.missing"])
 def test_methods_and_missing_members_are_not_there(text: str) -> None:
     with pytest.raises(ExpressionError, match="is not there"):

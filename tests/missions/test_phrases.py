@@ -10,6 +10,7 @@ from missions.assembly.interests import interests_of
 from missions.assembly.target import target_of
 from missions.language.plan import Plan
 from missions.library import load_mission
+from tests.missions.command import command
 
 EARS = target_of(robot_of(Source("r.yaml", "robot: r2\nmicrophone: {pronunciations: {xyzzy: Z IH Z IY}}\n")))
 
@@ -30,7 +31,7 @@ def fault(folder: Path, step: str, *, head: str = "") -> str:
 
 
 def test_all_phrases_of_a_mission_are_listened_for_in_small_letters(tmp_path: Path) -> None:
-    plan = load(tmp_path, 'sequence: [{listen: [Yes!, "no", stop]}, {heard: "Hello, robot"}, {listen: {for: yes}}]')
+    plan = load(tmp_path, 'sequence: [{listen: [Yes!, "no", stop]}, {heard: ["Hello, robot"]}, {listen: {for: yes}}]')
     assert interests_of(plan.tree, None).phrases == ("yes", "no", "stop", "hello robot")
     listen, heard, *_ = (step.arguments for step in plan.tree.walk() if step.leaf is not None)
     assert listen["for"].constant == {"yes": "Yes!", "no": "no", "stop": "stop"}
@@ -67,6 +68,11 @@ def test_so_may_one_of_a_mission_inside(tmp_path: Path) -> None:
         ("listen: [route 66]", "cannot be 'route 66': it has digits"),
         ('listen: ["?!"]', "there is no word in it"),
         ("heard: 5", "it has digits"),
+        ('listen: "yes, no"', "write [yes, no] for 2 phrases, or leave the comma out"),
+        ("heard: {phrase: 'a, b, c'}", "write [a, b, c] for 3 phrases"),
+        ("listen: {for: yes, no}", "write for: [yes, no] for two phrases"),
+        ("heard: {phrase: yes, no}", "write phrase: [yes, no] for two phrases"),
+        ("listen: {for: yes, no: 3}", "known are: for, timeout"),
         ('sequence: [{set: {a: yes}}, {listen: "${a}"}]', "'${a}' must be known before the mission starts"),
         ("listen: {for: yes, timeout: 8}", "'timeout' needs a duration"),
         ("heard: {phrase: yes, within: 5 min}", "'within' must be between 0.01 s and 30 s"),
@@ -82,6 +88,26 @@ def test_a_word_that_nobody_can_pronounce_is_a_fault_with_what_to_write(tmp_path
     said = fault(tmp_path, "listen: [hello zażółć]")
     assert "cannot listen for 'zażółć': no dictionary has it" in said
     assert "pronunciations: {zażółć: ...} in the section 'microphone' of robot 'r2'" in said
+
+
+def test_a_word_is_told_as_the_mission_writes_it(tmp_path: Path) -> None:
+    pytest.importorskip("pocketsphinx")
+    assert "cannot listen for 'Größe'" in fault(tmp_path, "listen: ['Eine Größe!']")
+
+
+def test_without_a_robot_the_usual_one_is_asked_about_words_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pocketsphinx")
+    file = tmp_path / "ask.yaml"
+    file.write_text("mission: ask\ntree:\n  listen: [yes, Größe]\n", encoding="utf-8")
+    outcome = command(capsys, "check", str(file))
+    assert outcome.code == 2
+    assert "cannot listen for 'Größe'" in outcome.err
+    assert "robot 'turtlebot2_arm' (docs/speech.md); for another robot: --robot NAME" in outcome.err
+    file.write_text("mission: ask\ntree:\n  move_joints: {to: {left_knee: 10 deg}}\n", encoding="utf-8")
+    assert command(capsys, "check", str(file)).code == 0
+    assert command(capsys, "check", "--robot", "turtlebot2_arm", str(file)).code == 2
 
 
 def test_a_robot_without_ears_cannot_listen(tmp_path: Path) -> None:

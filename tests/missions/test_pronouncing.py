@@ -45,6 +45,15 @@ def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monke
     assert "pronunciations" in caught.value.hint
 
 
+def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_the_ears_alike() -> None:
+    said = MicrophoneConfig(pronunciations={"schön": "SH EH N"})
+    assert unpronounceable(MicrophoneConfig(), ["schön"]) == ["schön"]
+    assert unpronounceable(said, ["schön"]) == []
+    with pytest.raises(BadRequest, match="nobody knows how these are pronounced: schön:"):
+        lexicon_for(MicrophoneConfig(), ["hello", "schön"], SystemClock())
+    assert lexicon_for(said, ["schön"], SystemClock()).pronunciations("schön") == [("SH", "EH", "N")]
+
+
 def test_vosk_knows_its_own_words() -> None:
     assert unpronounceable(MicrophoneConfig(recogniser="vosk", model="m"), ["wheatleyon"]) == ()
 
@@ -61,6 +70,15 @@ def test_sound_comes_from_where_the_file_says() -> None:
     clock = ManualClock()
     assert isinstance(microphone(MicrophoneConfig(), clock, unreported), CapturedMicrophone)
     assert isinstance(microphone(MicrophoneConfig("file", "a.wav"), clock, unreported), WavMicrophone)
+
+
+def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    source = microphone(MicrophoneConfig("file", "a.wav"), ManualClock(), unreported)
+    source.open()
+    assert source.health().detail == f"microphone: {tmp_path / 'a.wav'}: no such file"
 
 
 @pytest.mark.parametrize("config", [MicrophoneConfig(), MicrophoneConfig(recogniser="vosk", model="m")])

@@ -5,7 +5,7 @@ from io import StringIO
 import pytest
 
 from missions.cli.live import Watcher
-from missions.executive.events import CommandSent, Event, FaultRaised, Logged, Notified
+from missions.executive.events import CommandSent, Event, FaultRaised, Logged, Notified, Started, Ticked
 
 
 @pytest.mark.parametrize(
@@ -29,3 +29,31 @@ def test_what_people_want_to_know_is_told(event: Event, line: str) -> None:
     with Watcher(out) as watcher:
         watcher(event)
     assert out.getvalue() == (f"{line}\n" if line else "")
+
+
+class Terminal(StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("first", "line"), [(7.1, "   7.1 s  ready\n"), (0.03, "")])
+def test_a_robot_that_took_long_to_get_ready_says_when_it_was(first: float, line: str) -> None:
+    out = StringIO()
+    with Watcher(out) as watcher:
+        for t in (first, first + 0.05, first + 2.0):
+            watcher(Ticked(t, 1, "running", None))
+    assert out.getvalue() == line
+
+
+def test_until_the_first_tick_a_terminal_shows_what_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    out = Terminal()
+    with Watcher(out) as watcher:
+        watcher(Started(0.0, "ask", "m.yaml", "turtlebot2", {}))
+        watcher(FaultRaised(0.1, "base", "online", ""))
+        watcher(FaultRaised(0.2, "head", "online", ""))
+        watcher(Ticked(3.0, 1, "running", None))
+        told = out.getvalue()
+        watcher(FaultRaised(4.0, "arm", "online", ""))
+        assert "getting ready: base, head" in told
+        assert "getting ready" not in out.getvalue()[len(told) :]

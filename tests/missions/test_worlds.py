@@ -1,6 +1,7 @@
 """From world files to worlds and drawings: what ships, what the docs show, and ``mission world show``."""
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -100,7 +101,7 @@ def test_the_plan_of_each_world_is_well_formed_and_names_everything(name: str) -
     config = config_of(name)
     svg = plan(config.name, build_world(config), config.summary)
     written = texts(svg)
-    assert {config.name, config.summary, "start", "1 m"} <= set(written)
+    assert {config.name, config.summary, "robot", "1 m"} <= set(written)
     assert {f"{config.length:g} m", f"{config.width:g} m"} <= set(written)
     names = [each.name for each in (*config.people, *config.furniture, *config.objects, *config.robots)]
     assert all(any(text.startswith(name) for text in written) for name in names)
@@ -208,12 +209,23 @@ def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
     assert command(capsys, "world", "show", "party", "-o", svg).code == 0
     assert command(capsys, "world", "show", "party", "-o", png, "--at", "6 s").code == 0
     assert command(capsys, "world", "show", "party", "--camera", "-o", view).code == 0
-    assert "Dora" in texts(Path(svg).read_text(encoding="utf-8"))
+    assert {"party", "robot", "1 m", "Dora"} <= set(texts(Path(svg).read_text(encoding="utf-8")))
     image, seen = cv2.imread(png), cv2.imread(view)
     assert image is not None
     assert seen is not None
-    assert image.shape[1] / image.shape[0] == pytest.approx(9.7 / 7.7, rel=0.01)
+    drawn = ET.fromstring(Path(svg).read_text(encoding="utf-8")).attrib  # noqa: S314 - our own drawing
+    assert image.shape[:2] == pytest.approx((1.5 * float(drawn["height"]), 1.5 * float(drawn["width"])), abs=1)
+    assert (image[:150, 150:400] < 128).any()  # its title
     assert seen.shape == (480, 640, 3)
+
+
+def test_without_its_extra_a_plan_as_png_says_what_to_install(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    outcome = command(capsys, "world", "show", "party", "-o", str(tmp_path / "party.png"))
+    assert outcome.code == 2
+    assert f"pip install 'missiontree[plots]', or -o {tmp_path / 'party.svg'}" in outcome.err
 
 
 @pytest.mark.parametrize(

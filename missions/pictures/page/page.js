@@ -41,7 +41,7 @@ const missiontree = (() => {
 
   for (const item of items) {
     const below = group(item);
-    if (below) box(item).querySelector(".fold").dataset.count = below.querySelectorAll('[role="treeitem"]').length;
+    if (below) box(item).querySelector(".fold").dataset.count = below.querySelectorAll('[role="treeitem"], .badge').length;
   }
 
   // Move: one item at a time is where the keyboard enters the tree

@@ -10,10 +10,15 @@ from missions.pictures.page.tree import tree
 def page(drawing: Drawing) -> str:
     """Return the page of a mission, or of a moment of a record."""
     title = f"Mission {drawing.mission}"
-    count = sum(1 for _ in drawing.root.walk())
+    count = drawing.root.nodes
     facts = [drawing.file, f"{count} nodes" if count > 1 else "1 node"]
-    facts += [f"as it stood at {drawing.time:.2f} s"] if drawing.time is not None else []
+    facts += [f"as it stood{moment(drawing)}"] if drawing.time is not None else []
     return document(title, join(header(title, drawing.summary, facts), tools(drawing), tree(drawing, label=title)))
+
+
+def moment(drawing: Drawing) -> str:
+    """Return " at 5.00 s" for a drawing of a moment of a run, nothing for one of a mission at rest."""
+    return "" if drawing.time is None else f" at {drawing.time:.2f} s"
 
 
 def header(title: str, summary: str, facts: list[str]) -> Markup:

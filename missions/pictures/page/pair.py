@@ -5,7 +5,7 @@ from missions.pictures.drawing import Box
 from missions.pictures.page.card import card
 from missions.pictures.page.document import document
 from missions.pictures.page.markup import Markup, join, tag
-from missions.pictures.page.page import header
+from missions.pictures.page.page import header, moment
 from missions.pictures.page.tools import button, toolbar, unfold
 from missions.pictures.page.tree import item, window
 
@@ -19,8 +19,8 @@ def pair_page(comparison: Comparison) -> str:
         button("Fold what is the same", data_fold="[data-alike]"),
         unfold(),
     )
-    sides = tag("div", tag("b", left.file), tag("b", right.file), class_="sides")
-    root = _item(comparison.root, "0")
+    sides = tag("div", *(tag("b", f"{each.file}{moment(each)}") for each in (left, right)), class_="sides")
+    root = _item(comparison.root, "0", (left.time, right.time))
     content = join(
         header(title, comparison.summary.capitalize() + ".", [left.file, right.file]),
         bar,
@@ -29,9 +29,14 @@ def pair_page(comparison: Comparison) -> str:
     return document(title, content)
 
 
-def _item(pair: Pair, key: str, level: int = 0) -> Markup:
-    """Return the item of a pair. Its key is its place in this tree: the two nodes have keys of their own."""
-    children = [_item(child, f"{key}.{number}", level + 1) for number, child in enumerate(pair.children, start=1)]
+def _item(pair: Pair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
+    """Return the item of a pair, at the ``times`` of its two sides.
+
+    Its key is its place in this tree: the two nodes have keys of their own.
+    """
+    children = [
+        _item(child, f"{key}.{number}", times, level + 1) for number, child in enumerate(pair.children, start=1)
+    ]
     mark = tag(
         "span",
         tag("span", CHANGES[pair.change], aria_hidden="true"),
@@ -39,10 +44,11 @@ def _item(pair: Pair, key: str, level: int = 0) -> Markup:
         class_="mark",
         title=pair.change,
     )
+    again = pair.change == "same" and times == (None, None)
     what = tag("span", pair.what, class_="what") if pair.what else ""
     return item(
         key,
-        join(mark, _half(pair.left), _half(pair.right, again=pair.change == "same"), what),
+        join(mark, _half(pair.left, times[0]), _half(pair.right, times[1], again=again), what),
         children,
         first=level == 0,
         style=f"--level:{level}",
@@ -51,9 +57,11 @@ def _item(pair: Pair, key: str, level: int = 0) -> Markup:
     )
 
 
-def _half(box: Box | None, *, again: bool = False) -> Markup:
+def _half(box: Box | None, time: float | None, *, again: bool = False) -> Markup:
     """Return one side of a pair; to the ear only if it does not say the other's ``again``."""
-    return tag("div", card(box) if box is not None else _unseen("nothing"), class_="half", aria_hidden=again and "true")
+    return tag(
+        "div", card(box, time) if box is not None else _unseen("nothing"), class_="half", aria_hidden=again and "true"
+    )
 
 
 def _unseen(word: str) -> Markup:

@@ -148,5 +148,6 @@ def test_a_comparison_as_json_names_nodes_by_their_keys() -> None:
 def test_a_folded_mission_is_compared_by_what_is_seen_of_it() -> None:
     patrol = drawing_of(load_mission("patrol"))
     comparison = compare(patrol, folded(patrol, 0))
-    assert comparison.count("removed") == 13
+    inside = [box for mission in patrol.root.walk() if mission.mission for box in mission.walk() if box is not mission]
+    assert comparison.count("removed") == len(inside) > 0
     assert comparison.count("changed") == 0

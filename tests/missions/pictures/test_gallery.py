@@ -12,7 +12,7 @@ from docs.dumps import GALLERY, LINKED, PAGES, ROOT, dumps, is_stale, look_alike
 from missions.library import shipped_missions
 from missions.pictures.forms import FORMS, SUFFIXES
 
-OF_PY_TREES = (".txt", ".ascii", ".dot")
+OF_PY_TREES = (".unicode", ".ascii", ".dot")
 """Forms that py_trees and pydot draw, each release in its own way."""
 
 DUMPS = dumps()

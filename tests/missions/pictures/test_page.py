@@ -120,6 +120,22 @@ def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, fil
     assert "as it stood at 6.25 s" in tab.text()
 
 
+@pytest.mark.parametrize("name", ["greet", "patrol"])
+def test_no_mark_that_folds_covers_the_line_of_its_node(browser: Browser, file: Path, name: str) -> None:
+    tab = shown(browser, file, page(drawing_of(load_mission(name))))
+    gaps = tab.evaluate("""[...document.querySelectorAll('.spread [aria-expanded] > .box')]
+        .map((box) => ['.fold', '.line'].map((part) => box.querySelector(part).getBoundingClientRect()))
+        .map(([fold, line]) => fold.left - line.right)""")
+    assert gaps
+    assert min(gaps) >= 4
+
+
+def test_a_page_counts_nodes_as_the_checker_does(browser: Browser, file: Path) -> None:
+    plan = load_mission("greet")
+    tab = shown(browser, file, page(drawing_of(plan)))
+    assert f"greet.yaml · {sum(1 for _ in plan.tree.walk())} nodes" in tab.text()
+
+
 def test_no_status_is_told_by_colour_alone(browser: Browser, file: Path) -> None:
     tab = shown(browser, file, page(greeting()))
     look = """[...document.querySelectorAll('li')].map(li => [li, getComputedStyle(li.firstElementChild)])

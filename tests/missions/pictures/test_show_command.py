@@ -93,8 +93,13 @@ def test_texts_go_to_stdout(form: str, show: Show) -> None:
     assert not outcome.out.endswith("\n\n")
 
 
-def test_unicode_is_what_is_shown_where_nothing_else_is_said(show: Show) -> None:
-    assert show("greet").out == show("greet", "--format", "unicode").out
+def test_text_is_what_is_shown_where_nothing_else_is_said(show: Show) -> None:
+    assert show("greet").out == show("greet", "--format", "text").out
+    assert show("greet").out.startswith("→ sequence (line ")
+
+
+def test_the_terminal_says_of_what_and_when_a_moment_is(record: Path, show: Show) -> None:
+    assert show(record.name, "--at", "4 s").out.startswith("greet at 4.00 s\n→ ✗ sequence (line ")
 
 
 def test_the_format_is_stronger_than_the_name_of_the_file(show: Show) -> None:
@@ -158,7 +163,8 @@ def test_a_record_that_is_none_is_told_of(show: Show) -> None:
     Path("broken.mcap").write_bytes(b"mission: greet\n")
     outcome = show("broken.mcap")
     assert outcome.code == 2
-    assert "broken.mcap: no record" in outcome.err
+    assert "broken.mcap: " in outcome.err
+    assert "no record" in outcome.err
     assert show("missing.mcap").code == 2
 
 
@@ -185,10 +191,23 @@ def test_a_record_is_compared_with_a_mission_at_that_moment(record: Path, show: 
     assert (data["left"]["time"], data["right"]["time"], data["summary"]) == (2.0, None, "no difference")
 
 
+def test_two_sides_say_how_nodes_stand_where_they_show_a_moment(record: Path, show: Show) -> None:
+    lines = show(record.name, "--diff", "greet", "--at", "4 s").out.splitlines()
+    assert [half.strip() for half in lines[0].split("  ") if half] == ["greet at 4.00 s", "greet"]
+    assert lines[1].split() == ["✗", "sequence", "=", "sequence"]
+    assert any("✗ find_face -- no face found" in line for line in lines)
+    ascii_lines = show(record.name, "--diff", "greet", "--at", "4 s", "--format", "ascii").out.splitlines()
+    assert ascii_lines[1].split() == ["x", "sequence", "=", "sequence"]
+    assert show(record.name, "--diff", "greet", "--at", "4 s", "-o", "diff.html").code == 0
+    page = Path("diff.html").read_text(encoding="utf-8")
+    assert page.count('<span class="word">failure</span>') == 2
+    assert "greet.yaml at 4.00 s</b>" in page
+
+
 def test_not_every_format_has_two_sides(show: Show) -> None:
     outcome = show("greet", "--diff", "wave", "--format", "dot")
     assert outcome.code == 2
-    assert "unicode, ascii, svg, png, json, html" in outcome.err
+    assert "text, unicode, ascii, svg, png, json, html" in outcome.err
 
 
 def test_sub_missions_fold(show: Show) -> None:
@@ -202,6 +221,7 @@ def test_a_name_without_a_format_is_told_which_there_are(show: Show) -> None:
     outcome = show("greet", "-o", "greet.pdf")
     assert outcome.code == 2
     assert ".svg" in outcome.err
+    assert "try: -o greet.png" in outcome.err
     assert not Path("greet.pdf").exists()
 
 
@@ -215,7 +235,7 @@ def test_without_its_extra_a_png_says_what_to_install(show: Show, monkeypatch: p
     monkeypatch.setitem(sys.modules, "resvg_py", None)
     outcome = show("greet", "-o", "greet.png")
     assert outcome.code == 2
-    assert "pip install 'missiontree[plots]'" in outcome.err
+    assert "pip install 'missiontree[plots]', or -o greet.svg" in outcome.err
     assert show("greet", "-o", "greet.svg").code == 0
 
 

@@ -58,6 +58,11 @@ def test_a_status_holds_from_its_own_moment_on() -> None:
     assert states_at(events, 2.0) == {"1": Now("success", "", 2.0)}
 
 
+def test_a_time_that_was_added_up_is_the_one_that_is_typed() -> None:
+    t = 13.930000000000064  # of 20 ms, some hundred times
+    assert states_at([NodeChanged(t, 9, "1", "wait", "wait", 3, "success", "")], 13.93)["1"].since == t
+
+
 def test_what_is_followed_as_it_happens_is_what_is_found_afterwards() -> None:
     events = [change(1.0, "running"), change(2.0, "idle")]
     states = States()

@@ -15,6 +15,7 @@ from missions.library import load_mission, shipped_missions
 from missions.pictures.draw import at, drawing_of, folded
 from missions.pictures.drawing import ASCII_SIGNS, SIGNS, Drawing
 from missions.pictures.mermaid import mermaid
+from missions.pictures.outline import outline
 from missions.pictures.states import Now
 from missions.pictures.text import dot, text_tree
 from tests.missions.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready
@@ -63,6 +64,38 @@ def test_at_a_moment_of_a_run_signs_and_reasons_say_how_each_node_stands() -> No
     )
 
 
+def test_an_outline_has_our_symbols_with_modifiers_above_what_they_modify() -> None:
+    assert outline(drawing_of(plan_of(TREE))) == (
+        "→ sequence (line 3)\n"
+        "├─ ■ wait: 1 s (line 4)\n"
+        "├─ ■ drive: on {distance: 1 m} as way (line 5)\n"
+        "├─ [timeout: 5 s] (line 9)\n"
+        "│  ■ wait: 9 s (line 8)\n"
+        "└─ ■ say: Hello (line 10)\n"
+    )
+
+
+def test_an_outline_of_a_moment_says_when_and_how_each_node_stands() -> None:
+    assert outline(at(drawing_of(plan_of(TREE)), STATES, 6.0)) == (
+        "m at 6.00 s\n"
+        "→ ▶ sequence (line 3) since 0.00 s\n"
+        "├─ ■ ✓ wait: 1 s (line 4) since 1.00 s\n"
+        "├─ ■ ✗ drive: on {distance: 1 m} as way (line 5) since 1.25 s -- no base\n"
+        "├─ [✗ timeout: 5 s] (line 9) -- timed out\n"
+        "│  ■ ○ wait: 9 s (line 8)\n"
+        "└─ ■ ○ say: Hello (line 10)\n"
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(DRAWINGS)
+def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: Drawing) -> None:
+    shown = sum(1 + len(box.badges) for box in drawing.root.walk())
+    assert len(outline(drawing).split("\n")) == shown + (drawing.time is not None) + 1
+    hidden = sum(box.folded for box in drawing.root.walk())
+    assert drawing.root.nodes == shown + hidden
+
+
 def test_ascii_is_ascii_whatever_stands_in_the_mission() -> None:
     drawn = text_tree(plan_of("  say: Grüß dich ✓\n"), {"1": Now("success", "", 1.0)}, ascii=True)
     assert drawn == "--> + say: Gr?? dich ? (line 3) since 1.00 s\n"
@@ -77,7 +110,7 @@ def test_a_drawing_is_dumped_as_its_mission_is() -> None:
 
 def test_a_folded_submission_says_how_much_it_hides() -> None:
     dumped = text_tree(folded(drawing_of(load_mission("follow_me")), 0))
-    assert "mission: find_person {patience: ${patience}} (line 14) and 5 more below\n" in dumped
+    assert "mission: find_person {patience: ${patience}} (line 14) and 8 more below\n" in dumped
     assert "find_face" not in dumped
 
 
@@ -85,12 +118,24 @@ def test_the_children_of_a_switch_begin_with_their_case() -> None:
     head = "params: {answer: {default: x, type: text}}\n"
     tree = "  switch:\n    on: answer\n    cases:\n      yes: {drive: 1 m, retry: 2}\n    default: {wait: 2 s}\n"
     plan = plan_of(tree, head)
+    assert outline(drawing_of(plan)).splitlines()[1:] == [
+        "├─ yes: [retry: 2] (line 7)",
+        "│  ■ drive: 1 m (line 7)",
+        "└─ else: ■ wait: 2 s (line 8)",
+    ]
     assert [line.strip() for line in text_tree(plan).splitlines()][1:] == [
         "-^- yes: retry: 2 (line 7)",
         "--> drive: 1 m (line 7)",
         "--> else: wait: 2 s (line 8)",
     ]
     assert '|"yes"| n1_1_1' in mermaid(drawing_of(plan))
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_a_drawing_counts_its_nodes_as_the_checker_does(name: str) -> None:
+    plan = load_mission(name)
+    drawing = drawing_of(plan)
+    assert drawing.root.nodes == folded(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
 
 
 @pytest.mark.parametrize("name", shipped_missions())
@@ -178,6 +223,6 @@ def test_no_dump_tells_statuses_apart_by_colour_alone(status: str) -> None:
     (known,) = [each for each in SIGNS if each == status]
     plan, now = plan_of("  wait: 1 s\n"), {"1": Now(known, "", 1.0)}
     drawing = at(drawing_of(plan), now, 1.0)
-    for drawn in (text_tree(plan, now), dot(plan, now), mermaid(drawing)):
+    for drawn in (outline(drawing), text_tree(plan, now), dot(plan, now), mermaid(drawing)):
         assert [sign for sign in SIGNS.values() if sign in drawn.replace("-->", "")] == [SIGNS[known]]
     assert f"--> {ASCII_SIGNS[known]} wait" in text_tree(plan, now, ascii=True)

@@ -41,7 +41,7 @@ def test_info_says_what_a_record_is_of_and_what_is_missing(path: Path) -> None:
     assert told["lost"] == "3 messages: 3 on /camera"
     assert "damaged" not in told
     assert "mission/greet.yaml      15 bytes" in result.output
-    assert f"mission show {path} --at 2.50s    the first failure of a node" in result.output
+    assert f"mission show {path} --at 2.500s    the first failure of a node" in result.output
 
 
 def test_info_counts_as_an_independent_reader_does(path: Path) -> None:
@@ -104,6 +104,16 @@ def test_tables_have_a_column_for_each_member_and_the_time_first(path: Path, tmp
     assert next(iter(poses[0])) == "t"
     assert not (tmp_path / "tables" / "camera.csv").exists()
     assert list(next(rows(tmp_path / "tables" / "moments.csv"))) == ["t", "kind", "tick", "late", "spent", "overheld"]
+
+
+@pytest.mark.parametrize("option", ["--csv", "--folder"])
+def test_a_folder_is_not_called_as_a_file_is(option: str, path: Path, tmp_path: Path) -> None:
+    result = run("export", path, option, tmp_path / "a.csv")
+    assert result.exit_code == 2
+    assert f"would become a folder, and ends in .csv\n  try: {option} {tmp_path / 'a'}" in result.output
+    assert not (tmp_path / "a.csv").exists()
+    (tmp_path / "a.csv").mkdir()  # somebody wants it so
+    assert run("export", path, option, tmp_path / "a.csv").exit_code == 0
 
 
 def test_lines_hold_every_message(path: Path, tmp_path: Path) -> None:

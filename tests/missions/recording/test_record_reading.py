@@ -8,6 +8,7 @@ import pytest
 from mcap.writer import Writer
 
 from missions.executive.events import CommandSent, Ended, NodeChanged, Ticked
+from missions.recording.info import lines_about
 from missions.recording.read import SERIES, InvalidRecordError, Record, open_record
 from perception.api import View
 from tests.missions.recording.small_record import END, FILES, HEAD, JPEG, TICKS, TREE, face, items, moments, write
@@ -65,6 +66,23 @@ def test_the_status_of_a_node_is_that_of_its_newest_change(record: Record) -> No
     assert {key: change.status for key, change in record.statuses(2.49).items()} == {"1": "running", "1.1": "running"}
     assert {key: change.status for key, change in record.statuses(2.5).items()} == {"1": "running", "1.1": "failure"}
     assert record.statuses(0.0) == {}
+
+
+def test_a_record_ends_with_its_last_event_however_messages_are_stamped(tmp_path: Path) -> None:
+    last = END + 6.4e-14  # times of messages are in whole nanoseconds
+    told = [
+        replace(item, t=last) if isinstance(item, Ended | NodeChanged) and item.t == END else item for item in items()
+    ]
+    record = open_record(write(tmp_path / "sums.mcap", told))
+    assert record.until == last
+    for time in (record.until, END):
+        assert {change.status for change in record.statuses(time).values()} == {"success"}
+
+
+def test_what_is_offered_is_at_the_failure_and_not_before_it(tmp_path: Path) -> None:
+    told = [replace(item, t=2.50049) if isinstance(item, NodeChanged) and item.t == 2.5 else item for item in items()]
+    record = open_record(write(tmp_path / "wire.mcap", told))
+    assert any("--at 2.501s    the first failure" in line for line in lines_about(record))
 
 
 def test_failures_and_words_are_found(record: Record) -> None:
@@ -131,7 +149,7 @@ def pipe(path: Path) -> Path:
     ("make", "words"),
     [
         (empty, "is empty: its run ended before anything was written"),
-        (mission, "no record: it does not begin as an MCAP file does\n  try: mission show "),
+        (mission, "a mission, and no record\n  try: mission run "),
         (foreign, "an MCAP file, but no record of MissionTree: it is of ros2 and "),
         (
             newer,

@@ -1,5 +1,6 @@
 """Playing a record in the terminal: what each key does, and what is to be seen."""
 
+import re
 from io import StringIO
 
 import pytest
@@ -7,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from missions.executive.events import Notified
+from missions.executive.events import Logged, Notified
 from missions.recording.read import Record
 from missions.replay.play import JUMP, Player
 from missions.replay.screen import Screen, lines, said
@@ -157,6 +158,19 @@ def test_a_failure_shows_why(alone: Record) -> None:
 
 def test_notices_are_told() -> None:
     assert said(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
+
+
+def test_people_are_told_by_name() -> None:
+    assert said(Logged(1.0, "person", "Anna: yes: please")) == 'Anna: "yes: please"'
+    assert said(Logged(1.0, "voice", "Is it: you?")) == 'robot: "Is it: you?"'
+    assert said(Logged(1.0, "warning", "base: slow")) == "warning: base: slow"
+
+
+def test_who_is_seen_is_told_in_words_and_not_as_python_writes_it(greeted: Record) -> None:
+    told = [line for line in lines(greeted, 0.0) if "    person = " in line]
+    assert len(told) == 1  # and not again in each picture
+    assert re.search(r"person = face 1, \d\.\d m, \d+° (left|right)$", told[0])
+    assert any("  person = face 1, " in row for row in shown(greeted, Player(greeted, at=greeted.until)))
 
 
 def test_a_small_terminal_shows_what_runs(greeted: Record) -> None:

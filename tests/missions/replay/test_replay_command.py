@@ -99,6 +99,7 @@ def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: 
         (["--frames", "out.mp4"], "has no pictures"),
         (["--see"], "has no pictures"),
         (["--frames", "no/such/folder/out.mp4"], "no such folder"),
+        (["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.mp4"),
     ],
 )
 def test_what_cannot_be_is_refused_with_words(

@@ -64,7 +64,21 @@ def test_else_it_is_written_beside_the_record(report: Report, record: Record, tm
     path = tmp_path / "m.mcap"
     path.write_bytes(record.path.read_bytes())
     assert report(path).exit_code == 0
-    assert (tmp_path / "m.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert (tmp_path / "m_report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert not (tmp_path / "m.html").exists()  # what mission show m.yaml -o m.html has written may be there
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [("-o", "m.pdf", "a report is a page of HTML\n  try: -o "), ("--plots", "m.png", "would become a folder")],
+)
+def test_a_name_that_ends_as_something_else_is_refused(
+    report: Report, record: Record, tmp_path: Path, option: str, name: str, words: str
+) -> None:
+    told = report(record.path, option, tmp_path / name)
+    assert told.exit_code == 2
+    assert words in told.output
+    assert not (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize(("most", "there"), [(0, 0), (2, 3)])
@@ -105,7 +119,7 @@ def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Pa
     told = report(tmp_path / "m.yaml")
     assert told.exit_code == 2
     assert "no record" in told.output
-    assert f"try: mission show {tmp_path / 'm.yaml'}" in told.output
+    assert "try: mission " in told.output
     assert report(tmp_path / "none.mcap").exit_code == 2
 
 

@@ -15,10 +15,10 @@ from tests.missions.pictures.drawn import HOSTILE
 from tests.missions.report.told_record import END, FAILED
 
 
-def test_every_tick_is_a_place_and_beginning_and_end_are(found: Study) -> None:
+def test_every_tick_is_a_place_from_the_first_on_and_so_is_the_end(found: Study) -> None:
     moments = found.moments
-    assert (moments.begin, moments.end, len(moments.times)) == (0.0, END, 120)
-    assert moments.ticks[:3] == [0, 1, 2]
+    assert (moments.begin, moments.end, len(moments.times)) == (0.1, END, 119)
+    assert moments.ticks[:3] == [1, 2, 3]
     assert moments.ticks[-1] == 119
 
 

@@ -18,7 +18,7 @@ from missions.report.chart import chart, round_numbers, share
 from missions.report.following import rms
 from missions.report.slider import Moments
 from missions.report.study import Study, study
-from missions.report.traces import COLUMNS, GAP, Chart, Line, thinned, unbroken
+from missions.report.traces import COLUMNS, GAP, Chart, Line, charts_of, thinned, unbroken
 from perception.api import View
 from tests.missions.report.told_record import Item, face, write
 
@@ -33,6 +33,17 @@ def test_there_is_a_chart_for_all_that_moved(found: Study) -> None:
         ("tracking", ["to the side", "up and down"]),
         ("battery", ["charge"]),
     ]
+
+
+def test_a_chart_begins_with_what_held_then(found: Study) -> None:
+    def battery(begin: float) -> list[tuple[float, float]]:
+        (line,) = next(drawn for drawn in charts_of(found.record, [], begin) if drawn.key == "battery").lines
+        return list(line.points)
+
+    whole = battery(0.0)
+    before, after = whole[4], whole[5]
+    begin = (before[0] + after[0]) / 2
+    assert battery(begin) == [(begin, before[1]), *whole[5:]]
 
 
 def test_angles_are_in_degrees_and_asked_goes_before_measured(found: Study) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from missions.executive.events import Ended, FaultRaised, NodeChanged
+from missions.executive.moment import Moment
 from missions.recording.items import Missed, Picture, Seen
 from missions.recording.read import open_record
 from missions.report.slider import moments_of
@@ -13,7 +14,7 @@ from missions.report.study import Study, study
 from missions.report.summary import faults, sentences, verdict
 from missions.report.tables import faults_table, log_table
 from missions.report.words import about, about_all, in_words
-from perception.api import UNKNOWN, Marker, Thing
+from perception.api import UNKNOWN, Marker, Scene, Thing
 from tests.missions.pictures.drawn import HOSTILE
 from tests.missions.report.told_record import WHERE, Item, face, items, write
 
@@ -59,6 +60,15 @@ def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
     ]
 
 
+def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timeline(tmp_path: Path) -> None:
+    late = [item for item in items() if not isinstance(item, Moment | NodeChanged) or item.t >= 3.0]
+    path = write(tmp_path / "late.mcap", late)
+    found = study(open_record(path))
+    assert list(sentences(found))[1] == "Its first tick was at 3.00 s: so long the robot took to get ready."
+    assert (found.moments.begin, found.moments.end) == (3.0, 6.0)
+    assert min(time for drawn in found.charts for line in drawn.lines for time, _ in line.points) >= 3.0
+
+
 def test_a_record_that_was_cut_off_says_that_the_end_is_not_in_it(tmp_path: Path) -> None:
     told = said_of(tmp_path, [item for item in items() if not isinstance(item, Ended)])
     assert told[0] == "The record ends at 6.00 s, before the mission did: how the mission ended is not in it."
@@ -95,7 +105,7 @@ def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(t
 
 def test_the_log_holds_what_was_said_and_what_was_notified(found: Study) -> None:
     table = str(log_table(found.record, moments_of(found.record)))
-    assert all(words in table for words in ("the robot", "somebody", "Anna: Hello", "notice", "Anna was met"))
+    assert all(words in table for words in ("the robot", "<td>Anna</td><td>Hello</td>", "notice", "Anna was met"))
 
 
 BALL = Thing(4, 1.0, face(1.0).box, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "", "red", "ball")
@@ -120,6 +130,7 @@ def test_percepts_are_called_by_name_where_they_have_one() -> None:
         (0.25, "0.25"),
         ([], "nothing"),
         ([face(1.0), BALL], "face 1, 1.5 m, 11° left, red ball, 29° right"),
+        (Scene(1.0, 100.0, 20.0), "Scene: stamp 1, brightness 100, contrast 20"),
         ("two\nlines", "two lines"),
         ("x" * 500, "x" * 119 + "…"),
     ],

@@ -109,5 +109,5 @@ def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None
     leaf = mocked(bench, "succeeds", Wait)
     leaf.computed = {"duration": unknown}
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "duration: 'x' is not set"
+    assert leaf.reason == "wait: duration: 'x' is not set"
     assert mocked(bench, "succeeds", Set).open_ended

@@ -54,7 +54,7 @@ def test_a_verdict_shows_the_line_and_what_happened_last(tmp_path: Path) -> None
     assert not verdict.passed
     (miss,) = verdict.misses
     assert str(miss).splitlines()[1].endswith("- {case: case 1, expect: {said: Three}}")
-    assert seen(verdict) == ['it said "One", "Two"']
+    assert seen(verdict) == ['it never said "Three"; it said "One", "Two"']
     assert len(verdict.last) <= 10
     assert verdict.last[-1].endswith("m ends: success")
     assert any('says "Two"' in line for line in verdict.last)

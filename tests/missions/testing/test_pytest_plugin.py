@@ -32,7 +32,11 @@ def test_test_files_are_collected_and_their_failures_show_the_line(pytester: pyt
     result = pytester.runpytest_inprocess("-v", *ALONE)
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(
-        ["nap.test.yaml::it sleeps PASSED*", "nap.test.yaml::it snores FAILED*", "*nap.test.yaml:4:38: it said nothing"]
+        [
+            "nap.test.yaml::it sleeps PASSED*",
+            "nap.test.yaml::it snores FAILED*",
+            '*nap.test.yaml:4:38: it never said "Rrr"; it said nothing',
+        ]
     )
     result.stdout.no_fnmatch_line("*Traceback*")
 

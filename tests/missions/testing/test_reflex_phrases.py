@@ -80,7 +80,7 @@ def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, rea
     [
         ("bumper fire", "what 'bumper' does cannot be 'fire'", "did you mean 'fires'?"),
         ("bumper starts", "what 'bumper' does cannot be 'starts'", "known are: clears, fires"),
-        ("drive fires", "what 'drive' does cannot be 'fires'", "did you mean 'fails'?"),
+        ("drive fires", "what 'drive' does cannot be 'fires'", "known are: fails, halts, starts, succeeds"),
         ("bumpr fires", "no 'bumpr'", ""),
     ],
 )
