@@ -11,7 +11,7 @@ from typing import Literal
 import click
 
 from missions.cli.leash import leash_option
-from missions.cli.options import MissionCommand, behaviours_option, pairs, params_option
+from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
@@ -21,6 +21,9 @@ from missions.teleop.pad import FIRST
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
+
+LONGEST = 3600.0
+"""Seconds of simulated time after which a run that nobody watches is ended, unless somebody says otherwise."""
 
 LEVELS = ("wire", "fast")
 
@@ -74,6 +77,12 @@ class RunCommand(MissionCommand):
     show_default=True,
     help="In simulated time: draw pictures and search them, or know from the world who is in view, which is quicker.",
 )
+@click.option(
+    "--until",
+    type=SECONDS,
+    metavar="TIME",
+    help="In simulated time: end the run then, if it has not ended; else after 1 h, unless there is a --speed.",
+)
 @click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")
 @click.option("--camera", metavar="SOURCE", help="A video, folder, URL, device or index instead of the robot's camera.")
 @click.option(
@@ -117,6 +126,7 @@ def command(
     simulate: Simulate | None,
     speed: float | None,
     eyes: Literal["pixels", "truth"],
+    until: float | None,
     world: str | None,
     camera: str | None,
     ports: dict[str, str],
@@ -138,7 +148,7 @@ def command(
     """
     if speed is not None and not isfinite(speed):
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
-    if simulate is None and robot is None and (speed is not None or eyes == "truth" or film is not None):
+    if simulate is None and robot is None and (speed is not None or eyes == "truth" or film or until):
         simulate = "fast"
     if view and as_json:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
@@ -160,13 +170,15 @@ def command(
     )
     kept = record_wish(record, record_limit, record_frames, overwrite=overwrite, mission=name)
     outputs = Outputs(events, film, kept, view=view, leash=leash)
+    if until is None and simulate == "fast" and speed is None:
+        until = LONGEST
 
     def last_words(result: Result) -> None:
         if as_json:
             click.echo(json.dumps(asdict(result)))
 
     try:
-        result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words)
+        result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words, until=until)
     except Exception as error:
         if as_json and not isinstance(error, click.ClickException):
             click.echo(json.dumps(asdict(Result(name, "error", str(error), 0.0, 0))))

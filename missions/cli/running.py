@@ -3,11 +3,15 @@
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TextIO
 
 import click
+from py_trees.common import Status
 
+from behaviours.leaf import Leaf
+from config.units import written
 from missions.cli.film import Film
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
@@ -41,12 +45,22 @@ class Outputs:
     leash: int | None = None
 
 
-def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Result], None]) -> Result:
+def run(
+    order: Order,
+    outputs: Outputs,
+    out: TextIO,
+    last_words: Callable[[Result], None],
+    *,
+    until: float | None = None,
+) -> Result:
     """Run ``order``, show on ``out`` what happens, and write what it leaves behind.
 
-    ``last_words`` are said where a run that hangs for good ends the process.
+    ``last_words`` are said where a run that hangs for good ends the process. ``until`` is when a run in simulated time
+    is ended at last, in seconds.
     """
     check_order(order)
+    if until is not None and order.simulation != "fast":
+        raise click.UsageError("--until is for simulated time: add --simulate fast")
     if outputs.film is not None:
         check_film(outputs.film, order)
     if outputs.view and (why := unviewable(out)):
@@ -70,6 +84,8 @@ def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Resul
     check_pad(order, runner.plan)
     check_people(order, runner.plan)
     watcher.watch(runner.root)
+    if until is not None and runner.twins is not None:
+        runner.twins.timeline.at(until, partial(_end, runner, until))
     with ExitStack() as closing:
         _write(outputs, runner, closing)
         if recording is not None:
@@ -83,6 +99,16 @@ def run(order: Order, outputs: Outputs, out: TextIO, last_words: Callable[[Resul
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
+
+
+def _end(runner: Runner, time: float) -> None:
+    """End a run that has not ended by itself, and say what it was at."""
+    at = [
+        f"{node.name} (line {node.line})"
+        for node in runner.root.iterate()
+        if isinstance(node, Leaf) and node.status is Status.RUNNING
+    ]
+    runner.executive.stop(f"still running after {written(time, 'duration')} of simulated time: {', '.join(at)}")
 
 
 def _write(outputs: Outputs, runner: Runner, closing: ExitStack) -> None:

@@ -175,3 +175,15 @@ def test_a_mission_ticked_by_hand_takes_its_simulated_time_along() -> None:
             statuses.append(mission.tick())
     assert statuses[-1] is Status.SUCCESS
     assert 40 < len(statuses) < 400
+
+
+def test_a_run_that_would_never_end_is_ended_and_says_what_it_is_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "deaf.yaml").write_text("mission: deaf\ntree:\n  sequence:\n    - listen: say anything\n")
+    words = ("run", str(tmp_path / "deaf.yaml"), "--simulate", "fast")
+    ended = command(capsys, *words, "--until", "90 s")
+    assert ended.code == 130
+    assert "interrupted after 90.0 s: still running after 90 s of simulated time: listen (line 4)" in ended.out
+    assert "after 3600 s of simulated time" in command(capsys, *words).out
+    assert "--until is for simulated time" in command(capsys, *words, "--simulate", "wire", "--until", "1 h").err
