@@ -72,7 +72,7 @@ def test_set_fails_with_the_name_that_has_no_value_and_changes_nothing() -> None
     bench = Bench()
     leaf = bench.put(Set("set"), computed={"a": lambda: 1, "b": unknown})
     assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "b: there is no 'visitor' yet"
+    assert leaf.reason == "set: b: there is no 'visitor' yet"
     assert bench.run.variables == {}
 
 

@@ -130,7 +130,7 @@ def test_submissions_fold_into_one_box_that_counts_what_it_hides() -> None:
     drawing = drawing_of(load_mission("patrol"))
     closed = box(folded(drawing, 0), MISSION)
     below = [each for child in box(drawing, MISSION).children for each in child.walk()]
-    assert (closed.children, closed.folded) == ((), len(below))
+    assert (closed.children, closed.folded) == ((), len(below) + sum(len(each.badges) for each in below))
     assert folded(drawing, 1) == drawing
 
 
