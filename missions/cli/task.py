@@ -31,7 +31,7 @@ from missions.tasks.times import first_time, local_zone, read_at, read_every, wa
 LATE = 3600.0
 """Seconds after which a task that has a time is missed, unless somebody says otherwise."""
 
-POLICIES: Mapping[str, Interrupted] = {"": "give-up", "retry": "retry", "give_up": "give-up"}
+POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
 """What is done about an interrupted task, by what its mission says of that."""
 
 NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
@@ -79,7 +79,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     "--if-interrupted",
     "interrupted",
     type=click.Choice(["retry", "give-up"]),
-    help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or give-up.",
+    help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
 )
 @click.option("--robot", metavar="NAME", help="The robot to run on; it moves, unless --simulate.")
 @click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")

@@ -33,11 +33,11 @@ class TaskError(Exception):
 class Policy:
     """What to do about a task that did not succeed.
 
-    An interrupted one is given up: a robot that drives off by itself when the power is back is a surprise. Or it is
-    tried again, until it was interrupted ``most`` times. One that failed is tried again ``retries`` times.
+    An interrupted one is tried again, until it was interrupted ``most`` times; or never. One that failed is tried again
+    ``retries`` times.
     """
 
-    interrupted: Interrupted = "give-up"
+    interrupted: Interrupted = "retry"
     most: int = MOST
     retries: int = 0
 

@@ -101,7 +101,7 @@ def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
         (Policy(retries=1), ["error", "failure"], "failed", ["retried", "failed"]),
         (RETRY, ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
         (RETRY, ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
-        (Policy(), ["interrupted"], "given_up", ["given_up"]),
+        (Policy("give-up"), ["interrupted"], "given_up", ["given_up"]),
         (
             Policy("retry", retries=1),
             ["interrupted", "failure", "interrupted", "failure"],
@@ -179,7 +179,7 @@ def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(qu
     task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
     assert task.state == "waiting", "though the next that counts is the last"
     assert queue.attempt("interrupted").state == "given_up"
-    given_up = queue.add(new(policy=Policy()))
+    given_up = queue.add(new(policy=Policy("give-up")))
     task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
     assert (task.id, task.state) == (given_up, "given_up")
 
