@@ -173,6 +173,12 @@ def command(
     if until is None and simulate == "fast" and speed is None:
         until = LONGEST
 
+    return EXIT_CODES[_told(order, outputs, until, as_json=as_json).result]
+
+
+def _told(order: Order, outputs: Outputs, until: float | None, *, as_json: bool) -> Result:
+    """Run it, and say how it ended: in words for people while it goes on, or as one line for a program in the end."""
+
     def last_words(result: Result) -> None:
         if as_json:
             click.echo(json.dumps(asdict(result)))
@@ -180,8 +186,8 @@ def command(
     try:
         result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words, until=until)
     except Exception as error:
-        if as_json and not isinstance(error, click.ClickException):
-            click.echo(json.dumps(asdict(Result(name, "error", str(error), 0.0, 0))))
+        if not isinstance(error, click.ClickException):
+            last_words(Result(order.mission, "error", str(error), 0.0, 0))
         raise
     last_words(result)
-    return EXIT_CODES[result.result]
+    return result

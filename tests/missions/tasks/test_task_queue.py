@@ -63,15 +63,15 @@ def test_a_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
 
 
 def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
-    assert [new(name).name for name in ("greet", "motions/square", "/home/ana/my/tell.yaml")] == [
+    assert [new(name).name for name in ("greet", "motions/square", "/missions/my/tell.yaml")] == [
         "greet",
         "motions/square",
         "tell",
     ]
-    number = queue.add(new("/home/ana/tell.yaml"))
+    number = queue.add(new("/missions/tell.yaml"))
     queue.attempt("success")
     (letter, _) = queue.outbox.of(number)
-    assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/home/ana/tell.yaml")
+    assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/missions/tell.yaml")
 
 
 def test_a_task_is_what_was_added(queue: Shop) -> None:
