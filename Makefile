@@ -6,7 +6,7 @@ STAMP := $(VENV)/installed
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test check bench docs constraints clean
+.PHONY: help setup demo test fuzz check bench docs constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -32,6 +32,10 @@ demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets i
 # Many wait for real time, so there is work for one more than there are cores.
 test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 1 )) --dist worksteal
+
+fuzz: $(OTHERS_STAMP) ## the tests with random examples, new ones at each run, ten times over
+	for round in 1 2 3 4 5 6 7 8 9 10; do \
+		$(BIN)/pytest -q -m hypothesis --hypothesis-profile fuzz --numprocesses $$(nproc) --dist worksteal || exit 1; done
 
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .

@@ -21,6 +21,11 @@ _BOLD = """
 
 _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """What small letters of other scripts take in a word, and what other signs and capitals, and those of East Asia do."""
+_BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹ" "ωϖϣͳ" "ЉЊЖШЩЮжмфшщыюљњ" "‰‱№")
+_BROADER = 1.4
+"""Letters and signs that are as broad as two, and how many times what others of their kind take they do."""
+_HORN = 0.15
+"""What a horn, or a caron written as an apostrophe, adds to its letter, as in ơ and ľ."""
 
 
 def width(text: str, size: float, *, bold: bool = False) -> float:
@@ -70,9 +75,14 @@ def _advance(letter: str, bold: bool) -> float:
     """Return the width of one character in a font of size 1."""
     if combining(letter) or category(letter) in ("Cf", "Mn", "Me"):
         return 0.0
-    plain = normalize("NFD", letter)[0]  # an accent makes no letter wider
+    parts = [each for each in normalize("NFKD", letter) if category(each).startswith("L")]
+    if len(parts) > 1:  # two letters in one, such as dž
+        return sum(_advance(each, bold) for each in parts)
+    plain, *marks = normalize("NFD", letter)  # an accent makes no letter wider
+    horn = _HORN if "\u031b" in marks or (plain == "l" and "\u030c" in marks) else 0.0
     if " " <= plain <= "~":
-        return int((_BOLD if bold else _REGULAR).split()[ord(plain) - ord(" ")]) / 1000
+        return int((_BOLD if bold else _REGULAR).split()[ord(plain) - ord(" ")]) / 1000 + horn
     if east_asian_width(letter) in "WF":
         return _WIDE
-    return (_LETTER if category(letter) == "Ll" else _SIGN) * (1.1 if bold else 1.0)
+    usual = _LETTER if category(letter) == "Ll" else _SIGN
+    return usual * (_BROADER if plain in _BROAD else 1.0) * (1.1 if bold else 1.0)
