@@ -8,10 +8,10 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
-from missions.executive.modifiers import Repeat, Retry
+from missions.executive.modifiers import Modifier, Repeat, Retry
 from missions.verify.fields import Fields, fields_of
 from missions.verify.guesses import Many
-from missions.verify.instants import Instant, Some, Timing
+from missions.verify.instants import Instant, Timing
 from missions.verify.mocks import StandIn
 
 Row = tuple[Any, ...]
@@ -141,10 +141,9 @@ def _gives_anew(node: Node) -> bool:
 def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
     """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
     if isinstance(value, Instant):
-        wait = getattr(node, "setting", 0.0)
-        if isinstance(wait, Some):
+        wait = _waited(node)
+        if wait is None:
             return ANY
-        # A modifier waits for its setting from an instant on; what a leaf keeps is the end of a wait itself.
         instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
         return At(list(instants).index(value.place), value.offset)
     if isinstance(value, str):
@@ -154,6 +153,18 @@ def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> o
     if type(value) is int and isinstance(node, Retry | Repeat) and name != "setting":
         return value if type(node.setting) is int else min(value, _enough(node))
     return value
+
+
+def _waited(node: Node) -> float | None:
+    """Return how long ``node`` waits from an instant on that it keeps; None where that is known only when it starts.
+
+    A modifier waits for its setting, which it forgets at rest while a cooldown goes on; what a leaf keeps is the end of
+    a wait itself.
+    """
+    if not isinstance(node, Modifier):
+        return 0.0
+    seconds: Any = node.value.constant
+    return seconds if node.value.template is None else None
 
 
 def _enough(node: Retry | Repeat) -> int:

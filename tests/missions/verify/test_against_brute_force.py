@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
@@ -154,6 +154,8 @@ def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> No
 
 
 @settings(max_examples=15)
+@example("sequence: [{look: 0 deg, cooldown: 2 s}, {scene_uniform: 1 s}], repeat: 2")
+@example("look: 0 deg, delay: 1 s, cooldown: 2 s, repeat: 2")
 @given(trees((*MODIFIERS[:4], *TIMES)))
 def test_whatever_time_passes_no_run_ends_in_a_way_that_was_not_explored(tree: str) -> None:
     found = plan(tree)
