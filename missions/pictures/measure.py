@@ -21,7 +21,7 @@ _BOLD = """
 
 _LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
 """What small letters of other scripts take in a word, and what other signs and capitals, and those of East Asia do."""
-_BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹ" "ωϖϣͳ" "ЉЊЖШЩЮжмфшщыюљњ" "‰‱№")
+_BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
 _BROADER = 1.4
 """Letters and signs that are as broad as two, and how many times what others of their kind take they do."""
 _HORN = 0.15
@@ -78,7 +78,7 @@ def _advance(letter: str, bold: bool) -> float:
     parts = [each for each in normalize("NFKD", letter) if category(each).startswith("L")]
     if len(parts) > 1:  # two letters in one, such as dž
         return sum(_advance(each, bold) for each in parts)
-    plain, *marks = normalize("NFD", letter)  # an accent makes no letter wider
+    plain, *marks = list(normalize("NFD", letter))  # an accent makes no letter wider
     horn = _HORN if "\u031b" in marks or (plain == "l" and "\u030c" in marks) else 0.0
     if " " <= plain <= "~":
         return int((_BOLD if bold else _REGULAR).split()[ord(plain) - ord(" ")]) / 1000 + horn
