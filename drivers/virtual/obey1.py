@@ -1,7 +1,8 @@
 """What virtual servos do when they hear a request of protocol 1.0, modelled after the e-Manual.
 
 Where that is silent: a write to a read-only or locked register is refused with the range bit. A sync write, which
-nobody answers, brings a goal beyond the angle limits back to them.
+nobody answers, brings a goal beyond the angle limits back to them. A factory reset, which the e-Manual has for all of
+protocol 1.0, is obeyed by an AX too, though one user tells of an AX-12 that refused it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -48,7 +49,7 @@ def _carry_out(servo: VirtualServo, packet: Packet) -> tuple[Fault, bytes]:
             return servo.hold(packet.parameters[0], packet.parameters[1:]), b""
         case Instruction.ACTION if servo.held is not None:
             return servo.act(), b""
-        case Instruction.FACTORY_RESET if not servo.model.name.startswith("AX"):
+        case Instruction.FACTORY_RESET:
             servo.factory_reset()
             return FINE, b""
     return Fault.INSTRUCTION, b""

@@ -74,7 +74,7 @@ def test_the_plain_sdk_does_all_that_it_can_with_protocol_1() -> None:
     assert seen["positions"] == [600, 2500, 1500]
     assert seen["bulk read"] == [2500, 1500]
     assert seen["led"] == 1
-    assert seen["reset of the AX"] == [0, 64]
+    assert seen["reset of the AX"] == [0, 0]
     assert seen["at another rate"]
 
 

@@ -153,8 +153,8 @@ def test_reads_beyond_the_table_and_of_nothing_are_refused(client: Client) -> No
     assert whole.parameters == bytes(client.bus.servo(1).table)
 
 
-def test_unknown_instructions_factory_reset_and_an_action_without_a_write_are_refused(client: Client) -> None:
-    for instruction in (0x55, Instruction.FACTORY_RESET, Instruction.ACTION, Instruction.WRITE):
+def test_unknown_instructions_and_an_action_without_a_write_are_refused(client: Client) -> None:
+    for instruction in (0x55, Instruction.ACTION, Instruction.WRITE):
         (reply,) = client.ask(1, instruction)
         assert Fault(reply.code) == Fault.INSTRUCTION
 
@@ -402,15 +402,24 @@ def test_mx_answer_a_bulk_read_in_turn_and_are_silent_behind_a_missing_one() -> 
     assert Fault(client.ask(4, Instruction.BULK_READ, bytes((0, 2, 4, 30)))[0].code) == Fault.INSTRUCTION
 
 
-def test_a_factory_reset_makes_it_id_1_at_the_rate_of_the_shop() -> None:
-    client = Client(chain(2, "MX-28"))
-    client.bus.servo(1).present = False
-    client.write(2, MODELS["MX-28"].table["return_delay"], 7)
-    assert client.ask(2, Instruction.FACTORY_RESET) == [Packet(2, 0)]
-    client.wait(0.02)
-    client.bus.tune(57_600)
-    assert client.ask(1, Instruction.PING) == [Packet(1, 0)]
-    assert client.read(1, MODELS["MX-28"].table["return_delay"]) == 250
+def test_a_factory_reset_makes_it_id_1_at_the_rate_of_the_shop_as_it_was_delivered() -> None:
+    for model, baud in (("AX-12A", 1_000_000), ("AX-18A", 1_000_000), ("MX-28", 57_600)):
+        table = MODELS[model].table
+        bus = VirtualServoBus([VirtualServo(2, model=model, angle=0.4)], 500_000)
+        client = Client(bus)
+        settings = {"return_delay": 7, "temperature_limit": 50, "max_torque": 300, "moving_speed": 20}
+        for name, value in settings.items():
+            client.write(2, table[name], value)
+        client.write(2, table["torque_enable"], 1)
+        assert client.ask(2, Instruction.FACTORY_RESET) == [Packet(2, 0)], model
+        client.wait(0.02)
+        bus.tune(baud)
+        assert client.ask(2, Instruction.PING) == [], model
+        assert client.ask(1, Instruction.PING) == [Packet(1, 0)], model
+        delivered = {name: MODELS[model].default(table[name]) for name in settings}
+        assert {name: client.read(1, table[name]) for name in settings} == delivered, model
+        assert bus.servo(1).limp, model
+        assert bus.servo(1).angle == pytest.approx(0.4, abs=0.005), model
 
 
 def test_an_mx_counts_turns_when_both_its_limits_are_the_highest() -> None:
