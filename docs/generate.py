@@ -20,7 +20,7 @@ from missions.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.executive.state import state_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.operators import FUNCTIONS
-from missions.language.params import TYPES
+from missions.language.param_types import TYPES
 from missions.language.plan import COMPOSITES
 
 HERE = Path(__file__).parent

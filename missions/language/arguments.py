@@ -17,6 +17,7 @@ from missions.language.faces import as_face, read_face
 from missions.language.notes import Notes
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
+from missions.language.plan import MISSION
 from missions.language.values import Convert, Value, in_si, shown, whole
 
 NAMES = ("text", "joint", "joints", "choice", "file")
@@ -168,7 +169,9 @@ def converter(notes: Notes, argument: Argument) -> Convert:
         return partial(_file, notes.things.get(kind, Path), Path(notes.source.name).parent)
     if kind in notes.things:
         return partial(_find, notes.things[kind])
-    return partial(_PLAIN[kind], argument)
+    if kind == MISSION:
+        return partial(_mission, notes)
+    return partial(_PLAIN.get(kind, _name), argument)
 
 
 def _measure(argument: Argument, value: object) -> float:
@@ -180,6 +183,10 @@ def _measure(argument: Argument, value: object) -> float:
 
 def _find(lookup: Callable[[str], object], value: object) -> object:
     return lookup(shown(value))
+
+
+def _mission(notes: Notes, value: object) -> Path:
+    return notes.words.find_mission(shown(value), Path(notes.source.name).parent)
 
 
 def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
@@ -226,10 +233,10 @@ def _choice(argument: Argument, value: object) -> str:
     return word
 
 
-def _joint(argument: Argument, value: object) -> str:
+def _name(argument: Argument, value: object) -> str:
     name = _text(argument, value).strip()
     if not name:
-        raise ValueError("needs the name of a joint")
+        raise ValueError(f"needs the name of a {argument.kind.removesuffix('s')}")
     return name
 
 
@@ -237,7 +244,7 @@ def _joints(argument: Argument, value: object) -> tuple[str, ...]:
     names = value if isinstance(value, list) else [value]
     if not names or any(isinstance(name, list | dict) for name in names):
         raise ValueError("needs a joint, a group of them, or a list of names")
-    return tuple(_joint(argument, name) for name in names)
+    return tuple(_name(argument, name) for name in names)
 
 
 def _anything(argument: Argument, value: object) -> object:
@@ -263,8 +270,10 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
     "count": _count,
     "flag": _flag,
     "choice": _choice,
-    "joint": _joint,
+    "joint": _name,
     "joints": _joints,
+    "person": _name,
+    "place": _name,
     "value": _anything,
     "outcomes": _outcomes,
     FACE: lambda _, value: as_face(value),

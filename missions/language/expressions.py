@@ -24,6 +24,7 @@ from missions.language.operators import (
     combine,
     compare,
     listing,
+    member_at,
     out_of_range,
 )
 
@@ -215,6 +216,8 @@ def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each for
             if name.startswith("_"):
                 raise _NotAllowedError(f"{seen(name)} is private", node)
             parts = [value]
+        case ast.Subscript(value=value, slice=place) if not isinstance(place, ast.Slice | ast.Tuple):
+            parts = [value, place]
         case ast.Call(func=ast.Name(id=name) as function, args=parts, keywords=[]):
             if name not in FUNCTIONS:
                 known = ", ".join(FUNCTIONS)
@@ -225,7 +228,7 @@ def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each for
         _check(part)
 
 
-def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901 - see _check
+def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, PLR0912 - see _check
     match node:
         case ast.Constant(value=value):
             return Bare(value) if isinstance(value, float) else value
@@ -250,6 +253,8 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901 - 
             return _value(body if _value(test, scope) else orelse, scope)
         case ast.Attribute(value=value, attr=name):
             return _member(_value(value, scope), name)
+        case ast.Subscript(value=value, slice=place):
+            return member_at(_value(value, scope), _value(place, scope))
         case ast.Call(func=ast.Name(id=name), args=parts):
             return FUNCTIONS[name](*[_value(part, scope) for part in parts])
     raise ExpressionError(f"{seen(ast.unparse(node))} is not allowed in an expression")

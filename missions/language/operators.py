@@ -50,6 +50,18 @@ def listing(items: list[Any]) -> list[Any]:
     return items
 
 
+def member_at(items: Any, place: Any) -> object:
+    """Return a member of a list: 0 is the first, -1 the last."""
+    if not isinstance(items, list | tuple):
+        raise ValueError(f"only a list has members by number, not {described(items)}")
+    if isinstance(place, bool) or not isinstance(place, int):
+        raise ValueError(f"the members of a list are counted from 0, in whole numbers, got {described(place)}")
+    if not -len(items) <= place < len(items):
+        raise ValueError(f"no member {place} in a list of {len(items)}")
+    found: object = items[place]
+    return found
+
+
 def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
     """Return whether a comparison is true."""
     try:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from config.faults import InvalidFileError, note, one_of
 from config.marked import Mapping, Node, Scalar, compose, read_source
-from config.units import seen
-from missions.language.arguments import default_value
+from config.units import article, seen
 from missions.language.body import read_body, read_returns
 from missions.language.notes import Notes
 from missions.language.params import Param
@@ -93,15 +92,12 @@ def _take(
         if param is None:
             hint = one_of(name.text, params) or "it has none"
             notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
-        elif not isinstance(given, Scalar):
-            notes.fault(given.mark, f"'{name.text}' needs one value")
         else:
-            meant = given.text if param.kind == "text" else default_value(given)
-            values[name.text] = notes.value(replace(given, value=meant), f"'{name.text}'", param.convert)
+            values[name.text] = param.type.read(notes, given, f"'{name.text}'")
     for param in params.values():
         missing = param.required and param.name not in values
         if missing:
-            notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', a {param.kind}", param.help)
+            notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', {article(param.kind)}", param.help)
         formula = values.setdefault(param.name, Value(None if missing else param.default)).template
         if missing:  # said once: what comes of it is no fault of its own
             inner.stored.add(param.name)

@@ -12,7 +12,7 @@ from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.catalogue import sentence
 from missions.language.body import IF_INTERRUPTED
-from missions.language.params import TYPES
+from missions.language.param_types import LIST, TYPES
 from missions.language.plan import MISSION
 from missions.language.properties import FORMS, PROPERTIES
 from missions.library import shipped_missions
@@ -86,18 +86,22 @@ def _param() -> Schema:
         "patternErrorMessage": "the default of a param cannot be calculated: write a plain value",
     }
     bound = {"type": ["string", "number"]}
+    members = {"type": "array", "items": {"type": SCALAR, "pattern": default["pattern"]}}
+    plain = {**default, **members, "type": [*default["type"], "array"]}
     return {
-        **default,
-        "type": [*default["type"], "object"],
+        **plain,
+        "type": [*plain["type"], "object"],
         "properties": {
-            "default": {"description": "Its value where the caller gives none.", **default},
+            "default": {"description": "Its value where the caller gives none.", **plain},
             "type": {"description": "What it is; told by its default where there is one.", "enum": list(TYPES)},
+            "of": {"description": "What the members of a list are.", "enum": [each for each in TYPES if each != LIST]},
+            "choices": {"description": "The words to choose from.", **members, "minItems": 1},
             "help": {"description": "What it is for.", "type": SCALAR},
             "low": {"description": "The lowest value it may have.", **bound},
             "high": {"description": "The highest value it may have.", **bound},
         },
         "additionalProperties": False,
-        "anyOf": [{"not": {"type": "object"}}, {"required": ["default"]}, {"required": ["type"]}],
+        "anyOf": [{"not": {"type": "object"}}, *({"required": [key]} for key in ("default", "type", "choices"))],
     }
 
 

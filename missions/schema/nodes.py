@@ -103,7 +103,11 @@ def _beside() -> dict[str, Schema]:
         "with": {
             "description": "The values of the params of the mission that is run.",
             "type": "object",
-            "additionalProperties": {"type": [*SCALAR, "null"], "errorMessage": "needs one value"},
+            "additionalProperties": {
+                "type": [*SCALAR, "null", "array"],
+                "items": {"type": SCALAR},
+                "errorMessage": "needs one value, or a list",
+            },
         },
         "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
     }

@@ -82,6 +82,10 @@ SCOPE: dict[str, object] = {
         ("round(2.567, 1)", 2.6),
         ("round(2.4)", 2),
         ("len(names) + len(name)", 6),
+        ("names[0]", "Anna"),
+        ("names[-1] + names[count - 2]", "BenBen"),
+        ("[1, 2][1]", 2),
+        ("pair[0]", 1),
         ("  1 +\n  2  ", 3),
         ("1or 2", True),
         (r"'\d' == '\\d'", True),
@@ -115,7 +119,8 @@ def test_and_and_or_ask_no_further_than_they_must() -> None:
         "len(x=1)",
         "len(*names)",
         "[*names]",
-        "names[0]",
+        "names[0:1]",
+        "names[0, 1]",
         "{1: 2}",
         "{1, 2}",
         "[x for x in names]",
@@ -225,6 +230,12 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("1e300 * 1e300", "'1e300 * 1e300': a number out of range"),
         ("999999999 * 999999999", "'999999999 * 999999999': a number out of range"),
         ("thing.broken", "'broken' cannot be read: 'no reply'"),
+        ("names[2]", "'names[2]': no member 2 in a list of 2"),
+        ("names[-3]", "'names[-3]': no member -3 in a list of 2"),
+        ("names[0.5]", "'names[0.5]': the members of a list are counted from 0, in whole numbers, got 0.5"),
+        ("names[true]", "'names[true]': the members of a list are counted from 0, in whole numbers, got true"),
+        ("name[0]", "'name[0]': only a list has members by number, not the text 'Anna'"),
+        ("place['x']", "'place['x']': only a list has members by number, not a mapping"),
     ],
 )
 def test_what_cannot_be_evaluated_says_why(text: str, message: str) -> None:
@@ -294,7 +305,7 @@ def test_an_expression_tells_what_it_reads_and_where() -> None:
     [
         ("count + foo(1)", "foo"),
         ("  é + x._y + 1", "x._y"),
-        ("1 + [2][0]", "[2][0]"),
+        ("1 + [2][0:1]", "[2][0:1]"),
         ("'é' and (lambda: 1)", "lambda: 1"),
     ],
 )

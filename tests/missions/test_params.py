@@ -1,6 +1,7 @@
 """Params: what a mission lets its caller set, and what a caller may set it to."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,6 +13,8 @@ from config.units import Quantity
 from missions.assembly.things import THINGS
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library import load_mission
+from missions.testing.ran import run_mission
 
 MISSION = """\
 mission: visit
@@ -150,7 +153,23 @@ def test_mistakes_in_the_file_and_in_the_callers_values_come_together() -> None:
         ("{if: 1}", "a param cannot be 'if', which means something in expressions already"),
         ("{max: 1}", "a param cannot be 'max', which means something in expressions already"),
         ("{none: 1}", "a param cannot be 'none', which means something in expressions already"),
-        ("{a: [1]}", "param 'a' needs one value as its default"),
+        ("{a: [[1]]}", "param 'a': a list holds no lists and no mappings"),
+        ("{a: [1, [2]]}", "param 'a' needs plain values as its members: a list holds no lists and no mappings"),
+        ("{a: ['${b}']}", "param 'a' cannot have the member '${b}': lists in a file hold plain values"),
+        ("{a: []}", "param 'a': an empty list needs 'of'"),
+        ("{a: [3 m, 2]}", "param 'a': the members of a list are of one type: '3 m' is a length, '2' a number"),
+        ("{a: [3 m, 2 s]}", "param 'a': the members of a list are of one type: '3 m' is a length, '2 s' a duration"),
+        ("{a: {type: list}}", "param 'a' needs 'of', the type of its members"),
+        ("{a: {type: list, of: list}}", "param 'a': unknown type 'list'"),
+        ("{a: {type: choice}}", "param 'a' needs 'choices', a list of words"),
+        ("{a: {type: length, choices: [b]}}", "param 'a' is no choice"),
+        ("{a: {choices: [b, c], default: d}}", "param 'a' needs one of b, c, got 'd'"),
+        (
+            "{a: {type: gesture, default: wve}}",
+            "param 'a' needs a gesture: unknown gesture 'wve'; did you mean 'wave'?",
+        ),
+        ("{a: {type: person, default: ' '}}", "param 'a' needs the name of a person"),
+        ("{a: {type: length, default: [1 m]}}", "param 'a' needs one value"),
         ("{a: '${b}'}", "the default of param 'a' cannot be calculated"),
         ("{a: 1, a: 2}", "'a' stands here again (first at line 2)"),
     ],
@@ -216,3 +235,78 @@ tree:
     ):
         with pytest.raises(InvalidFileError, match=words):
             check(f"mission: long\nparams:\n  side: {wrong}\ntree: succeed\n")
+
+
+LISTS = """\
+mission: lists
+params:
+  places: [kitchen, hall]
+  ways: {default: [1 m, 50 cm], low: 10 cm, help: how far each time}
+  codes: {type: list, of: text, default: []}
+  people: {type: list, of: person, help: whom to visit}
+  side: {choices: [left, right], default: left}
+tree:
+  sequence:
+    - say: ${places[0]}, then ${places[-1]}, ${len(people)} people
+    - drive: ${ways[1]}
+      if: "'hall' in places"
+"""
+
+
+def test_a_param_may_be_a_list_whose_members_are_of_one_type() -> None:
+    params = check(LISTS, {"people": "Anna, Ben"}, complete=True).params
+    assert params["places"] == ["kitchen", "hall"]
+    assert params["ways"] == [1.0, 0.5]
+    assert params["people"] == ["Anna", "Ben"]
+    assert (params["codes"], params["side"]) == ([], "left")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("places", "study", ["study"]),
+        ("places", "[a b, 'c, d']", ["a b", "c, d"]),
+        ("places", "007, true", ["007", "true"]),
+        ("places", "", []),
+        ("ways", "2 m, 30 cm", [2.0, 0.3]),
+        ("side", "right", "right"),
+    ],
+)
+def test_a_caller_writes_a_list_with_commas(name: str, text: str, value: object) -> None:
+    params = LISTS.partition("tree:")[0] + "tree: succeed\n"
+    assert check(params, {name: text}).params[name] == value
+
+
+def test_a_callers_list_is_checked_member_by_member() -> None:
+    for name, text, message in (
+        ("ways", "2 m, 3", "'ways' has a wrong member 2: it needs a length such as '0.5 m': '3' has no unit"),
+        ("ways", "1 cm, 2 m", "'ways' has a wrong member 1: it must be at least 0.1 m"),
+        ("places", "[a, [b]]", "'places' needs plain values as its members"),
+        ("places", "a]", "'places' needs a list, such as 'kitchen, hall', got 'a]'"),
+        ("side", "up", "'side' needs one of left, right, got 'up'"),
+        ("places", "", "'say': 'places[0]': no member 0 in a list of 0"),
+    ):
+        found = faults(LISTS, {"people": "Anna", name: text})
+        assert found[0].message.startswith(message)
+
+
+def test_a_mission_hands_lists_and_members_on(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text(
+        "mission: inner\nparams:\n  names: {type: list, of: person}\n  to: {type: person}\n"
+        'tree: {say: "${to}: ${names}"}\n'
+    )
+    outer = "mission: outer\nparams: {all: [Anna, Ben]}\ntree:\n  sequence:\n"
+    given = ("names: '${all}', to: '${all[1]}'", "names: [Anna, '007'], to: 7")
+    path = tmp_path / "outer.yaml"
+    path.write_text(outer + "".join(f"    - {{mission: inner.yaml, with: {{{each}}}}}\n" for each in given))
+    assert run_mission(path).said == ["Ben: Anna, Ben", "7: Anna, 007"]
+    for wrong, message in (("names: Anna, to: Ben", "'names' needs a list"), ("names: [A], to: [B]", "'to' needs one")):
+        path.write_text(f"{outer}    - {{mission: inner.yaml, with: {{{wrong}}}}}\n")
+        with pytest.raises(InvalidFileError, match=message):
+            load_mission(str(path))
+
+
+def test_a_named_type_is_looked_up_and_kept_as_a_name() -> None:
+    text = "mission: m\nparams: {how: {type: gesture, default: wave}}\ntree:\n  gesture: ${how}\n"
+    assert check(text).params == {"how": "wave"}
+    assert the_fault(text, {"how": "wvae"}).message.startswith("'how' needs a gesture: ")

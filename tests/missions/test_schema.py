@@ -224,7 +224,7 @@ def test_what_is_wrong_is_not_valid(lines: list[str]) -> None:
         "mission: m\ntre: stop\ntree: stop",
         "mission: m\ntree:\n  - stop",
         "mission: m\nparams: 3\ntree: stop",
-        "mission: m\nparams: {a: [1]}\ntree: stop",
+        "mission: m\nparams: {a: [[1]]}\ntree: stop",
         "mission: m\nparams: {a: '${b}'}\ntree: stop",
         "mission: m\nparams: {if: 3}\ntree: stop",
         "mission: m\nparams: {a: {}}\ntree: stop",

@@ -1,0 +1,179 @@
+"""The types of a mission's params: what a caller may give, and what is made of it."""
+
+import math
+from dataclasses import dataclass, replace
+
+from behaviours.leaf import Argument
+from config.faults import one_of
+from config.marked import Listing, Mapping, Node, Plain, Scalar, plain
+from config.units import UNITS, Quantity, article, quantity, seen
+from missions.language import lists
+from missions.language.arguments import NAMES, converter, default_value, read_argument
+from missions.language.notes import Notes
+from missions.language.plan import MISSION
+from missions.language.values import Convert, Value, shown
+
+LIST = "list"
+"""The type of a param that has members, all of one type."""
+
+NAMED = ("person", "place", "gesture", "move", MISSION, "file")
+"""The types whose values are the names of something."""
+
+TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAMED, LIST)
+"""What the ``type`` of a param in its long form may be."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParamType:
+    """What a param is: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list."""
+
+    kind: str
+    of: str
+    convert: Convert
+
+    def meant(self, node: Scalar) -> Plain:
+        """Return the value that a scalar of a file has as this param, or as a member of it."""
+        return node.text if self.of in (*NAMES, *NAMED) else default_value(node)
+
+    def take(self, text: str) -> object:
+        """Read a value from a command line. Raises ValueError that says what was expected."""
+        if self.kind == LIST:
+            return self.convert(lists.typed(text, self.meant))
+        if self.of in (*NAMES, *NAMED):
+            return self.convert(text)
+        found = quantity(text)
+        return self.convert(plain(text) if found is None else found)
+
+    def default(self, notes: Notes, node: Node, what: str) -> object:
+        """Read a default, which cannot be calculated; ``what`` begins the message of a fault."""
+        if isinstance(node, Scalar) and "${" in node.text:
+            notes.fault(node.mark, f"the default of {what} cannot be calculated", "write a plain value")
+            return None
+        return self.read(notes, node, what).constant
+
+    def read(self, notes: Notes, node: Node, what: str) -> Value:
+        """Read the value that a mission gives; ``what`` begins the message of a fault."""
+        if isinstance(node, Scalar):
+            return notes.value(replace(node, value=self.meant(node)), what, self.convert)
+        if isinstance(node, Mapping) or self.kind != LIST:
+            notes.fault(node.mark, f"{what} needs one value")
+            return Value()
+        try:
+            return notes.constant(node, lists.members(node, self.meant), what, self.convert)
+        except ValueError as error:
+            notes.fault(node.mark, f"{what} {error}")
+            return Value()
+
+
+def inferred(notes: Notes, name: str, node: Node) -> ParamType | None:
+    """Return the type of a param that has nothing but a default."""
+    if isinstance(node, Scalar):
+        return _of_kind(notes, Argument(name, kind_of(default_value(node)), ""))
+    kind = _common_kind(notes, name, node) if isinstance(node, Listing) else None
+    return None if kind is None else _of_kind(notes, Argument(name, kind, ""), many=True)
+
+
+def declared(notes: Notes, name: str, node: Mapping) -> ParamType | None:
+    """Return the type of a param in its long form; None, and a fault, where it is none."""
+    given = node.get("default")
+    kind, of = (_word(notes, name, node, key) for key in ("type", "of"))
+    if "" in (kind, of):  # wrong, which has been noted
+        return None
+    choices = _choices(notes, name, node, kind if of is None else of)
+    if choices is None:
+        return None
+    if kind is None and given is None and not choices:
+        notes.fault(node.mark, f"param '{name}' needs a default, or a type", "write {type: text} or {default: 60 s}")
+        return None
+    many = kind == LIST or of is not None or (kind is None and isinstance(given, Listing))
+    one = of if many else kind
+    if one is None and choices:
+        one = "choice"
+    elif one is None and given is not None:
+        found = inferred(notes, name, given)
+        one = None if found is None else found.of
+    elif one is None:
+        notes.fault(node.mark, f"param '{name}' needs 'of', the type of its members", "write {type: list, of: text}")
+    if one is None:
+        return None
+    argument = Argument(name, one, "", choices=choices)
+    bounds = {
+        side: read_argument(notes, argument, bound, f"param '{name}': '{side}'").constant
+        for side in ("low", "high")
+        if (bound := node.get(side)) is not None
+    }
+    numbers = {side: bound for side, bound in bounds.items() if isinstance(bound, int | float)}
+    low, high = numbers.get("low", -math.inf), numbers.get("high", math.inf)
+    return _of_kind(notes, replace(argument, low=low, high=high), many=many)
+
+
+def kind_of(value: object) -> str:
+    """Return the type of a plain value; "value" for nothing."""
+    if isinstance(value, Quantity):
+        return value.dimension
+    if isinstance(value, bool):
+        return "flag"
+    if isinstance(value, int | float):
+        return "number"
+    return "text" if isinstance(value, str) else "value"
+
+
+def _of_kind(notes: Notes, argument: Argument, *, many: bool = False) -> ParamType:
+    one = _keeping(converter(notes, argument), argument.kind)
+    return ParamType(LIST if many else argument.kind, argument.kind, lists.of(one) if many else one)
+
+
+def _keeping(check: Convert, kind: str) -> Convert:
+    """Check as an argument is checked, but keep quantities, whole numbers and names as they are written."""
+
+    def convert(value: object) -> object:
+        checked = check(value)
+        if kind in NAMED:
+            return shown(value)
+        as_written = isinstance(value, Quantity) or (isinstance(value, int) and not isinstance(value, bool))
+        return value if as_written and kind != "text" else checked
+
+    return convert
+
+
+def _common_kind(notes: Notes, name: str, node: Listing) -> str | None:
+    """Return the kind of all members of a list."""
+    items = [item for item in node.items if isinstance(item, Scalar)]
+    kinds = [kind_of(default_value(item)) for item in items]
+    if not kinds:
+        message = "a list holds no lists and no mappings" if node.items else "an empty list needs 'of'"
+        notes.fault(node.mark, f"param '{name}': {message}", "write {type: list, of: text, default: []}")
+        return None
+    for item, kind in zip(items, kinds, strict=True):
+        if kind != kinds[0]:
+            both = f"{seen(items[0].text)} is {article(kinds[0])}, {seen(item.text)} {article(kind)}"
+            notes.fault(item.mark, f"param '{name}': the members of a list are of one type: {both}")
+            return None
+    return kinds[0]
+
+
+def _word(notes: Notes, name: str, node: Mapping, key: str) -> str | None:
+    """Return the type that a key names, None where the key is missing, and nothing where the type is unknown."""
+    given = node.get(key)
+    if given is None:
+        return None
+    word = given.text if isinstance(given, Scalar) else ""
+    known = TYPES if key == "type" else TYPES[:-1]
+    if word in known:
+        return word
+    notes.fault(given.mark, f"param '{name}': unknown type {seen(word or None)}", one_of(word, known))
+    return ""
+
+
+def _choices(notes: Notes, name: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
+    """Return the words that a choice has, nothing for what is no choice; None where there is a fault."""
+    node = beside.get("choices")
+    if node is None and kind != "choice":
+        return ()
+    found = tuple(item.text for item in node.items if isinstance(item, Scalar)) if isinstance(node, Listing) else ()
+    if not found or kind not in (None, "choice", LIST):
+        example = "write {type: choice, choices: [left, right]}"
+        message = f"param '{name}' needs 'choices', a list of words" if not found else f"param '{name}' is no choice"
+        notes.fault((node or beside).mark, message, example)
+        return None
+    return found
