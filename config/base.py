@@ -1,8 +1,9 @@
 """The ``base`` section of a robot file: a Kobuki, its port, its limits, and what it does by itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from config.away import AwayConfig, read_away
 from config.fields import Fields
 
 BUTTONS = 3
@@ -29,7 +30,7 @@ class ReflexConfig:
 
 @dataclass(frozen=True, slots=True)
 class BaseConfig:
-    """A Kobuki base: its port, its limits (m/s, rad/s, m/s^2, rad/s^2), and its reflexes."""
+    """A Kobuki base: its port, its limits (m/s, rad/s, m/s^2, rad/s^2), its reflexes, and what long absences do."""
 
     port: str
     baud: int
@@ -38,6 +39,7 @@ class BaseConfig:
     acceleration: float
     turn_acceleration: float
     reflexes: ReflexConfig = ReflexConfig()
+    away: AwayConfig = field(default_factory=AwayConfig)
 
 
 def read_base(fields: Fields | None) -> BaseConfig | None:
@@ -53,6 +55,7 @@ def read_base(fields: Fields | None) -> BaseConfig | None:
         acceleration=fields.quantity("acceleration", "acceleration", 0.5, low=0.01),
         turn_acceleration=fields.quantity("turn_acceleration", "turn acceleration", 3.5, low=0.01),
         reflexes=_reflexes(fields.section("reflexes")),
+        away=read_away(fields.section("away")),
     )
     fields.done()
     return base

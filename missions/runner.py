@@ -25,6 +25,7 @@ from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.commands import robot_for
+from missions.executive.decided import Decided
 from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
@@ -110,7 +111,7 @@ class Runner:
             limits=PATIENT if limits is None and self.twins is not None else limits,
         )
         answers = Answers()
-        robot = asked(self._robot.robot, answers, self.watchdog.permit)
+        robot = asked(self._robot.robot, answers, Decided(self._context, self.watchdog.permit))
         guard = self._guard(config, robot)
         self._context.variables.update(state_of(robot, self._context, guard))
         self.root: Node = build(

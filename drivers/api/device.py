@@ -39,12 +39,27 @@ class Health:
 
     ``detail`` says in a few words what is the matter ("/dev/kobuki: no such device"), ``hint`` what to type next;
     both are empty when all is well. ``counters`` are totals since ``open``: frames, misses, checksum errors and so on.
+    ``returned`` is when it was last back (on the driver's clock) from an absence so long that nothing that was decided
+    before is to move it any more, see ``Away``; None if there was none.
     """
 
     online: bool
     detail: str = ""
     hint: str = ""
     counters: Mapping[str, int] = field(default_factory=dict)
+    returned: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Away:
+    """What a part that moves does when it is back: after how many seconds away it stays at rest, and for how long.
+
+    After more than ``decide`` until somebody decides anew, after more than ``latch`` until somebody enables it: who
+    stands beside it by then may believe that it is dead. A part that has started anew was away for ``decide`` at least.
+    """
+
+    decide: float = 1.0
+    latch: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)

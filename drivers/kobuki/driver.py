@@ -11,6 +11,7 @@ from math import inf
 
 from drivers.api import (
     STILL,
+    Away,
     BaseLimits,
     BaseState,
     Health,
@@ -82,6 +83,7 @@ class KobukiBase(Panel):
         linear_acceleration: float = 0.5,
         angular_acceleration: float = 3.5,
         reflexes: Reflexes | None = None,
+        away: Away | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         steered: Steered = unsteered,
@@ -94,7 +96,7 @@ class KobukiBase(Panel):
         self._steered = guarded(steered)
         limits = Limits(max_linear, max_angular, linear_acceleration, angular_acceleration)
         self._limits = limits.told
-        self._helm = Helm(limits, reflexes)
+        self._helm = Helm(limits, reflexes, away)
         self._told = self._helm.steering
         self._closing = False
         self._listener = Listener()
@@ -119,6 +121,7 @@ class KobukiBase(Panel):
         """Start looking for the base; returns at once, whether it is there or not."""
         with self._lock:
             self._closing = False
+            self._helm.absence.begin()
         self._link.open(self)
 
     @property
@@ -205,12 +208,11 @@ class KobukiBase(Panel):
         """Say whether reports of the base arrive, and the figures of its wire."""
         link = self._link.health()
         counters = {**link.counters, **self._listener.counters(), **self._helm.waits.counters("command")}
-        if not link.online:
-            return Health(False, link.detail, link.hint, counters)
-        now = self._clock.now()
-        if self._hears(now):
-            return Health(True, counters=counters)
-        return Health(False, *self._silence(now), counters)
+        now, returned = self._clock.now(), self._helm.absence.returned
+        if self._hears(now) and link.online:
+            return Health(True, counters=counters, returned=returned)
+        detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
+        return Health(False, detail, hint, counters, returned)
 
     # What follows is drivers.link.Talker, called from the link's thread.
 
@@ -232,6 +234,7 @@ class KobukiBase(Panel):
             self._latest = Reading(states[-1], now - FRAME_TIME, Quality.GOOD)
             self._headings.add(self._latest.stamp, [states[-1].pose.heading])
             with self._lock:
+                self._helm.hear(now)
                 for state in states:  # a read may bring several, and a contact may last for one
                     self._helm.feel(state, now)
             self._heard_at = now  # last: who sees it online also sees its state

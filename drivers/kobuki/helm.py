@@ -2,7 +2,8 @@
 
 from math import inf
 
-from drivers.api import STILL, BaseState, Reflexes, Source, Steering, Velocity
+from drivers.absence import Absence
+from drivers.api import STILL, Away, BaseState, Reflexes, Source, Steering, Velocity
 from drivers.delays import Delays
 from drivers.kobuki.arbiter import Arbiter
 from drivers.kobuki.limits import Limits
@@ -18,10 +19,11 @@ class Helm:
     """Holds what everybody asked for, and turns it into the velocity of each renewal. Not safe between threads.
 
     ``steering`` is who commands, and what came of it, as of the last renewal; ``latched`` why it stands until it is
-    enabled. ``waits`` are how long commands waited for the renewal that first obeyed them.
+    enabled. ``waits`` are how long commands waited for the renewal that first obeyed them. ``absence`` is how long the
+    base was away.
     """
 
-    def __init__(self, limits: Limits, reflexes: Reflexes | None = None) -> None:
+    def __init__(self, limits: Limits, reflexes: Reflexes | None = None, away: Away | None = None) -> None:
         self._limits = limits
         self._reflexes = reflexes or Reflexes()
         self._arbiter = Arbiter()
@@ -31,6 +33,7 @@ class Helm:
         self._buttons: frozenset[int] = frozenset()
         self.steering = Steering(None, STILL, STILL)
         self.latched = ""
+        self.absence = Absence(away)
         self.waits = Delays()
         self._waiting_since: float | None = None  # the newest command, for a renewal to obey it
 
@@ -74,6 +77,14 @@ class Helm:
         """End a latched stop; nothing of before is in force."""
         self.halt()
         self.latched = ""
+        self.absence.enable()
+
+    def hear(self, now: float) -> None:
+        """Note that the base reports at time ``now``: after too long a silence nothing of before is in force."""
+        if self.absence.heard(now):
+            self.halt()
+            if self.absence.latched:
+                self.latch(self.absence.latched)
 
     def feel(self, felt: BaseState, now: float) -> None:
         """Take in a state that the base has reported: every one, in their order, for a contact may last for one."""

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from config.arm import ArmConfig, JointConfig
+from config.away import AwayConfig
 from config.colours import COLOURS
 from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
 from config.robot import BaseConfig, CameraConfig, RangeConfig, RobotConfig, VoiceConfig
-from drivers.api import Camera, Joints, Manner, Notice, Reflexes, Report, Steered, Voice, unsteered
+from drivers.api import Away, Camera, Joints, Manner, Notice, Reflexes, Report, Steered, Voice, unsteered
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -54,6 +55,7 @@ def base(
         linear_acceleration=config.acceleration,
         angular_acceleration=config.turn_acceleration,
         reflexes=reflexes(config),
+        away=away(config.away),
         report=report,
         changed=changed,
         steered=steered,
@@ -63,6 +65,11 @@ def base(
 def reflexes(config: BaseConfig) -> Reflexes:
     """Return what the base does by itself."""
     return Reflexes(**asdict(config.reflexes))
+
+
+def away(config: AwayConfig) -> Away:
+    """Return what a part that moves does when it is back."""
+    return Away(decide=config.decide, latch=config.latch)
 
 
 def ranger(config: RangeConfig, clock: Clock, *, port: str, report: Report) -> RPLidar:

@@ -133,6 +133,7 @@ class _Maker:
             linear_acceleration=config.acceleration,
             angular_acceleration=config.turn_acceleration,
             reflexes=parts.reflexes(config),
+            away=parts.away(config.away),
             report=self._audience.report,
             changed=self._audience.changed,
             steered=self._audience.steered,

@@ -33,15 +33,16 @@ from missions.executive.answers import Answers
 
 D = TypeVar("D", bound=Device)
 
-Permit = Callable[[], None]
-"""Called before an actuator is set moving; raises DeviceFault where that is not to be."""
+Permit = Callable[[Device], None]
+"""Called with a device before that is set moving; raises DeviceFault where that is not to be."""
 
 Questions = Mapping[str, Callable[[], object]]
 """How a part is asked what needs no argument, by name."""
 
 
-def always() -> None:
+def always(device: Device) -> None:
     """Permit everything."""
+    del device
 
 
 class Asked(Generic[D]):
@@ -118,7 +119,7 @@ class AskedBase(Asked[Base]):
         return self._do("drive", self._drive, velocity, source)
 
     def _drive(self, velocity: Velocity, source: Source) -> Velocity:
-        self._permit()
+        self._permit(self._device)
         return self._device.drive(velocity, source=source)
 
     def stop(self, *, source: Source | None = None) -> None:
@@ -175,7 +176,7 @@ class AskedHead(Asked[Head]):
         return self._do("look", self._look, target)
 
     def _look(self, target: HeadPose) -> HeadPose:
-        self._permit()
+        self._permit(self._device)
         return self._device.look(target)
 
     def stop(self) -> None:
@@ -205,7 +206,7 @@ class AskedJoints(Asked[Joints]):
         return self._do("move", self._move, dict(goals), None if speeds is None else dict(speeds))
 
     def _move(self, goals: Mapping[str, float], speeds: Mapping[str, float] | None) -> Mapping[str, float]:
-        self._permit()
+        self._permit(self._device)
         return self._device.move(goals, speeds=speeds)
 
     def hold(self, joints: Collection[str] | None = None) -> None:
@@ -222,7 +223,7 @@ class AskedJoints(Asked[Joints]):
 
     def _follow(self, couplings: Sequence[Coupling]) -> None:
         if couplings:
-            self._permit()
+            self._permit(self._device)
         self._device.follow(couplings)
 
     def recover(self) -> tuple[str, ...]:
@@ -230,7 +231,7 @@ class AskedJoints(Asked[Joints]):
         return self._do("recover", self._recover)
 
     def _recover(self) -> tuple[str, ...]:
-        self._permit()
+        self._permit(self._device)
         return self._device.recover()
 
 

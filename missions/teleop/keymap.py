@@ -47,7 +47,7 @@ GAZES: Mapping[str, tuple[int, int]] = MappingProxyType(
 )
 """The keys that turn the head: how many steps of pan and tilt."""
 
-LATCH, ENABLE = " ", "enter"
+STOP, LATCH, ENABLE = "k", " ", "enter"
 ENDS = frozenset({"escape", "end"})
 
 HELP = """\

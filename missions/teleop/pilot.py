@@ -13,6 +13,7 @@ LEAST, MOST = 0.05, 1.0
 STEP = radians(3)
 """How far a press of an arrow turns the head."""
 
+ANEW = "it was away: let go, and begin anew"
 BY_HAND = "stopped by hand: Enter enables"
 
 
@@ -27,6 +28,8 @@ class Pilot:
         self._head = head
         self._goal: HeadPose | None = None
         self._driving = False
+        self._returned: float | None = None  # when the base was last back from an absence
+        self._stale = False  # whoever pushes now began before that
         self._trouble = ""
         self.ahead = self.turn = min(max(pace, LEAST), MOST)
 
@@ -47,7 +50,12 @@ class Pilot:
         """Drive so until the next call, which is to come within ``COMMAND_LIFE``; None lets go of the wheels.
 
         The base then stands at once. It stays so a moment longer than a command lives, before it obeys a mission again.
+        A push that began before the base was back from a long absence counts no more: let go, and begin anew.
         """
+        before, self._returned = self._returned, self._base.health().returned
+        self._stale = push is not None and (self._stale or self._returned != before)
+        if self._stale:
+            push = None
         if push is None and not self._driving:
             return
         limits = self._base.limits
@@ -74,7 +82,7 @@ class Pilot:
             return " | ".join((*told, self._trouble or self._base.health().detail or "no reports"))
         told.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
         why = f": {steering.because}" if steering.because else ""
-        told.append(self._base.latched or f"{steering.source or 'nobody'}{why}")
+        told.append(self._base.latched or (ANEW if self._stale else "") or f"{steering.source or 'nobody'}{why}")
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
         told += [f"{name} {sides}" for name, sides in touched.items() if sides]
         told.append(f"battery {state.battery_percent:.0f} %{' charging' if state.charging else ''}")

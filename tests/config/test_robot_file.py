@@ -158,3 +158,14 @@ def test_a_wrong_limit_is_not_called_out_of_order_too(file: Path) -> None:
     text = "robot: r\nhead: {driver: arduino, port: x, pan: {limits: [10 dge, 0 deg]}, tilt: {}}\n"
     (fault,) = mistakes(file, text)
     assert "unknown unit 'dge'" in fault.message
+
+
+def test_how_long_a_base_may_be_away_is_said_in_its_section(tmp_path: Path) -> None:
+    path = tmp_path / "away.yaml"
+    path.write_text("robot: r\nbase:\n  driver: kobuki\n  port: /dev/kobuki\n  away: {decide_after: 500 ms}\n")
+    base = load_robot(path).base
+    assert base is not None
+    assert (base.away.decide, base.away.latch) == (0.5, 5.0)
+    path.write_text(path.read_text().replace("500 ms", "6 s, latch_after: 2 s"))
+    with pytest.raises(InvalidFileError, match=r"'latch_after' \(2 s\) is below 'decide_after' \(6 s\)"):
+        load_robot(path)

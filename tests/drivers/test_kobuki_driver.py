@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from drivers.api import COMMAND_LIFE, STILL, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
 from drivers.clock import ManualClock, SystemClock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
@@ -422,6 +422,29 @@ def test_silence_is_told_once_and_so_is_its_end() -> None:
     bench.link.run(1.0)
     assert bench.base.health().online
     assert [notice.kind for notice in bench.notices] == ["offline", "online"]
+
+
+@pytest.mark.parametrize("anew", [False, True], ids=["silent", "unplugged"])
+def test_away_for_long_nothing_of_before_goes_on_and_for_longer_it_waits_to_be_enabled(anew: bool) -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.2)
+    for away, returns, latched in ((0.9, False, ""), (1.5, True, ""), (7.0, True, "it was away for 7 s")):
+        before = bench.base.health().returned
+        bench.device.frozen = True
+        bench.link.run(away)
+        if anew:
+            bench.base.connected()
+        bench.device.frozen = False
+        bench.link.run(0.1)
+        assert (bench.base.health().returned != before, bench.base.latched) == (returns, latched)
+    with pytest.raises(DeviceFault, match="stopped: it was away for 7 s") as caught:
+        bench.base.drive(Velocity(0.2, 0.0))
+    assert "enable the base" in caught.value.hint
+    bench.link.run(1.0)
+    assert bench.value().velocity == STILL
+    bench.base.enable()
+    bench.drive(1.0, 0.2)
+    assert bench.value().velocity.linear == pytest.approx(0.2, abs=0.01)
 
 
 def test_a_new_connection_begins_anew() -> None:

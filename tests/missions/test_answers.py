@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.robot import Robot
-from drivers.api import Coupling, HeadPose, Lamp, Reading, Source, Tune, Velocity
+from drivers.api import Coupling, Device, HeadPose, Lamp, Reading, Source, Tune, Velocity
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
@@ -37,7 +37,8 @@ class Moments:
         self.asked += 1
         return self.pose()
 
-    def _permit(self) -> None:
+    def _permit(self, device: Device) -> None:
+        del device
         if self.refusal is not None:
             raise self.refusal
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from drivers.api import Coupling
+from drivers.api import Coupling, Device
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest
 from drivers.sim.timeline import Timeline
@@ -32,7 +32,8 @@ class Told:
         assert (part, source) == ("arm", "wave")
         self.commands.append(values)
 
-    def _permit(self) -> None:
+    def _permit(self, device: Device) -> None:
+        assert device is self.twin
         self.permits += 1
 
     def torque(self) -> list[bool]:

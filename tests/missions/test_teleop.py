@@ -23,19 +23,29 @@ FULL, TURNING = 0.5, 1.9
 class Drive:
     """A base in simulated time, at which somebody types: keys by the time at which they come, and then Escape."""
 
-    def __init__(self, *keys: tuple[float, str], seconds: float = 3.0) -> None:
+    def __init__(
+        self,
+        *keys: tuple[float, str],
+        seconds: float = 3.0,
+        held_up: tuple[float, float] = (inf, inf),
+        away: tuple[float, float] = (inf, inf),
+    ) -> None:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
         self.base = BaseTwin(self.clock, max_linear=FULL, max_angular=TURNING, linear_acceleration=5.0)
         self.base.open()
         self.timeline.every(BaseTwin.PERIOD, self._step)
-        self.keys = [*sorted(keys), (seconds, "escape")]
+        self.keys = [*sorted(keys, key=lambda key: key[0]), (seconds, "escape")]
+        self.held_up, self.away = held_up, away
         self.speeds: list[tuple[float, float, float]] = []
         """How fast it truly went and turned, by the time."""
         self.shown: list[str] = []
         drive_by_hand(Pilot(self.base), self.typed, None, self.clock, self.shown.append)
 
     def typed(self, seconds: float) -> str:
+        if self.clock.now() >= self.held_up[0]:  # the whole program stands still, and not the base
+            self.timeline.run(self.held_up[1])
+            self.held_up = (inf, inf)
         due, key = self.keys[0]
         self.timeline.run(min(self.clock.now() + seconds, max(due, self.clock.now())))
         if self.clock.now() < due:
@@ -44,6 +54,12 @@ class Drive:
         return key
 
     def _step(self) -> None:
+        now = self.clock.now()
+        if now >= self.away[0]:
+            self.base.plug.unplug()
+        if now >= self.away[1]:
+            self.base.plug.plug_in()
+            self.away = (inf, inf)
         self.base.step()
         velocity = self.base.body.velocity
         self.speeds.append((self.clock.now(), velocity.linear, velocity.angular))
@@ -125,6 +141,23 @@ def test_whatever_is_typed_it_stops_when_nothing_is(typed: list[tuple[float, str
 
 def test_the_help_names_every_key() -> None:
     assert [key for key in (*MOVES, *PACES, "space", "Enter", "Esc") if key not in HELP] == []
+
+
+@pytest.mark.parametrize(("waited", "latched"), [("i" * 75, False), ("i" * 40 + " " + "i" * 30 + "\r", True)])
+def test_keys_that_waited_while_all_was_held_up_drive_nothing_but_still_stop(waited: str, latched: bool) -> None:
+    keys = [(0.2, "i"), (0.7, "i"), *((0.75, "enter" if key == "\r" else key) for key in waited)]
+    drive = Drive(*keys, held_up=(0.72, 5.0), seconds=6.5)
+    assert max(drive.speed(0.5, 0.7)) > 0.2
+    assert max(drive.speed(1.5)) == 0.0
+    assert bool(drive.base.latched) is latched
+
+
+def test_a_key_that_is_held_while_the_base_is_away_drives_only_when_it_is_pressed_anew() -> None:
+    drive = Drive(*held("i", 0.2, 3.0), *held("i", 3.6, 4.5), away=(1.0, 2.5), seconds=5.0)
+    assert min(drive.speed(0.6, 1.0)) > 0.2
+    assert max(drive.speed(1.6, 3.5)) == 0.0
+    assert any("let go, and begin anew" in line for line in drive.shown)
+    assert min(drive.speed(4.2, 4.5)) > 0.2
 
 
 # --- what they do -----------------------------------------------------------------------------------------------------

@@ -1,10 +1,12 @@
 """The twin of a Kobuki: the real driver's rules and odometry over a simulated body, in one thread."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import degrees, inf
 from random import Random
 
 from drivers.api import (
+    Away,
     BaseLimits,
     BaseState,
     Health,
@@ -65,6 +67,7 @@ class BaseTwin(PanelTwin):
         linear_acceleration: float = 0.5,
         angular_acceleration: float = 3.5,
         reflexes: Reflexes | None = None,
+        away: Away | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         steered: Steered = unsteered,
@@ -84,7 +87,7 @@ class BaseTwin(PanelTwin):
         self._steered = guarded(steered)
         limits = Limits(max_linear, max_angular, linear_acceleration, angular_acceleration)
         self._limits = limits.told
-        self._helm = Helm(limits, reflexes)
+        self._helm = Helm(limits, reflexes, away)
         self._told = self._helm.steering
         self._odometry = Odometry()
         self._headings = History()
@@ -168,6 +171,7 @@ class BaseTwin(PanelTwin):
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
+        self._helm.absence.begin()
         self.plug.open()
 
     def rest(self) -> None:
@@ -181,9 +185,10 @@ class BaseTwin(PanelTwin):
 
     def health(self) -> Health:
         """Say whether reports arrive."""
-        health = self.plug.health({"frames": self._frames})
+        health = replace(self.plug.health({"frames": self._frames}), returned=self._helm.absence.returned)
         if health.online and not self._hears(self._clock.now()):
-            return Health(False, *self._silence(), health.counters)
+            detail, hint = self._silence()
+            return replace(health, online=False, detail=detail, hint=hint)
         return health
 
     def step(self) -> None:
@@ -254,6 +259,7 @@ class BaseTwin(PanelTwin):
         self._headings.add(now, (self._odometry.pose.heading,))
         self._signals = self.body.signals()
         self._heard_at = now
+        self._helm.hear(now)
         self._latest = None
         self._frames += 1
         self._feel()

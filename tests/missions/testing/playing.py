@@ -7,6 +7,7 @@ from missions.testing.play import Verdict, play
 from missions.testing.stage import IN_PROCESS
 from missions.testing.suite import Case, load_suite
 
+TRIES = "mission: m\ntree: {drive: 40 cm, retry: 2}\n"
 DRIVES = "mission: m\ntree: {drive: 40 cm}\n"
 LOOKS = "mission: m\ntree: {sequence: [{look: 40 deg}, {look: 0 deg}]}\n"
 SPEAKS = "mission: m\ntree: {sequence: [{say: One}, {say: Two}]}\n"

@@ -10,7 +10,7 @@ from missions.testing.history import History
 from missions.testing.play import play
 from missions.testing.recorders import Bench
 from missions.testing.stage import IN_PROCESS, Stage
-from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, WAITS, WAVES, cases, played, seen
+from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES, WAITS, WAVES, cases, played, seen
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,10 @@ from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, WAITS,
         (DRIVES, "given: [base bumped when base moves for 100 ms], expect: {result: failure, reason: bumped}"),
         (DRIVES, "given: [base cliff left when base moves], expect: {reason: a cliff ahead}"),
         (DRIVES, "given: [base lifted from 1 s to 2 s], expect: {reason: a wheel has dropped}"),
-        (DRIVES, "given: [base unplugged at 1 s for 2 s], expect: {result: success, after: 3 s}"),
+        (DRIVES, "given: [base unplugged at 1 s for 900 ms], expect: {result: success, after: 2 s}"),
+        (DRIVES, "given: [base unplugged at 1 s for 2 s], expect: {result: failure, reason: began before it was back}"),
+        (TRIES, "given: [base unplugged at 1 s for 2 s], expect: {result: success, order: [drive fails, base moves]}"),
+        (TRIES, "given: [base unplugged at 1 s for 6 s], expect: {result: failure, reason: it was away for 6 s}"),
         (DRIVES, "given: [base unplugged], expect: {result: error, reason: unplugged, never_ran: drive}"),
         (DRIVES, "given: [{drive: succeeds after 2 s}], expect: {after: 2 s, pose: {near: [0 m, 0 m], within: 1 mm}}"),
         (DRIVES, "given: [base cliff when base moves, base unplugged when base moves for 1 s], expect: {after: 1 s}"),

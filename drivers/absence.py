@@ -1,0 +1,38 @@
+"""How long a part that moves was away, and what follows from that when it is back. Its time is handed in."""
+
+from math import inf
+
+from drivers.api import Away
+
+
+class Absence:
+    """Told whenever the part is heard; not safe between threads.
+
+    ``returned`` is when it was last back from an absence after which nothing of before goes on, None if there was none;
+    ``latched`` says why it stays at rest until it is enabled, and is empty while it need not.
+    """
+
+    def __init__(self, away: Away | None = None) -> None:
+        self.returned: float | None = None
+        self.latched = ""
+        self._away = away or Away()
+        self._heard_at = -inf
+
+    def begin(self) -> None:
+        """Begin anew: what is heard next is the first of it."""
+        self.returned, self.latched, self._heard_at = None, "", -inf
+
+    def heard(self, now: float, *, anew: bool = False) -> bool:
+        """Note that it is there at ``now`` seconds, and may have started ``anew``; say if nothing of before goes on."""
+        before, self._heard_at = self._heard_at, now
+        lasted = now - before
+        if before == -inf or not (anew or lasted > self._away.decide):
+            return False
+        self.returned = now
+        if lasted > self._away.latch:
+            self.latched = f"it was away for {lasted:.0f} s"
+        return True
+
+    def enable(self) -> None:
+        """Let it be moved again."""
+        self.latched = ""
