@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from behaviours.leaf import Argument
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Plain, Scalar, plain
-from config.units import UNITS, Quantity, article, quantity, seen
+from config.units import UNITS, Bare, Quantity, article, quantity, seen
 from missions.language import lists
 from missions.language.arguments import NAMES, converter, default_value, read_argument
 from missions.language.notes import Notes
@@ -124,13 +124,13 @@ def _of_kind(notes: Notes, argument: Argument, *, many: bool = False) -> ParamTy
 
 
 def _keeping(check: Convert, kind: str) -> Convert:
-    """Check as an argument is checked, but keep quantities, whole numbers and names as they are written."""
+    """Check as an argument is checked, but keep quantities, numbers and names as they are written."""
 
     def convert(value: object) -> object:
         checked = check(value)
         if kind in NAMED:
             return shown(value)
-        as_written = isinstance(value, Quantity) or (isinstance(value, int) and not isinstance(value, bool))
+        as_written = isinstance(value, Quantity | Bare) or (isinstance(value, int) and not isinstance(value, bool))
         return value if as_written and kind != "text" else checked
 
     return convert
