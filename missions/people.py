@@ -231,7 +231,7 @@ def _read(path: Path, told: Told) -> Image | None:
         told(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
         return None
     if found is None:
-        told(PeopleError(f"{path}: is no picture, and is left out", hint=f"rm {quote(str(path))}"))
+        told(PeopleError(f"{path}: is no portrait, and is left out", hint=f"rm {quote(str(path))}"))
     return found
 
 

@@ -14,12 +14,15 @@ from hashlib import sha256
 from pathlib import Path
 
 import cv2
-import numpy as np
 
+from drivers.camera.decode import decoded
 from perception.api import Image
 
 NEW = ".new-"
 """How the names of folders begin whose pictures are not all there yet."""
+
+MOST_PIXELS, MOST_BYTES = 4_000_000, 16_000_000
+"""Pixels and bytes of a picture: a portrait is of some 300 x 300."""
 
 _NAME = re.compile(r"([0-9]{3,})\.png")
 
@@ -37,13 +40,10 @@ def files_in(folder: Path) -> dict[Path, os.stat_result]:
 
 
 def read(path: Path) -> Image | None:
-    """Return a picture; None for a file that is none. Raises OSError."""
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR)
-    except cv2.error:  # an empty file, or a picture that claims to be immense
+    """Return a picture; None for a file that is none, or too large for a portrait. Raises OSError."""
+    if path.stat().st_size > MOST_BYTES:
         return None
-    return None if image is None else np.asarray(image, np.uint8)
+    return decoded(path.read_bytes(), MOST_PIXELS)
 
 
 def digest(portrait: Image) -> bytes:

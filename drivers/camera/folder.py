@@ -13,13 +13,18 @@ from drivers.errors import BadRequest, NotConnected
 
 
 class FolderFeed:
-    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped."""
+    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped.
+
+    So are those with too many pixels (``decode.MOST_PIXELS``). Where nothing else is there, the first one is told.
+    """
 
     def __init__(self, name: str, path: Path, rate: float) -> None:
         self._name = name
         self._path = path
         self._rate = rate
         self._left: Iterator[Path] = iter(())
+        self._shown = False
+        self._trouble: BadRequest | None = None
 
     @property
     def what(self) -> str:
@@ -43,12 +48,22 @@ class FolderFeed:
         if not found:
             kinds = " ".join(sorted(PICTURES))
             raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
-        self._left = iter(found)
+        self._left, self._shown, self._trouble = iter(found), False, None
         return 1.0 / self._rate
 
     def grab(self) -> Image | None:
-        """Return the next picture that decodes, None after the last."""
-        return next((image for image in map(load, self._left) if image is not None), None)
+        """Return the next picture that decodes, None after the last. Raises NotConnected where none does."""
+        for path in self._left:
+            try:
+                image = load(path)
+            except BadRequest as error:
+                self._trouble = self._trouble or error
+            else:
+                self._shown = True
+                return image
+        if self._trouble is not None and not self._shown:
+            raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
+        return None
 
     def stop(self) -> None:
         """Forget the list."""

@@ -9,11 +9,11 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image, Report, unreported
-from drivers.camera.decode import grab, hush
+from drivers.camera.decode import grab, opened
 from drivers.camera.source import Kind, Source, kind_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
-from drivers.errors import NotConnected
+from drivers.errors import BadRequest, NotConnected
 
 _FALLBACK_RATE = 25.0  # frames a second of a video that does not say
 _STREAM_TIMEOUT_MS = 3000
@@ -47,8 +47,10 @@ class VideoFeed:
         Raises NotConnected with the reason as far as the file system can tell it.
         """
         self._check()
-        hush()
-        video = self._opened()
+        try:
+            video = self._opened()
+        except BadRequest as error:
+            raise NotConnected(f"{self._name}: {error}", hint=error.hint) from error
         if not video.isOpened():
             video.release()
             raise NotConnected(f"{self._name}: {self.what}: cannot be opened as a {self._kind}", hint=self.hint)
@@ -83,7 +85,8 @@ class VideoFeed:
 
     def _opened(self) -> cv2.VideoCapture:
         if self._kind is Kind.DEVICE:
-            video = cv2.VideoCapture(self._source, cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY)
+            backend = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
+            video = opened(self._source, backend, [], what=self.what)
             video.set(cv2.CAP_PROP_BUFFERSIZE, 1)
             if self._size is not None:
                 video.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
@@ -95,7 +98,7 @@ class VideoFeed:
             cv2.CAP_PROP_READ_TIMEOUT_MSEC,
             _STREAM_TIMEOUT_MS,
         ]
-        return cv2.VideoCapture(self._source, cv2.CAP_FFMPEG, limits)
+        return opened(self._source, cv2.CAP_FFMPEG, limits, what=self.what)
 
 
 class OpenCVCamera(ThreadedCamera):

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image
-from drivers.camera.decode import grab, hush, load
+from drivers.camera.decode import grab, load, opened
 from drivers.camera.source import PICTURES, VIDEOS
 from drivers.errors import BadRequest
 
@@ -18,7 +18,7 @@ def pictures(paths: Iterable[str | Path]) -> Iterator[Picture]:
     """Yield every frame of the files at ``paths``; of a folder those of its pictures and videos, sorted by name.
 
     Raises BadRequest at once when paths are absent or folders empty, all of them named; while iterating when a file
-    cannot be decoded.
+    cannot be decoded, or is too large.
     """
     files: list[Path] = []
     faults: list[str] = []
@@ -39,15 +39,12 @@ def _files(path: Path) -> list[Path]:
 
 
 def _frames(path: Path) -> Iterator[Picture]:
-    number = -1
     if path.suffix.lower() in PICTURES:
-        image = load(path)
-        if image is not None:
-            number = 0
-            yield path, number, image
-    else:
-        for number, image in enumerate(_video(path)):
-            yield path, number, image
+        yield path, 0, load(path)
+        return
+    number = -1
+    for number, image in enumerate(_video(path)):
+        yield path, number, image
     if number < 0:
         raise BadRequest(
             f"{path}: cannot be decoded, {path.stat().st_size} bytes", hint=f"`file {path}` says what it is"
@@ -55,8 +52,7 @@ def _frames(path: Path) -> Iterator[Picture]:
 
 
 def _video(path: Path) -> Iterator[Image]:
-    hush()
-    video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    video = opened(str(path), cv2.CAP_FFMPEG, [], what=str(path))
     try:
         while (image := grab(video)) is not None:
             yield image

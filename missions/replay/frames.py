@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from drivers.api import Image
+from drivers.camera.decode import decoded
 from missions.executive.events import Ticked
 from missions.pictures.draw import at
 from missions.recording.read import Record
@@ -57,12 +58,6 @@ def steady(pictures: Iterator[tuple[float, Image]], rate: float) -> Iterator[Ima
         shown = picture
     if shown is not None:
         yield shown
-
-
-def decoded(data: bytes) -> Image | None:
-    """Return a picture that was kept as JPEG; None where that is broken."""
-    found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
-    return None if found is None else found.astype(np.uint8, copy=False)
 
 
 def marks_of(view: View) -> Iterator[tuple[Box, str]]:

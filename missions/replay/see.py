@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 from config.robot import CameraConfig
 from drivers.api import unreported
+from drivers.camera.decode import decoded
 from drivers.clock import ManualClock
 from missions.assembly import parts
 from missions.assembly.detectors import face_detector
 from missions.assembly.interests import Interests
 from missions.recording.read import Record
-from missions.replay.frames import SAME, decoded
+from missions.replay.frames import SAME
 from perception.api import Gaze, Image, Marker, Percept, Thing, View
 from perception.tracks import CONFIRMED
 

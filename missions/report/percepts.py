@@ -8,8 +8,9 @@ from math import isfinite
 import cv2
 
 from drivers.api import Image
+from drivers.camera.decode import decoded
 from missions.recording.read import Record
-from missions.replay.frames import SAME, decoded, marks_of
+from missions.replay.frames import SAME, marks_of
 from missions.report.words import about_all, name_of
 from perception.annotate import annotate
 from perception.api import Box, Percept, View

@@ -261,7 +261,8 @@ def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path
     camera = opened(FolderCamera(tmp_path, SystemClock(), retry=0.02))
     wait_until(lambda: f"{tmp_path}: holds no pictures" in camera.health().detail)
     (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\n nothing")
-    wait_until(lambda: f"{tmp_path}: gives no picture that can be decoded" in camera.health().detail)
+    wait_until(lambda: "gives no picture: " in camera.health().detail)
+    assert "broken.png: cannot be decoded, 16 bytes" in camera.health().detail
     gone = opened(FolderCamera(tmp_path / "gone.png", SystemClock(), retry=0.02))
     wait_until(lambda: "gone.png: no such file or folder" in gone.health().detail)
 

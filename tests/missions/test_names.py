@@ -163,7 +163,7 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     assert notices == []
     (people.where / "Anna/001.png").write_bytes(b"broken")
     assert isinstance(gallery(own, notices.append), FisherPeople), "the other pictures are enough"
-    assert [notice.what for notice in notices] == [f"{people.where}/Anna/001.png: is no picture, and is left out"]
+    assert [notice.what for notice in notices] == [f"{people.where}/Anna/001.png: is no portrait, and is left out"]
     assert notices[0].hint == f"rm {people.where}/Anna/001.png"
 
 

@@ -313,7 +313,7 @@ def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: b
     found = people.portraits(told.append)
     assert {name: len(each) for name, each in found.items()} == {"Anna": 3, "Ben": 3}
     (error,) = told
-    assert str(error) == f"{people.where}/Anna/001.png: is no picture, and is left out"
+    assert str(error) == f"{people.where}/Anna/001.png: is no portrait, and is left out"
     assert error.hint == f"rm {people.where}/Anna/001.png"
 
 

@@ -117,7 +117,7 @@ def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Be
     (bench.people.where / "Anna/002.png").write_bytes(b"no picture")
     outcome = bench.run("list")
     assert outcome.code == 0
-    assert "Anna/002.png: is no picture, and is left out\n  try: rm " in outcome.err
+    assert "Anna/002.png: is no portrait, and is left out\n  try: rm " in outcome.err
     assert "of 100 looks at them" in outcome.out
     (bench.people.where / "Anna/001.png").unlink()
     outcome = bench.run("list")
