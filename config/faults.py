@@ -103,7 +103,7 @@ def closest(word: str, known: Iterable[str]) -> str:
     if len(meant) > SHORT:
         close = get_close_matches(meant, spelt, n=1, cutoff=0.6)
     else:
-        like = [each for each in spelt if _one_slip(meant, each) or each.startswith(meant)]
+        like = [each for each in spelt if one_slip(meant, each) or each.startswith(meant)]
         close = get_close_matches(meant, like, n=1, cutoff=0.51)
     return spelt[close[0]] if close else ""
 
@@ -114,7 +114,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"did you mean '{close}'?" if close else ""
 
 
-def _one_slip(word: str, other: str) -> bool:
+def one_slip(word: str, other: str) -> bool:
     """Say whether one letter more, less or in the place of another makes ``other``, or two that change places."""
     same = next((at for at, (a, b) in enumerate(zip(word, other, strict=False)) if a != b), min(len(word), len(other)))
     word, other = word[same:], other[same:]

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
+from config.synonyms import KEYS, key_meant, ours_for
 from config.units import in_dimension, seen, written
 
 Word = TypeVar("Word", bound=str)
@@ -24,6 +25,7 @@ class Fields:
         self.faults = faults
         self.what = what
         self._known: set[str] = set()
+        self._lacking: dict[str, Fault] = {}
         if not isinstance(node, Mapping):
             self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'")
 
@@ -37,6 +39,7 @@ class Fields:
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
             self.fault(self.node.mark, f"{self.what} needs '{key}'")
+            self._lacking[key] = self.faults[-1]
         return found
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -179,7 +182,9 @@ class Fields:
             return
         for key, _ in self.node.entries:
             if key.text not in self._known:
-                self.fault(key.mark, f"{self.what} has no key '{key.text}'", one_of(key.text, self._known))
+                self.fault(key.mark, f"{self.what} has no key '{key.text}'", key_meant(key.text, self._known))
+                for meant in ours_for(key.text, KEYS, self._lacking):  # one mistake, not two
+                    self.faults.remove(self._lacking.pop(meant))
 
     def _within(
         self, key: str, mark: Mark, value: float, low: float | None, high: float | None, show: Callable[[float], str]

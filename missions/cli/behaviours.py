@@ -10,12 +10,13 @@ from rich.console import Console
 from rich.table import Table
 
 from behaviours.leaf import Leaf
-from config.faults import one_of
 from config.units import UNITS
 from missions.catalogue import shown_default, summary, terms
 from missions.cli.options import behaviours_option
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES
+from missions.language.plan import COMPOSITES, MISSION, SWITCH
+from missions.language.steps import BESIDE
+from missions.language.synonyms import word_meant
 from missions.vocabulary import vocabulary
 
 
@@ -30,8 +31,8 @@ def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
         if name in COMPOSITES or name in MODIFIERS:
             click.echo(f"{name}: {COMPOSITES.get(name) or f'{MODIFIERS[name].help} (takes {MODIFIERS[name].takes})'}")
             return
-        words = [*leaves, *COMPOSITES, *MODIFIERS]
-        raise click.UsageError(f"no behaviour '{name}'; {one_of(name, words)}")
+        hint = word_meant(name, leaves, (*COMPOSITES, SWITCH, MISSION), (*MODIFIERS, *BESIDE), alone=False)
+        raise click.UsageError(f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission behaviours` has all"))
     chosen = {name: leaves[name]} if name is not None else leaves
     if as_json:
         click.echo(json.dumps([_as_dict(leaf) for leaf in chosen.values()], indent=2))

@@ -14,6 +14,7 @@ from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from missions.language.faces import KIND as FACE
 from missions.language.faces import as_face, read_face
+from missions.language.modifiers import outdent
 from missions.language.notes import Notes
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
@@ -40,7 +41,7 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
             if name.text in declared:
                 values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
             else:
-                hint = second_phrase(leaf, node, name) or one_of(name.text, declared)
+                hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word) or one_of(name.text, declared)
                 notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint)
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):
         principal = next((argument for argument in declared.values() if argument.principal), None)

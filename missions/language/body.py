@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from config.faults import one_of
 from config.marked import Mapping, Node, Scalar
+from config.synonyms import key_meant, ours_for
 from config.units import seen
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
@@ -12,6 +13,7 @@ from missions.language.params import Param, read_params
 from missions.language.plan import Property, Step
 from missions.language.properties import read_properties
 from missions.language.stored import of_one_kind, setters
+from missions.language.synonyms import WORDS
 from missions.language.values import Value
 
 KEYS = ("mission", "summary", "params", "if_interrupted", "tree", "returns", "properties")
@@ -46,12 +48,13 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
         return None
     for key, _ in root.entries:
         if key.text not in KEYS:
-            notes.fault(key.mark, f"a mission has no key '{key.text}'", one_of(key.text, KEYS))
+            notes.fault(key.mark, f"a mission has no key '{key.text}'", key_meant(key.text, KEYS, WORDS))
     mission, summary = _header(notes, root, "mission", required=True), _header(notes, root, "summary")
     take(notes, read_params(notes, root.get("params")), mission)
     node = root.get("tree")
     if node is None:
-        notes.fault(root.mark, "the mission needs 'tree:' with its first behaviour under it")
+        if not _called_otherwise(root, "tree"):
+            notes.fault(root.mark, "the mission needs 'tree:' with its first behaviour under it")
         return Body(mission, summary, None, {})
     found = setters(node, notes.leaves)
     given = notes.params.keys() | notes.stored
@@ -66,13 +69,18 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
 def _header(notes: Notes, root: Mapping, key: str, *, required: bool = False) -> str:
     node = root.get(key)
     if node is None:
-        if required:
+        if required and not _called_otherwise(root, key):
             notes.fault(root.mark, f"the mission needs '{key}: ...'")
         return ""
     if not isinstance(node, Scalar) or node.value is None or not node.text.strip():
         notes.fault(node.mark, f"'{key}' needs a text")
         return ""
     return node.text
+
+
+def _called_otherwise(root: Mapping, key: str) -> bool:
+    """Say whether a key is there under another name, which has been noted."""
+    return any(word not in KEYS and ours_for(word, WORDS, (key,)) for word in root.keys())  # noqa: SIM118 - no dict
 
 
 def _if_interrupted(notes: Notes, root: Mapping) -> str:

@@ -29,6 +29,11 @@ def read_modifier(notes: Notes, word: str, node: Node) -> Value:
     return modifier.read(notes, word, node)
 
 
+def outdent(word: str, behaviour: str) -> str:
+    """Say what to do with a modifier that stands among the arguments of a behaviour; nothing for any other word."""
+    return f"outdent it, to stand beside '{behaviour}'" if word in {*MODIFIERS, "as", "name"} else ""
+
+
 def _duration(notes: Notes, word: str, node: Scalar) -> Value:
     def positive(value: object) -> float:
         seconds = in_si(value, "duration")

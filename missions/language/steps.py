@@ -1,9 +1,11 @@
 """From YAML nodes to steps: a word, one key with a value, a mapping or a list, and the modifiers beside it."""
 
 import re
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
-from config.faults import did_you_mean
+from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.arguments import read_arguments
@@ -12,6 +14,7 @@ from missions.language.notes import MAX_STEPS, Notes
 from missions.language.plan import COMPOSITES, MISSION, SWITCH, Step
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
+from missions.language.synonyms import word_meant
 from missions.language.written import as_written, written_arguments
 
 BESIDE = ("name", "as", "with", "returns")
@@ -37,7 +40,7 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
     behaviours = [(key, value) for key, value in node.entries if _is_behaviour(notes, key.text)]
     for key, value in node.entries:
         if not (_is_behaviour(notes, key.text) or key.text in MODIFIERS or key.text in BESIDE):
-            _unknown(notes, key, "modifier" if behaviours else "behaviour", [*MODIFIERS, *BESIDE])
+            _unknown(notes, key, "modifier" if behaviours else "behaviour", alone=False)
             _read_below(notes, value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
         hint = "write it under the behaviour above, without a dash" if node.entries else ""
@@ -72,7 +75,7 @@ def _is_behaviour(notes: Notes, word: str) -> bool:
 def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
     """Read the behaviour itself, with what stands beside it."""
     if not _is_behaviour(notes, key.text):
-        _unknown(notes, key, "behaviour", [])
+        _unknown(notes, key, "behaviour", alone=True)
         return None
     notes.steps.append(key.mark)
     if len(notes.steps) == MAX_STEPS + 1:
@@ -122,17 +125,31 @@ def _text(node: Node | None) -> str:
     return node.text if isinstance(node, Scalar) else ""
 
 
-def _unknown(notes: Notes, key: Scalar, what: str, more: list[str]) -> None:
+def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
     """Note an unknown word, with what may have been meant."""
-    words = [*notes.leaves, *COMPOSITES, SWITCH, MISSION, *more]
+    beside, composites = (*MODIFIERS, *BESIDE), (*COMPOSITES, SWITCH, MISSION)
+    words = [*notes.leaves, *composites, *([] if alone else beside)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:
         hint = "the '- ' of a list must stand one below the other, in one column"
     elif found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
     else:
-        hint = did_you_mean(key.text, words) or "`mission behaviours` lists what there is"
+        hint = _as_mission(notes, key.text, alone=alone)
+        hint = hint or word_meant(key.text, notes.leaves, composites, beside, alone=alone)
+        hint = hint or "`mission behaviours` lists what there is"
     notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint)
+
+
+def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:
+    """Say how a mission is run whose name stands where a behaviour is needed; nothing where there is none."""
+    params = "" if alone else ", and its params under 'with:' beside it"
+    folder = Path(notes.source.name).parent
+    for name in (word, f"{word}.yaml") if word.isidentifier() else ():
+        with suppress(LookupError):
+            if "missions" in kinds_of(notes.words.find_mission(name, folder)):
+                return f"it is a mission: write 'mission: {name}'{params}"
+    return ""
 
 
 def _read_below(notes: Notes, node: Node) -> None:

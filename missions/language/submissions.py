@@ -8,6 +8,7 @@ from config.faults import InvalidFileError, note, one_of
 from config.marked import Mapping, Node, Scalar, compose, read_source
 from config.units import article, seen
 from missions.language.body import read_body, read_returns
+from missions.language.modifiers import outdent
 from missions.language.notes import Notes
 from missions.language.params import Param
 from missions.language.plan import MISSION, Step
@@ -90,7 +91,7 @@ def _take(
     for name, given in node.entries if isinstance(node, Mapping) else ():
         param = params.get(name.text)
         if param is None:
-            hint = one_of(name.text, params) or "it has none"
+            hint = outdent(name.text, MISSION) or one_of(name.text, params) or "it has none"
             notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
         else:
             values[name.text] = param.type.read(notes, given, f"'{name.text}'")

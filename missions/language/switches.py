@@ -5,7 +5,7 @@ from collections.abc import Callable
 from config.faults import one_of
 from config.marked import Mapping, Node, Scalar
 from missions.language.arguments import default_value
-from missions.language.modifiers import read_expression
+from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
 from missions.language.plan import SWITCH, Step
 
@@ -22,7 +22,8 @@ def read_switch(
         return None
     for word, _ in value.entries:
         if word.text not in KEYS:
-            notes.fault(word.mark, f"'switch' has no key '{word.text}'", one_of(word.text, KEYS))
+            hint = outdent(word.text, SWITCH) or one_of(word.text, KEYS)
+            notes.fault(word.mark, f"'switch' has no key '{word.text}'", hint)
     on, cases, default = (value.get(word) for word in KEYS)
     if not isinstance(on, Scalar):
         notes.fault(key.mark if on is None else on.mark, "'switch' needs 'on', an expression", FORM)
