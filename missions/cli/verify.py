@@ -9,11 +9,12 @@ import click
 from behaviours.leaf import Leaf
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
+from config.units import written
 from drivers.clock import SystemClock
-from missions.cli.options import behaviours_option, files_of, params_option
+from missions.cli.options import SECONDS, behaviours_option, files_of, params_option
 from missions.library import load_mission, shipped_missions
 from missions.verify.verdicts import PROVED, Report
-from missions.verify.verify import BOUND, verify
+from missions.verify.verify import BOUND, LIMIT, verify
 from missions.vocabulary import vocabulary
 
 
@@ -27,10 +28,20 @@ from missions.vocabulary import vocabulary
     metavar="STATES",
     help="Give up after so many states; what was not decided by then counts as not proved.",
 )
+@click.option(
+    "--limit",
+    type=SECONDS,
+    default=written(LIMIT, "duration"),
+    show_default=True,
+    metavar="TIME",
+    help="Give up a mission after so long; what is certain by then is said.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for editors and other programs.")
 @params_option
 @behaviours_option
-def command(names: tuple[str, ...], bound: int, as_json: bool, params: dict[str, str], files: tuple[Path, ...]) -> int:
+def command(
+    names: tuple[str, ...], bound: int, limit: float, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
+) -> int:
     """Prove that missions can end, reach all their nodes, stop cleanly, and keep their `properties`.
 
     Takes names, files or folders; all that ship with MissionTree when none is given. Exits with 0 when all is proved,
@@ -40,7 +51,7 @@ def command(names: tuple[str, ...], bound: int, as_json: bool, params: dict[str,
     code = 0
     reports: list[Report] = []
     for name in [file for each in names for file in files_of(each, tests=False)] or list(shipped_missions()):
-        report = _verified(name, params, leaves, bound)
+        report = _verified(name, params, leaves, bound, limit)
         if report is None:
             code = 2
             continue
@@ -53,7 +64,9 @@ def command(names: tuple[str, ...], bound: int, as_json: bool, params: dict[str,
     return code
 
 
-def _verified(name: str, params: dict[str, str], leaves: Mapping[str, type[Leaf]], bound: int) -> Report | None:
+def _verified(
+    name: str, params: dict[str, str], leaves: Mapping[str, type[Leaf]], bound: int, limit: float
+) -> Report | None:
     """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
     try:
         plan = load_mission(name, params=params, leaves=leaves)
@@ -62,5 +75,5 @@ def _verified(name: str, params: dict[str, str], leaves: Mapping[str, type[Leaf]
     except UnknownNameError as error:
         click.echo(f"mission: {error}", err=True)
     else:
-        return verify(plan, SystemClock(), bound=bound)
+        return verify(plan, SystemClock(), bound=bound, limit=limit)
     return None

@@ -11,7 +11,7 @@ from missions.language.values import Value
 from missions.verify.choices import Oracle
 from missions.verify.guesses import MOST, TWICE, UNKNOWN, Guess, Many, widened
 from missions.verify.instants import Some
-from missions.verify.mocks import outcomes, stand_in
+from missions.verify.mocks import outcomes, stand_in, waits
 from missions.verify.watch import Watch
 
 CONDITIONS = ("if", "while", "until")
@@ -95,6 +95,9 @@ def durations(tree: Step) -> frozenset[float]:
             found.add(value.constant)
         if step.leaf is not None and step.leaf.halting is not Leaf.halting:
             found.add(step.leaf.halt_limit)
+        seconds = waits(step)
+        if seconds is not None:
+            found.add(seconds)
     return frozenset(found)
 
 

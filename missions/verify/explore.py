@@ -1,7 +1,7 @@
 """The exploration: every state that a run can come to, breadth first, so that the way to each is a shortest one."""
 
 from collections import defaultdict, deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from py_trees.common import Status
@@ -53,11 +53,16 @@ class Found:
 
 
 class Space:
-    """What an exploration has come to. ``open`` are the places from which it was not followed, for want of room."""
+    """What an exploration has come to. ``open`` are the places from which it was not followed to the end.
 
-    def __init__(self, model: Model, bound: int) -> None:
+    It has room for ``bound`` states, and goes on until ``late`` says that its time is over.
+    """
+
+    def __init__(self, model: Model, bound: int, late: Callable[[], bool] = lambda: False) -> None:
         self.model = model
         self.bound = bound
+        self.out_of_time = False
+        self._late = late
         self.places: list[Place] = []
         self.found: dict[str, Found] = {}
         self.transitions = 0
@@ -72,28 +77,34 @@ class Space:
         return not self.open and not self.model.shuffler.sampled
 
     @property
+    def followed(self) -> int:
+        """Ticks from the start up to which every run was followed."""
+        return min((self.places[number].depth for number in self.open), default=self.depth)
+
+    @property
     def depth(self) -> int:
         """Steps to the place that is farthest from the start."""
         return self.places[-1].depth
 
     def explore(self) -> None:
-        """Follow every choice from every state, until there is no new one or the bound is reached."""
+        """Follow every choice from every state, until there is no new one, no room or no time."""
         self._add(GOING, -1, ())
         while self._waiting:
             number = self._waiting.popleft()
-            if len(self.places) > self.bound:
-                self.open.add(number)
-                continue
-            place = self.places[number]
-            if place.kind == GOING:
+            if self.places[number].kind == GOING:
                 self._follow(number, halted=False)
             self._follow(number, halted=True)
+
+    def _full(self) -> bool:
+        """Say whether there is no room left, or no time."""
+        self.out_of_time = self.out_of_time or self._late()
+        return self.out_of_time or len(self.places) > self.bound or self.transitions >= self.bound * BUSY
 
     def _follow(self, number: int, *, halted: bool) -> None:
         """Take every step of one kind from a place."""
         script: Script | None = ()
         while script is not None:
-            if self.transitions >= self.bound * BUSY:
+            if self._full():
                 self.open.add(number)
                 return
             kind = self.step(number, script, halted=halted)

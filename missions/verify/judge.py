@@ -1,6 +1,7 @@
 """The judge: what an exploration proves and refutes, rule by rule, and where a run is lost for good."""
 
 from collections.abc import Callable, Iterable
+from math import inf
 
 from behaviours.leaf import RUNNING
 from behaviours.node import Node
@@ -25,6 +26,8 @@ class Judge:
         self._plan = plan
         self._steps = dict(_keyed(plan.tree, "1"))
         self._unproved = PROVED if space.whole else UNDECIDED
+        ticks = "1 tick" if space.followed == 1 else f"{space.followed} ticks"
+        self._shallow = f"true of all runs of up to {ticks}" if space.open and space.followed else ""
 
     def verdicts(self) -> list[Verdict]:
         """Return all verdicts: the rules for every mission first, then its own properties."""
@@ -32,6 +35,7 @@ class Judge:
         return [
             self._ends(),
             self._reached("its node can be reached" if nodes == 1 else f"each of its {nodes} nodes can be reached"),
+            *self._times(),
             self._unbroken(ALONE, "no two behaviours drive one actuator at the same time"),
             self._clean(),
             *(self._property(place, each) for place, each in enumerate(self._space.model.monitors)),
@@ -48,7 +52,9 @@ class Judge:
             rule = f"{rule}, or goes on with its 'repeat: forever'" if ends else "it runs until it is stopped"
         trap = self._first_without((*ends, *rounds), lambda kind: kind == GOING)
         if trap is None:
-            return Verdict(rule, self._unproved)
+            known = self._space.can_reach((*ends, *rounds))
+            so_far = f"true of {len(known)} of {len(places)} states" if self._space.open else ""
+            return Verdict(rule, self._unproved, so_far=so_far)
         holder = self._holder(self._bottom(trap))
         step = self._steps[holder.key]
         message = f"no end can be reached {'at all' if trap == 0 else 'any more'}: '{step.kind}' goes on for ever"
@@ -63,8 +69,12 @@ class Judge:
             if node not in reached and (node.parent is None or node.parent in reached)
         ]
         if not missed or not self._space.whole:
-            return Verdict(rule, UNDECIDED if missed else PROVED)
+            return self._met(rule, len(self._space.model.nodes), len(missed))
         return Verdict(rule, REFUTED, tuple(Finding(self._never_reached(node)) for node in missed))
+
+    def _met(self, rule: str, count: int, missed: int) -> Verdict:
+        """Return the verdict on a rule that asks each of ``count`` nodes for something that some run shows."""
+        return Verdict(rule, UNDECIDED, so_far=f"true of {count - missed} so far") if missed else Verdict(rule, PROVED)
 
     def _never_reached(self, node: Node) -> Fault:
         step = _innermost(self._steps[node.key])
@@ -75,6 +85,32 @@ class Judge:
             f"'{step.name}' is never reached",
             f"'{parent.kind}' (line {parent.mark.line}): {_WHY.get(parent.kind, 'it never comes to it')}",
         )
+
+    def _times(self) -> list[Verdict]:
+        watch = self._space.model.watch
+        if not watch.timed:
+            return []
+        one = next(iter(watch.timed))
+        rule = f"its {len(watch.timed)} waits and timeouts" if len(watch.timed) > 1 else f"its '{one.kind}'"
+        rule = f"{rule} can be over"
+        missed = [node for node in watch.timed if node in watch.reached and node not in watch.over]
+        if not missed or not self._space.whole:
+            return [self._met(rule, len(watch.timed), len(missed))]
+        return [Verdict(rule, REFUTED, tuple(Finding(self._never_over(node)) for node in missed))]
+
+    def _never_over(self, node: Node) -> Fault:
+        step = self._steps[node.key]
+        own = _seconds(step)
+        around = [self._steps[node.key[:end]] for end, sign in enumerate(node.key) if sign == "."][::-1]
+        limits = [each for each in around if each.kind == "timeout"]
+        sooner = [each for each in limits if own is not None and (_seconds(each) or inf) <= own]
+        if sooner:
+            why = f"the 'timeout' of {sooner[0].text} around it (line {sooner[0].mark.line}) is over first"
+        elif step.kind == "timeout":
+            why = f"'{_innermost(step).name}' has always ended before"
+        else:
+            why = f"the 'timeout' around it (line {limits[0].mark.line}) leaves it no time" if limits else "see above"
+        return Fault(step.source, step.mark, f"'{step.kind}' of {step.text} is never over", why)
 
     def _clean(self) -> Verdict:
         rule = "after every halt and every end all is at rest"
@@ -125,7 +161,7 @@ class Judge:
         """Return the verdict on a rule that a single step can break."""
         found = self._space.found.get(key)
         if found is None:
-            return Verdict(rule, self._unproved)
+            return Verdict(rule, self._unproved, so_far=self._shallow)
         step = self._steps[found.breach.node.key]
         place: tuple[Source, Mark] = (step.source, step.mark) if mark is None else (self._plan.source, mark)
         fault = Fault(*place, found.breach.what)
@@ -160,6 +196,12 @@ class Judge:
         endless = [node for node in running if isinstance(node, StandIn) and not node.can_end]
         loops = [node for node in running if isinstance(node, Retry | Repeat) and node.setting is None]
         return max(endless or loops or running, key=lambda node: node.key.count("."))
+
+
+def _seconds(step: Step) -> float | None:
+    """Return the time that a step waits for, where that is known."""
+    value = step.arguments.get("value") or step.arguments.get("duration")
+    return value.constant if value is not None and isinstance(value.constant, float) else None
 
 
 def _keyed(step: Step, key: str) -> Iterable[tuple[str, Step]]:

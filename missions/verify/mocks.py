@@ -4,7 +4,7 @@ from typing import ClassVar, NamedTuple
 
 from py_trees.common import Status
 
-from behaviours.basics import Fail, Log, Pretend, Set, Succeed
+from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from missions.language.plan import Step
 from missions.verify.choices import Oracle
@@ -86,6 +86,30 @@ class SetStandIn(StandIn):
         return SUCCESS
 
 
+class WaitStandIn(StandIn):
+    """The leaf that waits: it is over after its ``seconds``, and neither sooner nor later than the next tick."""
+
+    seconds: ClassVar[float]
+    _until = 0.0
+
+    def initialise(self) -> None:
+        """Begin to wait."""
+        super().initialise()
+        self._until = self.run.now() + self.seconds
+
+    def update(self) -> Status:
+        """Wait."""
+        return SUCCESS if self.run.now() >= self._until else RUNNING
+
+
+def waits(step: Step) -> float | None:
+    """Return how long the leaf of a step takes, in seconds; None for one of which that is not known."""
+    if step.leaf is None or not issubclass(step.leaf, Wait) or step.arguments["duration"].template is not None:
+        return None
+    known = step.arguments["duration"].constant
+    return known if isinstance(known, float) else None
+
+
 def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
     """Return the class of a stand-in for the leaf of a step."""
     real = step.leaf or Leaf
@@ -93,11 +117,14 @@ def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
         name: getattr(real, name)
         for name in ("word", "needs", "drives", "stores", "ends", "instant", "open_ended", "halt_limit", "arguments")
     }
+    seconds = waits(step)
+    kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn
     return type(
         f"{real.__name__}StandIn",
-        (SetStandIn if issubclass(real, Set) else StandIn,),
+        (kind,),
         declared
         | {
+            "seconds": seconds,
             "__module__": __name__,
             "oracle": oracle,
             "watch": watch,

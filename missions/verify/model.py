@@ -6,18 +6,21 @@ from itertools import permutations
 from random import Random
 from typing import Any
 
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, SUCCESS
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
 from missions.executive.build import build
-from missions.executive.modifiers import Repeat
+from missions.executive.modifiers import Hold, Repeat, Timeout
 from missions.language.notes import STATE
 from missions.language.plan import Plan
 from missions.verify.abstract import abstract, durations, missing
 from missions.verify.choices import Oracle
 from missions.verify.guesses import UNKNOWN, Sensed
 from missions.verify.instants import Timing
-from missions.verify.mocks import StandIn
+from missions.verify.mocks import StandIn, WaitStandIn
 from missions.verify.monitors import Following, follow
 from missions.verify.scopes import Scopes
 from missions.verify.snapshot import Row, Rows, Snapshots
@@ -59,6 +62,9 @@ class Model:
         self.watch.follow([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
         self.watch.rounds = frozenset(node.child for node in self.nodes if isinstance(node, Repeat) and _endless(node))
+        self.watch.timed = {
+            node: _when_over(node) for node in self.nodes if isinstance(node, Timeout | Hold | WaitStandIn)
+        }
         self._snapshots = Snapshots(self.nodes, self.timing)
         self._scopes = Scopes(tree, self.nodes, self.run.variables)
         self._seconds = sorted(durations(plan.tree))
@@ -117,6 +123,10 @@ def _order(children: Iterable[Any]) -> str:
 
 def _endless(node: Repeat) -> bool:
     return node.value.template is None and node.value.constant is None
+
+
+def _when_over(node: Node) -> Status:
+    return FAILURE if isinstance(node, Timeout) else SUCCESS
 
 
 def _walk(node: Node) -> Iterator[Node]:

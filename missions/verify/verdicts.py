@@ -19,11 +19,15 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What came out for one rule."""
+    """What came out for one rule; of one that is not decided, ``so_far`` says what is certain all the same."""
 
     rule: str
     outcome: str
     findings: tuple[Finding, ...] = ()
+    so_far: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.outcome:<11}  {self.rule}" + (f": {self.so_far}" if self.so_far else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,7 @@ class Report:
         )
         yield f"{self.file}: {self.outcome} ({figures})"
         for verdict in self.verdicts:
-            yield f"  {verdict.outcome:<11}  {verdict.rule}"
+            yield f"  {verdict}"
         for finding in (finding for verdict in self.verdicts for finding in verdict.findings):
             yield ""
             yield str(finding.fault)
@@ -83,6 +87,7 @@ class Report:
                 {
                     "rule": verdict.rule,
                     "outcome": verdict.outcome,
+                    "so_far": verdict.so_far,
                     "findings": [_as_dict(finding) for finding in verdict.findings],
                 }
                 for verdict in self.verdicts

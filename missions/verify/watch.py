@@ -1,12 +1,12 @@
 """What is seen during a step: leaves that start and end, and whatever breaks a rule or a property."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from py_trees.common import Status
 
-from behaviours.leaf import RUNNING, SUCCESS
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.node import Node
 
 if TYPE_CHECKING:
@@ -52,16 +52,19 @@ class Monitor(Protocol):
 class Watch:
     """Follows one step, from the past that it is given: what monitors remember, and what was left moving.
 
-    ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so.
+    ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so. ``timed`` are the
+    nodes that wait for a time, each with the status that shows that it is over; ``over`` those of which it ever was.
     """
 
     leaves: "list[StandIn]" = field(default_factory=list)
     monitors: Sequence[Monitor] = ()
     rounds: frozenset[Node] = frozenset()
+    timed: Mapping[Node, Status] = field(default_factory=dict)
     moving: frozenset[str] = frozenset()
     breaches: list[Breach] = field(default_factory=list)
     changes: list[tuple[Node, Status]] = field(default_factory=list)
     reached: set[Node] = field(default_factory=set)
+    over: set[Node] = field(default_factory=set)
     went_round: bool = False
     _rivals: "dict[StandIn, list[StandIn]]" = field(default_factory=dict)
 
@@ -95,6 +98,8 @@ class Watch:
         """Hear of a node whose status has changed; the observer of the run."""
         self.changes.append((node, node.status))
         self.reached.add(node)
+        if self.timed.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
+            self.over.add(node)  # of a timeout: it is not the child that has failed
         if node.status is SUCCESS:
             self.went_round = self.went_round or node in self.rounds
             for monitor in self.monitors:

@@ -13,7 +13,7 @@ from missions.vocabulary import vocabulary
 
 FOLDER = Path(__file__).parent / "faulty"
 
-ENDS, REACHED, CLEAN = "it can end", "each of its", "after every halt"
+ENDS, REACHED, TIMES, CLEAN = "it can end", "each of its", "its ", "after every halt"
 
 FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "retry_what_always_fails": (ENDS, 11, "'retry' goes on for ever", 1),
@@ -42,7 +42,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
 }
 """Of each file: the rule that is refuted, the line, words of the message, and the ticks of a shortest run, if any."""
 
-ALSO = {"never_stops": {ENDS}}
+ALSO = {"never_stops": {ENDS}, "second_try_out_of_time": {TIMES}, "holds_too_long": {TIMES}}
 """Rules that a fault breaks besides the one it was planted for."""
 
 

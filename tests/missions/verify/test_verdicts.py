@@ -4,8 +4,10 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import RUNNING, Leaf
+from drivers.clock import ManualClock
 from missions.verify.verdicts import PROVED, REFUTED, UNDECIDED
-from tests.missions.verify.exploring import explored, outcome, outcomes
+from missions.verify.verify import verify
+from tests.missions.verify.exploring import explored, outcome, outcomes, plan_of
 
 CAN_END = "it can end from every state"
 
@@ -41,6 +43,31 @@ timeout: 5 s
     assert (
         outcomes(explored(tree.replace("timeout: 5 s", "timeout: 7 s")))["each of its 7 nodes can be reached"] == PROVED
     )
+
+
+def test_how_long_a_wait_takes_is_known() -> None:
+    for tree in ("wait: 10 s\ntimeout: 5 s", "sequence: [{wait: 3 s}, {wait: 3 s}]\ntimeout: 5 s"):
+        found = explored(tree, "can: succeed", "can: fail")
+        assert outcomes(found)["can: succeed"] == REFUTED
+        assert outcomes(found)["can: fail"] == PROVED
+    assert outcome("wait: 5 s\ntimeout: 10 s", "can: fail") == PROVED  # where a tick comes late
+    assert outcome("sequence: [{wait: 4 s}, {drive: 1 m}]\ntimeout: 5 s", "can: succeed") == PROVED
+    unknown = "sequence: [{set: {a: 10 s}}, {wait: '${a}'}]\ntimeout: 5 s"
+    assert outcome(unknown, "can: succeed") == PROVED
+
+
+def test_a_wait_or_timeout_that_is_never_over_is_found_with_what_comes_before_it() -> None:
+    never = {
+        "wait: 10 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 5) is over first",
+        "race:\n  - say: a\n    timeout: 9 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 7) is over first",
+        "sequence:\n  - log: a\ntimeout: 5 s": "'sequence' has always ended before",
+        "sequence:\n  - wait: 3 s\n  - wait: 3 s\ntimeout: 5 s": "the 'timeout' around it (line 7) leaves it no time",
+        "face_seen: 1 s\nhold: 3 s\ntimeout: 2 s": "the 'timeout' of 2 s around it (line 6) is over first",
+    }
+    for tree, why in never.items():
+        (verdict,) = (each for each in explored(tree).verdicts if each.rule.endswith("can be over"))
+        assert [finding.fault.suggestion for finding in verdict.findings] == [why], tree
+    assert explored("race:\n  - drive: 1 m\n    timeout: 9 s\nretry: 2\ntimeout: 10 s").outcome == PROVED
 
 
 def test_a_timeout_may_pass_or_not_while_a_leaf_takes_its_time() -> None:
@@ -211,6 +238,25 @@ def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> 
 # Bounds
 
 
+class Hasty(ManualClock):
+    """A clock that is a second later each time that it is asked."""
+
+    def now(self) -> float:
+        return self.advance(1.0)
+
+
+def test_an_exploration_that_takes_too_long_says_what_is_certain_by_then() -> None:
+    plan = plan_of("sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3", "never: say while drive")
+    found = verify(plan, Hasty(), limit=12.0)
+    assert found.outcome == UNDECIDED
+    assert "after 12 s" in found.left_out
+    assert "try --limit '120 s'" in found.left_out
+    said = {verdict.rule: verdict.so_far for verdict in found.verdicts}
+    assert said["never: say while drive"] == "true of all runs of up to 1 tick"
+    assert said[CAN_END].startswith("true of ")
+    assert verify(plan, Hasty(), limit=1e6).outcome == PROVED
+
+
 def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
     tree = "sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3"
     found = explored(tree, "never: say while drive", "can: succeed", bound=2)
@@ -225,10 +271,11 @@ def test_many_leaves_at_once_do_not_take_for_ever() -> None:
     many = ", ".join("scene_uniform" for _ in range(12))
     found = explored(f"parallel: [{many}]", bound=10)
     assert found.outcome == UNDECIDED
-    assert found.transitions == 400
+    assert found.transitions < 400
+    assert found.states <= 11
 
 
 def test_a_fault_within_the_bound_is_refuted_even_where_the_rest_is_not_explored() -> None:
-    found = explored("parallel: [{drive: 1 m}, {gesture: hello}]\nrepeat: 3", "never: gesture while drive", bound=2)
+    found = explored("parallel: [{drive: 1 m}, {gesture: hello}]\nrepeat: 3", "never: gesture while drive", bound=4)
     assert outcomes(found)["never: gesture while drive"] == REFUTED
     assert outcomes(found)[CAN_END] == UNDECIDED
