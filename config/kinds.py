@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from config.reading import open_regular
 from config.units import article
 
 KEYS: Mapping[str, str] = {
@@ -48,8 +49,8 @@ def wrong_kind(asked: str, path: Path) -> str:
 def kinds_of(path: Path) -> list[str]:
     """Return the kinds of which a file can be, by its keys in their order; none where it says nothing of that."""
     try:
-        with path.open("rb") as file:
-            data = file.read(BEGINNING)
+        with open_regular(path) as file:
+            data = file.read(BEGINNING) or b""
     except (OSError, ValueError):
         return []
     if data.startswith(RECORD):

@@ -9,13 +9,14 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from errno import EFBIG
 from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
-from config.reading import note_read
+from config.reading import note_read, read_regular
 from config.syntax import forbidden_character, syntax_fault
 from config.units import Bare
 
@@ -67,13 +68,11 @@ def read_source(path: Path, name: str | None = None) -> Source:
     """Read a text file for ``compose``. Raises InvalidFileError: missing, too large, not UTF-8."""
     shown = name if name is not None else str(path)
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
+        data = read_regular(path, MAX_BYTES)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InvalidFileError([Fault(Source(shown, ""), Mark(), f"cannot be read: {reason}")]) from error
-    if len(data) > MAX_BYTES:
-        raise InvalidFileError([Fault(Source(shown, ""), Mark(), f"larger than {MAX_BYTES:,} bytes")])
+        reason = reason if error.errno == EFBIG else f"cannot be read: {reason}"
+        raise InvalidFileError([Fault(Source(shown, ""), Mark(), reason)]) from error
     note_read(path, data)
     try:
         return Source(shown, data.decode("utf-8-sig"))

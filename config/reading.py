@@ -1,13 +1,17 @@
-"""Which files were read, for who keeps a record of what a run was made of.
+"""How files are read: regular ones alone, and noted for who keeps a record of what a run was made of.
 
 What is read lies deep inside of what asks for it: a mission names a mission that names a gesture that names a sheet. So
 nobody hands a list down; who wants to know listens around the whole, in its own thread and task.
 """
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from errno import EFBIG, EINVAL
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
+from typing import BinaryIO
 
 _READ: ContextVar[dict[Path, bytes] | None] = ContextVar("read", default=None)
 
@@ -28,3 +32,36 @@ def note_read(path: Path, data: bytes | None = None) -> None:
     files = _READ.get()
     if files is not None:
         files[path.resolve()] = path.read_bytes() if data is None else data
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a regular file to read its bytes. Raises OSError, also for a pipe, a socket or a device.
+
+    Those are not even opened: a pipe would be waited for, and a serial port or a watchdog timer takes notice.
+    """
+    return open(path, "rb", opener=_regular)
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """Return what a regular file of at most ``most`` bytes holds. Raises OSError, as ``open_regular`` does."""
+    with open_regular(path) as file:
+        data = file.read(most + 1) or b""  # None where the kernel's own files have nothing yet
+    if len(data) > most:
+        raise OSError(EFBIG, f"larger than {most:,} bytes", str(path))
+    return data
+
+
+def _regular(path: str, flags: int) -> int:
+    _check_regular(path, Path(path).stat())
+    number = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    try:
+        _check_regular(path, os.fstat(number))  # another may have taken its place
+    except OSError:
+        os.close(number)
+        raise
+    return number
+
+
+def _check_regular(path: str, status: os.stat_result) -> None:
+    if not S_ISREG(status.st_mode) and not S_ISDIR(status.st_mode):  # of a folder, the system says so itself
+        raise OSError(EINVAL, "it is a pipe or a device, and no file", path)

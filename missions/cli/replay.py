@@ -1,8 +1,10 @@
 """``mission replay``: a record again, as a play, as a film, or as decisions made anew."""
 
+import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -14,7 +16,7 @@ from rich.live import Live
 from drivers.clock import SystemClock
 from missions.cli.keys import Keys, interruptible
 from missions.cli.movie import Movie, check_place
-from missions.cli.options import SECONDS
+from missions.cli.options import SECONDS, behaviours_option
 from missions.cli.root import FAILURE, SUCCESS, USAGE
 from missions.recording.read import Record, open_record
 
@@ -47,6 +49,8 @@ REFRESH = 0.1
 @click.option("--rerun", "decide", is_flag=True, help="Decide it all again, and compare: nothing moves.")
 @click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
 @click.option("--mission", metavar="MISSION", help="Decide another mission on this record (a name or a file).")
+@behaviours_option
+@click.option("--trust-code", is_flag=True, help="Run the Python that the record holds: its sender may do anything.")
 @click.option("--see", "look", is_flag=True, help="Search the pictures again, with today's perception, and compare.")
 def command(
     file: Path,
@@ -56,6 +60,8 @@ def command(
     decide: bool,
     recorded: bool,
     mission: str | None,
+    files: tuple[Path, ...],
+    trust_code: bool,
     look: bool,
 ) -> int:
     """Play a record in the terminal; or make a film of it, decide it again, see it again.
@@ -68,17 +74,19 @@ def command(
     """
     if sum((frames is not None, decide, look)) > 1:
         raise click.UsageError("one of --frames, --rerun and --see at a time")
-    if (recorded or mission is not None) and not (decide or look):
-        raise click.UsageError("--recorded and --mission say what is decided or seen again: add --rerun or --see")
+    if (recorded or mission is not None or files or trust_code) and not (decide or look):
+        options = "--recorded, --mission, --behaviours and --trust-code"
+        raise click.UsageError(f"{options} say what is decided or seen again: add --rerun or --see")
     if frames is not None:
         check_place(frames, "--frames")
     record = open_record(file)
+    again = _Again(code=files, recorded=recorded, trusted=trust_code)
     if frames is not None:
         return _film(record, frames)
     if decide:
-        return _decide(record, mission, recorded=recorded)
+        return _decide(record, mission, again)
     if look:
-        return _look(record, mission, recorded=recorded)
+        return _look(record, mission, again)
     return _play(record, at, speed)
 
 
@@ -121,14 +129,23 @@ def _film(record: Record, path: Path) -> int:
     return SUCCESS
 
 
-def _decide(record: Record, mission: str | None, *, recorded: bool) -> int:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Again:
+    """With which files a record is decided or seen again: see ``missions.replay.sources.Sources``."""
+
+    code: Sequence[Path]
+    recorded: bool
+    trusted: bool
+
+
+def _decide(record: Record, mission: str | None, again: _Again) -> int:
     """Decide it again, and say whether all is as it was."""
     from missions.replay.rerun import rerun  # noqa: PLC0415
     from missions.replay.words import about_rerun  # noqa: PLC0415
 
     if problem := _undecidable(record):
         raise click.UsageError(problem)
-    with _sources(record, recorded=recorded) as sources:
+    with _sources(record, again) as sources:
         config = sources.robot()
         found = rerun(record, sources.plan(config, mission), config, seed=record.head.seed)
         for line in about_rerun(found, sources):
@@ -138,13 +155,13 @@ def _decide(record: Record, mission: str | None, *, recorded: bool) -> int:
     return SUCCESS if found.same else FAILURE
 
 
-def _look(record: Record, mission: str | None, *, recorded: bool) -> int:
+def _look(record: Record, mission: str | None, again: _Again) -> int:
     """Search the pictures again, and say whether all is found that was."""
     from missions.assembly.interests import interests_of  # noqa: PLC0415
     from missions.replay.see import see  # noqa: PLC0415
     from missions.replay.words import about_sight  # noqa: PLC0415
 
-    with _sources(record, recorded=recorded) as sources:
+    with _sources(record, again) as sources:
         config = sources.robot()
         if config.camera is None:
             raise click.UsageError(f"{config.name} has no camera")
@@ -160,16 +177,34 @@ def _look(record: Record, mission: str | None, *, recorded: bool) -> int:
 
 
 @contextmanager
-def _sources(record: Record, *, recorded: bool) -> Iterator["Sources"]:
-    """Unpack the files of a record for as long as they are needed, and say which are others today."""
+def _sources(record: Record, again: _Again) -> Iterator["Sources"]:
+    """Unpack the files of a record for as long as they are needed, and say which are others today.
+
+    Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
+    """
     from missions.replay.sources import Sources  # noqa: PLC0415
 
     with TemporaryDirectory(prefix="mission-replay-") as folder:
-        sources = Sources(record.head, record.files, Path(folder), recorded=recorded)
+        sources = Sources(
+            record.head, record.files, Path(folder), recorded=again.recorded, code=again.code, trusted=again.trusted
+        )
+        if code := sources.foreign_code():
+            told = "".join(f"\n  {line}" for line in code)
+            if not again.trusted:
+                raise click.UsageError(f"{record.path} holds Python that would be run:{told}\n{_look_first(record)}")
+            click.echo(f"running the Python of {record.path}:{told}")
         sources.unpack()
-        for line in () if recorded else sources.changed():
+        for line in () if again.recorded else sources.changed():
             click.echo(line)
         yield sources
+
+
+def _look_first(record: Record) -> str:
+    path = shlex.quote(str(record.path))
+    return (
+        f"  try: mission record export {path} --folder FOLDER, and look into it;\n"
+        "       then --trust-code, or --behaviours FILE.py to run a file of yours instead"
+    )
 
 
 def _undecidable(record: Record) -> str:

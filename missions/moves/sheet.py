@@ -7,6 +7,7 @@ that begin with ``#`` are remarks; the first of the others has the headings.
 import csv
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from pathlib import Path
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import read_source
-from config.reading import note_read
+from config.reading import note_read, open_regular
 from config.units import seen
 from missions.moves import workbook
 
@@ -135,8 +136,9 @@ def _workbook(path: Path, tab: str | None) -> list[list[Cell]]:
     if find_spec("python_calamine") is None:
         raise _refused(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
         reader = [sys.executable, "-P", workbook.__file__, str(path), *([] if tab is None else [tab])]
         heard = subprocess.run(reader, capture_output=True, check=True, timeout=LONGEST)  # noqa: S603 - ourselves
         note_read(path)

@@ -5,7 +5,6 @@ newest change of every node and variable, and the newest state of every part. Th
 at the beginning of the piece, so that other programs show it from there.
 """
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,7 +12,7 @@ from typing import Any, BinaryIO
 from mcap.writer import Writer
 
 from missions.recording.container import Message
-from missions.recording.faults import understanding
+from missions.recording.faults import message_in, understanding
 from missions.recording.identify import PROFILE
 from missions.recording.moments import Restored, Shortened
 from missions.recording.outputs import new_file
@@ -83,7 +82,7 @@ class _Piece:
                 if topic == "/mission" or (
                     message.time < self._first and (topic in KEYS or topic.startswith("/state/"))
                 ):
-                    data = json.loads(message.data) if KEYS.get(topic) else {}
+                    data = message_in(message.data) if KEYS.get(topic) else {}
                     held[(topic, *(str(data[name]) for name in KEYS.get(topic, ())))] = message
         return list(held.values())
 
@@ -103,6 +102,6 @@ class _Piece:
         """
         if message.topic == "/moments":
             with understanding(self._record.path):
-                moment = self._restored.read(json.loads(message.data))
+                moment = self._restored.read(message_in(message.data))
             message = message._replace(data=self._shortened.written(moment)) if message.time >= self._first else message
         return message if self._first <= message.time <= self._last else None

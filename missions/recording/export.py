@@ -4,11 +4,11 @@ import csv
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from missions.recording.faults import understanding
-from missions.recording.outputs import new_file, new_folder, private
+from missions.recording.faults import message_in, understanding
+from missions.recording.outputs import inside, new_file, new_folder, private
 from missions.recording.read import Record, began_at
 
 NO_TABLE = frozenset({"/camera", "/camera/marks"})
@@ -74,7 +74,7 @@ def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int
         _write(pictures / f"{stamp:010.3f}.jpg", jpeg)
         count += 1
     for name, data in record.files.items():
-        path = files / _inside(name)
+        path = files / inside(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         _write(path, data)
     return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
@@ -90,7 +90,7 @@ def _messages(record: Record) -> Iterator[tuple[str, float, Any]]:
     began = began_at(record.head)
     for topic, time, data in record.container.messages():
         with understanding(record.path):
-            found = json.loads(data)
+            found = message_in(data)
         yield topic, found.pop("t", (time - began) / 1e9), found
 
 
@@ -103,9 +103,3 @@ def _row(topic: str, data: Mapping[str, Any], before: str = "") -> dict[str, obj
         elif (topic, name) not in LEFT_OUT:
             cells[before + name] = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else value
     return cells
-
-
-def _inside(name: str) -> Path:
-    """Return the path of an attached file within a folder, out of which no name leads."""
-    parts = [part.replace("\0", "") for part in PurePosixPath(name).parts if part not in ("/", "..")]
-    return Path(*parts) if parts else Path("unnamed")

@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 
@@ -46,3 +46,9 @@ def new_folder(path: Path, *, force: bool) -> None:
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     if not force and any(path.iterdir()):
         raise ExistsError(f"{path}: is not empty\n  try: another folder, or --force to write over what is in it")
+
+
+def inside(name: str) -> Path:
+    """Return the path of an attached file within a folder, out of which no name leads."""
+    parts = [part.replace("\0", "") for part in PurePosixPath(name).parts]
+    return Path(*[part for part in parts if part not in ("", "/", "//", ".", "..")] or ["unnamed"])

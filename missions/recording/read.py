@@ -18,7 +18,7 @@ from missions.pictures.drawing import Drawing
 from missions.pictures.states import NEAR
 from missions.pictures.tree_json import from_json as drawing_from_json
 from missions.recording.codec import from_json
-from missions.recording.faults import InvalidRecordError, understanding
+from missions.recording.faults import InvalidRecordError, message_in, understanding
 from missions.recording.head import LIMIT, TREE, Head
 from missions.recording.identify import head_in, no_mcap
 from missions.recording.moments import Restored
@@ -217,7 +217,7 @@ class Record:
         """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
         for topic, _, data in self.container.messages(frozenset(topics)):
             with understanding(self.path):
-                found = read(topic, json.loads(data))
+                found = read(topic, message_in(data))
             yield found
 
 

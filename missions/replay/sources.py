@@ -1,10 +1,15 @@
-"""The files that a record is decided again with: today's where they are still there, else those that it holds."""
+"""The files that a record is decided again with: today's where they are still there, else those that it holds.
 
-from collections.abc import Iterator, Mapping
+A record may come from anybody. Python is never run because a record says so, nor from where it says: only what the user
+names, or what the record holds once the user trusts it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
 
-from config.library import UnknownNameError, find
+from config.library import UnknownNameError, find, is_file
+from config.reading import read_regular
 from config.robot import RobotConfig, load_robot
 from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
@@ -13,7 +18,9 @@ from missions.language.notes import Lookup
 from missions.language.plan import Plan
 from missions.library import find_mission
 from missions.moves.keep import NewMove
+from missions.recording.faults import InvalidRecordError
 from missions.recording.head import Head
+from missions.recording.outputs import inside
 from missions.vocabulary import vocabulary
 
 UNASKED = ("world/", "test/")
@@ -35,21 +42,47 @@ class Sources:
     """The files of a record, unpacked into ``folder``, beside those of today.
 
     ``recorded`` takes them all from the record. What a mission writes when it is decided again goes into ``folder``.
+    ``code`` are files of the user's with leaves of their own; without any, those of the record are run, but only if
+    ``trusted``.
     """
 
-    def __init__(self, head: Head, files: Mapping[str, bytes], folder: Path, *, recorded: bool = False) -> None:
+    def __init__(
+        self,
+        head: Head,
+        files: Mapping[str, bytes],
+        folder: Path,
+        *,
+        recorded: bool = False,
+        code: Sequence[Path] = (),
+        trusted: bool = False,
+    ) -> None:
         self._head = head
         self._files = files
         self._folder = folder
         self._recorded = recorded
+        self._code = code
+        self._trusted = trusted
 
     def unpack(self) -> None:
-        """Write the record's files, and make room for what missions write."""
+        """Write the record's files, and make room for what missions write.
+
+        Raises InvalidRecordError for a file that would take the place of another, OSError.
+        """
         (self._folder / NEW).mkdir(parents=True, exist_ok=True)
         for name, data in self._files.items():
             path = self._unpacked(name)
+            if path.exists():
+                raise InvalidRecordError(f"two files of the record go by one name: {name}")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
+
+    def foreign_code(self) -> Sequence[str]:
+        """Return a line for each file of Python of the record, which deciding it again would run: size, and origin."""
+        names = () if self._code else self._head.behaviours
+        return [
+            f"{name}, {len(self._files.get(name, b''))} bytes, of {self._head.paths.get(name, 'nobody knows where')}"
+            for name in names
+        ]
 
     def changed(self) -> Iterator[str]:
         """Say of each file that is another today, or gone, what has become of it."""
@@ -57,9 +90,10 @@ class Sources:
             path = self._head.paths.get(name)
             if path is None or name.startswith(UNASKED):
                 continue
-            today = _content(Path(path))
-            if today != data:
-                yield f"{path} {'is gone' if today is None else 'has changed'} since"
+            if not is_file(Path(path)):
+                yield f"{path} is gone since"
+            elif not _holds(Path(path), data):
+                yield f"{path} has changed since"
 
     def robot(self) -> RobotConfig:
         """Return the robot. Raises InvalidFileError, or UnknownNameError where neither file nor name helps."""
@@ -74,7 +108,9 @@ class Sources:
         path = self._path(self._head.file) if mission is None else find_mission(mission)
         return load_plan(
             path,
-            vocabulary(self._path(name) for name in self._head.behaviours),
+            vocabulary(
+                self._code or ([self._unpacked(name) for name in self._head.behaviours] if self._trusted else [])
+            ),
             self._things(),
             find_mission=self._find_mission,
             params=self._head.params,
@@ -87,16 +123,19 @@ class Sources:
         path = Path(file)
         return f"{path.relative_to(self._folder)} as recorded" if path.is_relative_to(self._folder) else file
 
+    def _leaves(self) -> Sequence[Path]:
+        """Return the files with leaves of the user's own that may be run."""
+        recorded = self._head.behaviours if self._trusted else ()
+        return self._code or [self._unpacked(name) for name in recorded]
+
     def _path(self, name: str) -> Path:
         """Return where a file of the record is to be read: today's place of it, unless it is not there."""
         today = Path(self._head.paths.get(name, ""))
-        if not today.is_file() or self._recorded:
-            return self._unpacked(name)
-        return today
+        return self._unpacked(name) if self._recorded or not is_file(today) else today
 
     def _unpacked(self, name: str) -> Path:
         """Return where a file of the record is unpacked; nothing in a name leads out of the folder."""
-        return self._folder.joinpath(*(part for part in PurePosixPath(name).parts if part not in ("/", "..")))
+        return self._folder / inside(name)
 
     def _find_mission(self, name: str, beside: Path) -> Path:
         found = self._held(("mission/",), name)
@@ -134,8 +173,9 @@ class Sources:
         return self._unpacked(str(fitting[0])) if fitting else None
 
 
-def _content(path: Path) -> bytes | None:
+def _holds(path: Path, data: bytes) -> bool:
+    """Say whether a file holds ``data`` and no more."""
     try:
-        return path.read_bytes()
+        return read_regular(path, len(data)) == data
     except OSError:
-        return None
+        return False

@@ -101,7 +101,7 @@ def _fresh(view: View | None) -> Iterator[Percept]:
 
 def _picture(time: float, image: Image, view: View | None) -> Picture:
     scale = min(1.0, WIDTH / image.shape[1])
-    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
     small: Image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype("uint8", copy=False)
     marks = [] if view is None else [(_scaled(box, scale), label) for box, label in marks_of(view)]
     _, data = cv2.imencode(".jpg", annotate(small, marks), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])

@@ -1,6 +1,5 @@
 """From a record to its figures: nothing of this is measured for its own sake while a robot runs."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 
 from missions.executive.events import NodeChanged
 from missions.executive.moment import Answer, Moment
-from missions.recording.faults import understanding
+from missions.recording.faults import message_in, understanding
 from missions.recording.read import Record
 from missions.statistics.figures import Kind, Stats, Times, WireFigures
 from missions.statistics.nodes import figures_of
@@ -71,7 +70,7 @@ def _messages(record: Record) -> tuple[list[tuple[float, float, float]], list[Ma
     devices: list[Mapping[str, Mapping[str, int]]] = []
     for message in record.container.messages(frozenset({"/percepts", "/state/devices"})):
         with understanding(record.path):
-            data: Any = json.loads(message.data)
+            data: Any = message_in(message.data)
             if message.topic == "/state/devices":
                 devices.append({name: device["counters"] for name, device in data["devices"].items()})
             elif data["looked"] is not None:

@@ -67,6 +67,26 @@ def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_b
     assert result.return_value == 0
 
 
+def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: Path) -> None:
+    mark, leaf, mission = tmp_path / "RUN", tmp_path / "mine.py", tmp_path / "mine.yaml"
+    plain = "from behaviours.leaf import SUCCESS, Leaf\n\nclass Mine(Leaf):\n    word = 'mine'\n"
+    leaf.write_text(f"{plain}    def update(self):\n        return SUCCESS\n")
+    mission.write_text("mission: mine\ntree: {sequence: [mine, wait: 1 s]}\n")
+    order = Order(str(mission), simulate="fast", eyes="truth", behaviours=[leaf])
+    path = record_of(order, tmp_path / "mine.mcap").path
+    size = leaf.stat().st_size
+    leaf.write_text(f"open({str(mark)!r}, 'w').close()\n{leaf.read_text()}")
+    said = refused(path, "--rerun")
+    assert f"holds Python that would be run:\n  behaviours/mine.py, {size} bytes, of {leaf}\n" in said
+    assert f"try: mission record export {path} --folder FOLDER" in said
+    result = replay(path, "--rerun", "--trust-code")
+    assert f"running the Python of {path}:\n  behaviours/mine.py, {size} bytes" in result.output
+    assert result.return_value == 0
+    assert not mark.exists()
+    assert replay(path, "--rerun", "--behaviours", leaf).return_value == 0
+    assert mark.exists()
+
+
 def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
     record = record_of(Order("look_around", simulate="fast", eyes="truth"), tmp_path / "look_around.mcap")
     mission = tmp_path / "wave.yaml"

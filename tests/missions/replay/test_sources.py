@@ -1,11 +1,13 @@
 """Which files a record is decided again with: today's, or those that it holds."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from config.faults import InvalidFileError
 from missions.order import Order
+from missions.recording.faults import InvalidRecordError
 from missions.recording.read import Record
 from missions.replay.rerun import Rerun, rerun
 from missions.replay.sources import Sources
@@ -67,8 +69,10 @@ def mine(tmp_path: Path) -> tuple[Record, Path]:
     return record_of(order, tmp_path / "mine.mcap"), tmp_path
 
 
-def again(record: Record, folder: Path, *, recorded: bool = False) -> tuple[Rerun, list[str]]:
-    sources = Sources(record.head, record.files, folder, recorded=recorded)
+def again(
+    record: Record, folder: Path, *, recorded: bool = False, code: Sequence[Path] = ()
+) -> tuple[Rerun, list[str]]:
+    sources = Sources(record.head, record.files, folder, recorded=recorded, code=code, trusted=True)
     sources.unpack()
     robot = sources.robot()
     return rerun(record, sources.plan(robot), robot), list(sources.changed())
@@ -92,7 +96,6 @@ def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[Record, Path], tm
     [
         ("mine.yaml", "count_ticks: 3", "count_ticks: 4"),
         ("gestures/nod.yaml", "0.5 s", "0.2 s"),
-        ("behaviours/counting.py", ">= self.most", "> self.most"),
     ],
 )
 def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
@@ -105,6 +108,26 @@ def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
     assert not found.same
     assert changed == [f"{file} has changed since"]
     assert again(record, tmp_path / "recorded", recorded=True)[0].same
+
+
+def test_python_is_taken_from_the_record_or_from_where_the_user_says(mine: tuple[Record, Path], tmp_path: Path) -> None:
+    record, folder = mine
+    file = folder / "behaviours/counting.py"
+    file.write_text(LEAF.replace(">= self.most", "> self.most"))
+    found, changed = again(record, tmp_path / "trusted")
+    assert found.same
+    assert changed == [f"{file} has changed since"]
+    assert not again(record, tmp_path / "own", code=[file])[0].same
+
+
+def test_python_is_not_run_unless_it_is_trusted(mine: tuple[Record, Path], tmp_path: Path) -> None:
+    record, folder = mine
+    sources = Sources(record.head, record.files, tmp_path / "unpacked")
+    sources.unpack()
+    (line,) = sources.foreign_code()
+    assert line == f"behaviours/counting.py, {len(LEAF)} bytes, of {folder / 'behaviours/counting.py'}"
+    with pytest.raises(InvalidFileError, match="unknown behaviour 'count_ticks'"):
+        sources.plan(sources.robot())
 
 
 def test_a_file_that_is_wrong_today_is_told_as_it_always_is(mine: tuple[Record, Path], tmp_path: Path) -> None:
@@ -133,9 +156,17 @@ def test_what_a_mission_writes_is_not_written_over(tmp_path: Path, monkeypatch: 
 
 def test_no_name_of_a_file_leads_out_of_the_folder(greeted: Record, tmp_path: Path) -> None:
     folder = tmp_path / "unpacked"
-    Sources(greeted.head, {"../../evil": b"1", "/evil": b"2", "mission/../../evil": b"3"}, folder).unpack()
+    Sources(greeted.head, {"../../evil": b"1", "mission/../../evil": b"3", "nul\0": b"", "/": b""}, folder).unpack()
     assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == {
         "evil",
         "mission/evil",
+        "nul",
+        "unnamed",
     }
     assert not (tmp_path / "evil").exists()
+
+
+def test_no_file_of_a_record_hides_behind_another(greeted: Record, tmp_path: Path) -> None:
+    files = {"behaviours/mine.py": b"good", "behaviours/../mine.py": b"evil"}
+    with pytest.raises(InvalidRecordError, match=r"two files of the record go by one name: behaviours/\.\./mine\.py"):
+        Sources(greeted.head, files, tmp_path / "unpacked").unpack()

@@ -1,0 +1,38 @@
+"""Which files are read at all, and how much of them."""
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from config.faults import InvalidFileError
+from config.kinds import kinds_of
+from config.marked import read_source
+from config.reading import read_regular
+
+
+def test_pipes_devices_and_sockets_are_refused_without_waiting(tmp_path: Path) -> None:
+    pipe, plug = tmp_path / "pipe.yaml", tmp_path / "plug"
+    os.mkfifo(pipe)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(plug))
+        for path in (pipe, plug, Path("/dev/zero"), Path("/dev/null")):
+            with pytest.raises(OSError, match="it is a pipe or a device, and no file"):
+                read_regular(path, 100)
+    assert kinds_of(pipe) == []
+    with pytest.raises(InvalidFileError, match=r"cannot be read: it is a pipe or a device, and no file"):
+        read_source(pipe)
+
+
+def test_no_more_of_a_file_is_read_than_is_wanted(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"1234")
+    assert read_regular(path, 4) == b"1234"
+    with pytest.raises(OSError, match="larger than 3 bytes"):
+        read_regular(path, 3)
+
+
+def test_a_folder_is_told_as_the_system_tells_it(tmp_path: Path) -> None:
+    with pytest.raises(IsADirectoryError):
+        read_regular(tmp_path, 1)
