@@ -21,7 +21,7 @@ from missions.executive.state import state_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
-from missions.language.plan import COMPOSITES
+from missions.language.plan import COMPOSITES, COUNTS
 
 HERE = Path(__file__).parent
 
@@ -34,6 +34,12 @@ def composites() -> str:
 def modifiers() -> str:
     """Return the table of the modifiers."""
     rows = ((code(word), each.takes, each.help) for word, each in MODIFIERS.items())
+    return table(("word", "takes", "what it does"), rows)
+
+
+def counts() -> str:
+    """Return the table of what stands beside a parallel."""
+    rows = ((code(word), takes, text) for word, (takes, text) in COUNTS.items())
     return table(("word", "takes", "what it does"), rows)
 
 
@@ -92,6 +98,7 @@ def entry(leaf: type[Leaf]) -> str:
 
 TABLES: Mapping[str, Callable[[], str]] = {
     "composites": composites,
+    "counts": counts,
     "modifiers": modifiers,
     "units": units,
     "state": state,

@@ -6,11 +6,11 @@ from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
-from missions.executive.composites import COMPOSITES, Composite, adopt
+from missions.executive.composites import COMPOSITES, Composite, Parallel, adopt
 from missions.executive.modifiers import MODIFIERS
 from missions.executive.submission import Submission
-from missions.executive.switch import Switch
-from missions.language.plan import MISSION, SWITCH, Plan, Step
+from missions.executive.switch import SWITCHES
+from missions.language.plan import MISSION, Plan, Step
 from missions.language.values import Value
 
 RobotFor = Callable[[Node], Robot]
@@ -72,8 +72,10 @@ class Builder:
 
 
 def _composite(step: Step) -> Composite:
-    if step.kind == SWITCH:
-        return Switch(step.name, step.arguments["on"], step.cases)
+    if step.kind in SWITCHES:
+        return SWITCHES[step.kind](step.name, step.arguments["on"], step.cases)
+    if step.kind == "parallel":
+        return Parallel(step.name, step.arguments)
     return COMPOSITES[step.kind](step.name)
 
 

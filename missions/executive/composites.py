@@ -1,6 +1,6 @@
 """The composites of the mission language, as py_trees composites that halt what runs before something else starts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from collections.abc import Sequence as Many
 from typing import ClassVar
 
@@ -10,6 +10,9 @@ from py_trees.common import ParallelPolicy, Status
 
 from behaviours.node import Node, reset_all
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
+from missions.language.counts import Decision, decision
+from missions.language.expressions import ExpressionError
+from missions.language.values import Value
 
 
 class Composite(Parent):
@@ -173,21 +176,51 @@ class RandomSelector(RandomOrder, composites.Selector):
 
 
 class Parallel(Composite, composites.Parallel):
-    """Does its children all at once; succeeds when all have, fails at the first failure, halting the rest."""
+    """Does its children all at once until enough have ended (see missions.language.counts), then halts the rest.
 
-    def __init__(self, name: str) -> None:
+    With no ``counts`` beside it, it succeeds when all have, and fails at the first failure.
+    """
+
+    _decision = Decision(1, 1)
+
+    def __init__(self, name: str, counts: Mapping[str, Value] | None = None) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
+        self.counts = {} if counts is None else counts
+
+    def start(self) -> str:
+        super().start()
+        settings = {}
+        for word, value in self.counts.items():
+            try:
+                settings[word] = value.resolve(self.scope)
+            except (ExpressionError, ValueError) as error:
+                return f"{word}: {error}"
+        self._decision = decision(len(self.members), settings)
+        return ""
 
     def go_on(self) -> Status:
-        left = False
+        succeeded = failed = 0
         for child in self.members:
-            if child.status is SUCCESS:
+            status = child.status
+            if status is not SUCCESS and status is not FAILURE:
+                status = child.advance()
+            if status is RUNNING:
                 continue
-            status = child.advance()
-            if status is FAILURE:
-                return self.end(self.blame(child))
-            left = left or status is RUNNING
-        return RUNNING if left else SUCCESS
+            succeeded += status is SUCCESS
+            failed += status is FAILURE
+            if succeeded + failed == len(self.members) or not self._decision.waits:
+                if failed >= self._decision.failures:
+                    return self.end(self._blame_all(failed))
+                if succeeded >= self._decision.successes:
+                    return self.end(SUCCESS)
+        return RUNNING
+
+    def _blame_all(self, failed: int) -> Status:
+        """Return a failure, for the reasons of all that have failed."""
+        reasons = [child.feedback_message for child in self.members if child.status is FAILURE]
+        number = f"{failed} of {len(self.members)} failed: " if failed > 1 else ""
+        self.feedback_message = number + "; ".join(dict.fromkeys(reasons))
+        return FAILURE
 
 
 class Race(Composite, composites.Parallel):

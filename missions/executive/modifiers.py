@@ -164,6 +164,20 @@ class OnSuccess(Modifier):
         return status
 
 
+class OnRunning(Modifier):
+    """A node that runs counts as a success or a failure, and is halted."""
+
+    def modify(self) -> Status:
+        status = self.tick_child()
+        if status is not RUNNING:
+            return status
+        if self.setting == "succeed":
+            return self.end(SUCCESS)
+        why = self.feedback_message
+        self.feedback_message = f"{self.child.name} still runs" + (f": {why}" if why else "")
+        return self.end(FAILURE)
+
+
 class Hold(Modifier):
     """Succeeds once the node has succeeded at every tick for that long; until then it runs."""
 
@@ -210,17 +224,20 @@ class Cooldown(Modifier):
 
 
 class Once(Modifier):
-    """After its first end, keeps answering with that result for the rest of the mission."""
+    """After its first end, keeps answering with that result while the value that it had at the start stays the same."""
 
-    _result: tuple[Status, str] | None = None
+    _result: tuple[Status, str, object] | None = None
 
     def modify(self) -> Status:
-        if self._result is not None:
-            status, self.feedback_message = self._result
+        if self._result is not None and self._result[2] == self.setting:
+            status, self.feedback_message, _ = self._result
             return status
+        if self._result is not None:
+            self._result = None
+            self.child.reset()
         status = self.tick_child()
         if status is not RUNNING:
-            self._result = status, self.feedback_message
+            self._result = status, self.feedback_message, self.setting
         return status
 
 
@@ -244,6 +261,7 @@ MODIFIERS: dict[str, type[Modifier]] = {
     "invert": Invert,
     "on_failure": OnFailure,
     "on_success": OnSuccess,
+    "on_running": OnRunning,
     "hold": Hold,
     "delay": Delay,
     "cooldown": Cooldown,

@@ -1,4 +1,6 @@
-"""The composite that chooses by the value of an expression."""
+"""The composites that choose by the value of an expression, once or at every tick."""
+
+from collections.abc import Callable, Mapping
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
@@ -6,8 +8,9 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from missions.executive.composites import Composite
-from missions.executive.parent import FAILURE
+from missions.executive.parent import FAILURE, RUNNING
 from missions.language.expressions import ExpressionError
+from missions.language.plan import REACTIVE_SWITCH, SWITCH
 from missions.language.values import Value, shown
 
 
@@ -30,18 +33,26 @@ class Switch(Composite, composites.Selector):
 
     def go_on(self) -> Status:
         if self._chosen is None:
-            try:
-                found = self.on.resolve(self.scope)
-            except (ExpressionError, ValueError) as error:
-                self.feedback_message = f"switch: {error}"
-                return FAILURE
-            self._chosen = self._choose(found)
-            if self._chosen is None:
-                self.feedback_message = f"no case for {shown(found)}, and no default"
-                return FAILURE
-        self.current_child = self._chosen
-        status = self._chosen.advance()
-        return self.blame(self._chosen) if status is FAILURE else status
+            self._chosen = self.ask()
+        return FAILURE if self._chosen is None else self.tick_chosen(self._chosen)
+
+    def tick_chosen(self, child: Node) -> Status:
+        """Tick the child that was chosen."""
+        self.current_child = child
+        status = child.advance()
+        return self.blame(child) if status is FAILURE else status
+
+    def ask(self) -> Node | None:
+        """Return the child for the value that the expression has now; None, with a reason, where there is none."""
+        try:
+            found = self.on.resolve(self.scope)
+        except (ExpressionError, ValueError) as error:
+            self.feedback_message = f"{self.kind}: {error}"
+            return None
+        child = self._choose(found)
+        if child is None:
+            self.feedback_message = f"no case for {shown(found)}, and no default"
+        return child
 
     def _choose(self, found: object) -> Node | None:
         for case, child in zip(self.cases, self.members, strict=False):
@@ -50,3 +61,23 @@ class Switch(Composite, composites.Selector):
             if same_kind and (case == found or shown(case) == shown(found)):
                 return child
         return self.members[-1] if len(self.members) > len(self.cases) else None
+
+
+class ReactiveSwitch(Switch):
+    """A switch that asks at every tick. Another case halts the child that runs, and starts once that is at rest."""
+
+    def go_on(self) -> Status:
+        chosen = self.ask()
+        if chosen is None:
+            return self.end(FAILURE)
+        if self._chosen is not None and chosen is not self._chosen and not self._chosen.halt():
+            return RUNNING
+        self._chosen = chosen
+        return self.tick_chosen(chosen)
+
+
+SWITCHES: Mapping[str, Callable[[str, Value, tuple[object, ...]], Switch]] = {
+    SWITCH: Switch,
+    REACTIVE_SWITCH: ReactiveSwitch,
+}
+"""The composites that choose, by their words."""

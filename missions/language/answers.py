@@ -8,7 +8,7 @@ from config.units import seen
 from missions.language.expressions import Expression
 from missions.language.notes import Notes
 from missions.language.phrases import own_phrases
-from missions.language.plan import MISSION, SWITCH, Step
+from missions.language.plan import MISSION, SWITCHES, Step
 from missions.language.values import Value
 
 
@@ -26,7 +26,7 @@ def _check(notes: Notes, tree: Step, params: Collection[str]) -> None:
             for name, text in _asked(value):
                 if name in answers and text not in answers[name]:
                     _never(notes, step, name, text, answers[name])
-        on = step.arguments.get("on") if step.kind == SWITCH else None
+        on = step.arguments.get("on") if step.kind in SWITCHES else None
         name = _name(on)
         for case in step.cases if name in answers else ():
             if isinstance(case, str) and case not in answers[name]:

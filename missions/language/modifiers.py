@@ -72,18 +72,33 @@ def read_expression(notes: Notes, what: str, node: Scalar, convert: Convert) -> 
     return notes.computed(node, expression, what, convert)
 
 
-def _only(answer: bool | str) -> Callable[[Notes, str, Scalar], Value]:
-    """Return a reader for a modifier that has one value."""
+def _one_of(*answers: bool | str) -> Callable[[Notes, str, Scalar], Value]:
+    """Return a reader for a modifier that has one value, or one of a few."""
 
     def read(notes: Notes, word: str, node: Scalar) -> Value:
-        if type(node.value) is not type(answer) or node.value != answer:
+        if not any(type(node.value) is type(answer) and node.value == answer for answer in answers):
             notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
-        return Value(answer)
+        return Value(node.value)
 
     return read
 
 
+NEITHER = ("yes", "no", "on", "off")
+"""Words that people write for true and false, which are neither here."""
+
+
+def _once(notes: Notes, word: str, node: Scalar) -> Value:
+    if node.value is True:
+        return Value(True)
+    if isinstance(node.value, str) and node.text not in NEITHER:
+        return read_expression(notes, f"'{word}'", node, lambda found: found)
+    notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
+    return Value()
+
+
 IF = "asked once, at the start; false skips the node, which counts as success; for 'else' use switch"
+ON_RUNNING = "a node that still runs after its tick is halted, and counts as that"
+ONCE = "after its first end, keeps answering with that result; with an expression, while its value stays the same"
 
 MODIFIERS = {
     "if": Modifier("an expression", IF, _condition),
@@ -92,12 +107,13 @@ MODIFIERS = {
     "timeout": Modifier("a duration", "fails, halting the node, when it still runs after that long", _duration),
     "retry": Modifier("a count or forever", "starts again after a failure; the count is of attempts", _count),
     "repeat": Modifier("a count or forever", "starts again after a success; the count is of runs", _count),
-    "invert": Modifier("true", "success for failure and failure for success", _only(True)),
-    "on_failure": Modifier("succeed", "a failure counts as success", _only("succeed")),
-    "on_success": Modifier("fail", "a success counts as failure", _only("fail")),
+    "invert": Modifier("true", "success for failure and failure for success", _one_of(True)),
+    "on_failure": Modifier("succeed", "a failure counts as success", _one_of("succeed")),
+    "on_success": Modifier("fail", "a success counts as failure", _one_of("fail")),
+    "on_running": Modifier("succeed or fail", ON_RUNNING, _one_of("succeed", "fail")),
     "hold": Modifier("a duration", "succeeds once the node has succeeded at every tick for that long", _duration),
     "delay": Modifier("a duration", "waits before the node starts", _duration),
     "cooldown": Modifier("a duration", "fails without starting within that long after its last success", _duration),
-    "once": Modifier("true", "after its first end, keeps answering with that result", _only(True)),
+    "once": Modifier("true or an expression", ONCE, _once),
 }
 """Every modifier by its word."""

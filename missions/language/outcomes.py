@@ -2,15 +2,16 @@
 
 from collections.abc import Callable
 
+from missions.language.counts import decision
 from missions.language.notes import Notes
-from missions.language.plan import MISSION, Step
+from missions.language.plan import FAILURE_COUNT, MISSION, SUCCESS_COUNT, SWITCHES, WAIT_FOR_ALL, Step
 
 Ends = frozenset[str]
 SUCCESS, FAILURE = "success", "failure"
 BOTH: Ends = frozenset({SUCCESS, FAILURE})
 
 LETS_THROUGH = frozenset(
-    {"timeout", "retry", "repeat", "on_failure", "while", "until", "hold", "delay", "cooldown", "once"}
+    {"timeout", "retry", "repeat", "on_failure", "on_running", "while", "until", "hold", "delay", "cooldown", "once"}
 )
 """The modifiers that succeed where what they stand around does."""
 
@@ -23,6 +24,8 @@ def check_outcomes(notes: Notes, tree: Step) -> None:
         elif step.kind in ("selector", "reactive_selector"):
             _unreached(notes, step, FAILURE, "fails")
             _no_else(notes, step)
+        elif step.kind == "parallel":
+            _counted(notes, step)
         elif len(step.children) == 1:
             _pointless(notes, step, step.children[0])
 
@@ -33,6 +36,29 @@ def _unreached(notes: Notes, step: Step, passes: str, verb: str) -> None:
             what = f"'{child.name}' (line {_inner(child).mark.line}) never {verb}"
             notes.fault_at(_inner(after), f"'{after.name}' is never reached: {what}")
             return
+
+
+def _counted(notes: Notes, step: Step) -> None:
+    """Note a count that a parallel cannot come to, and a wait for all that is over at once, or never."""
+    settings = {word: value.constant for word, value in step.arguments.items() if value.template is None}
+    if len(settings) < len(step.arguments):
+        return
+    below = [ends(child) for child in step.children]
+    succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
+    decided = decision(len(below), settings)
+    of = f"of its {len(below)} children"
+    if SUCCESS_COUNT in settings and succeed < decided.successes:
+        notes.fault_at(
+            step, f"'{SUCCESS_COUNT}: {decided.successes}' is never reached: only {succeed} {of} can succeed"
+        )
+    if isinstance(settings.get(FAILURE_COUNT), int) and fail < decided.failures:
+        notes.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: only {fail} {of} can fail")
+    endless = next((child for child, each in zip(step.children, below, strict=True) if not each), None)
+    if decided.waits and endless is not None:
+        what = f"'{endless.name}' (line {_inner(endless).mark.line}) never does"
+        notes.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
+    elif decided.waits and not fail and decided.successes == len(below):
+        notes.fault_at(step, f"'{WAIT_FOR_ALL}' cannot matter: none {of} can fail, so all are waited for anyway")
 
 
 def _no_else(notes: Notes, step: Step) -> None:
@@ -64,8 +90,8 @@ def _pointless(notes: Notes, step: Step, child: Step) -> None:
         "on_success": (SUCCESS, "never succeeds"),
     }
     leaf = child.leaf
-    if step.kind == "timeout" and leaf is not None and leaf.instant:
-        notes.fault_at(step, f"'timeout' cannot matter here: '{child.kind}' ends at once")
+    if step.kind in ("timeout", "on_running") and leaf is not None and leaf.instant:
+        notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
     elif step.kind in never and never[step.kind][0] not in ends(child):
         notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.name}' {never[step.kind][1]}")
 
@@ -110,6 +136,18 @@ def _after_failure(step: Step, below: list[Ends]) -> Ends:
     return _all_or_one(below, FAILURE, SUCCESS) if step.children else BOTH
 
 
+def _parallel(step: Step, below: list[Ends]) -> Ends:
+    """Return the ends of a parallel, from how many of its children can succeed, fail, and end at all."""
+    if not step.children or any(value.template is not None for value in step.arguments.values()):
+        return BOTH
+    succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
+    decided = decision(len(below), {word: value.constant for word, value in step.arguments.items()})
+    if decided.waits and not all(below):
+        return frozenset()
+    found = {SUCCESS: succeed >= decided.successes, FAILURE: fail >= decided.failures}
+    return frozenset(end for end, possible in found.items() if possible)
+
+
 def _any(step: Step, below: list[Ends]) -> Ends:
     chosen_from_all = step.kind == "race" or len(below) > len(step.cases)
     return frozenset().union(*below) | (frozenset() if chosen_from_all else {FAILURE})
@@ -119,15 +157,16 @@ _RULES: dict[str, Callable[[Step, list[Ends]], Ends]] = {
     "sequence": _after_success,
     "reactive_sequence": _after_success,
     "random_sequence": _after_success,
-    "parallel": _after_success,
+    "parallel": _parallel,
     "selector": _after_failure,
     "reactive_selector": _after_failure,
     "random_selector": _after_failure,
     "race": _any,
-    "switch": _any,
+    **dict.fromkeys(SWITCHES, _any),
     "invert": lambda _, below: frozenset({SUCCESS: FAILURE, FAILURE: SUCCESS}[end] for end in below[0]),
     "on_failure": lambda _, below: frozenset({SUCCESS}) if below[0] else below[0],
     "on_success": lambda _, below: frozenset({FAILURE}) if below[0] else below[0],
+    "on_running": lambda step, below: below[0] | {SUCCESS if step.text == "succeed" else FAILURE},
     "repeat": lambda step, below: below[0] - {SUCCESS} if _forever(step) else below[0],
     "retry": lambda step, below: below[0] - {FAILURE} if _forever(step) else below[0],
     "hold": lambda _, below: below[0] - {FAILURE},

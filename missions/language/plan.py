@@ -20,8 +20,26 @@ COMPOSITES = {
 }
 """The composites with a list of children, and what each does."""
 
+SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
+
+COUNTS = {
+    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
+    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
+    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
+}
+"""What may stand beside a ``parallel``: what each takes, and what it does."""
+
 SWITCH = "switch"
-"""The composite that chooses one child by the value of an expression."""
+"""The composite that chooses one child by the value of an expression, when it starts."""
+
+REACTIVE_SWITCH = "reactive_switch"
+"""The composite that does so at every tick."""
+
+SWITCHES = {
+    SWITCH: "does the one whose case is the value of an expression, asked when it starts",
+    REACTIVE_SWITCH: "a switch that asks at every tick; another case halts the one that runs before it starts",
+}
+"""The composites that choose, and what each does."""
 
 MISSION = "mission"
 """The node that runs another mission as a subtree."""

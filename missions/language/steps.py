@@ -9,16 +9,20 @@ from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.arguments import read_arguments
+from missions.language.counts import read_counts
 from missions.language.modifiers import MODIFIERS, read_modifier
 from missions.language.notes import MAX_STEPS, Notes
-from missions.language.plan import COMPOSITES, MISSION, SWITCH, Step
+from missions.language.plan import COMPOSITES, COUNTS, MISSION, SWITCHES, Step
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
 from missions.language.synonyms import word_meant
-from missions.language.written import as_written, written_arguments
+from missions.language.written import as_written, written_arguments, written_entries
 
-BESIDE = ("name", "as", "with", "returns")
-"""What may stand beside a behaviour without wrapping it; the last two only beside a sub-mission."""
+BESIDE = ("name", "as", "with", "returns", *COUNTS)
+"""What may stand beside a behaviour without wrapping it."""
+
+ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
+"""What stands only beside one behaviour."""
 
 MISSING = "a behaviour is missing here"
 
@@ -69,7 +73,7 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
 
 
 def _is_behaviour(notes: Notes, word: str) -> bool:
-    return word in notes.leaves or word in COMPOSITES or word in (SWITCH, MISSION)
+    return word in notes.leaves or word in COMPOSITES or word in SWITCHES or word == MISSION
 
 
 def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
@@ -90,10 +94,10 @@ def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | 
         if key.text != MISSION and (leaf is None or not leaf.stores):
             hint = "indent it, to stand beside the behaviour above" if key.text in COMPOSITES else ""
             notes.fault(keep_as.mark, f"'{key.text}' finds nothing out that 'as' could keep", hint)
-    if key.text != MISSION and beside is not None:
-        for word, _ in beside.entries:
-            if word.text in ("with", "returns"):
-                notes.fault(word.mark, f"'{word.text}' stands only beside 'mission', not beside '{key.text}'")
+    for word, _ in beside.entries if beside is not None else ():
+        only = ONLY_BESIDE.get(word.text, key.text)
+        if only != key.text:
+            notes.fault(word.mark, f"'{word.text}' stands only beside '{only}', not beside '{key.text}'")
     kept = keep_as.text if keep_as is not None else None
     step = _of_kind(notes, key, value, beside or Mapping(key.mark), name.text if name is not None else None)
     return step if step is None or kept is None else replace(step, keep_as=kept)
@@ -116,9 +120,14 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
         )
     if key.text == MISSION:
         return read_submission(notes, key, value, beside, name, read_step)
-    if key.text == SWITCH:
+    if key.text in SWITCHES:
         return read_switch(notes, key, value, shown, read_step)
-    return Step(key.text, shown, key.mark, notes.source, _children(notes, key, value))
+    children = _children(notes, key, value)
+    if key.text != "parallel":
+        return Step(key.text, shown, key.mark, notes.source, children)
+    counts = read_counts(notes, beside, len(value.items) if isinstance(value, Listing) else 0)
+    written = {word: text for word, text in written_entries(beside).items() if word in COUNTS}
+    return Step(key.text, shown, key.mark, notes.source, children, arguments=counts, written=written)
 
 
 def _text(node: Node | None) -> str:
@@ -127,7 +136,7 @@ def _text(node: Node | None) -> str:
 
 def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
     """Note an unknown word, with what may have been meant."""
-    beside, composites = (*MODIFIERS, *BESIDE), (*COMPOSITES, SWITCH, MISSION)
+    beside, composites = (*MODIFIERS, *BESIDE), (*COMPOSITES, *SWITCHES, MISSION)
     words = [*notes.leaves, *composites, *([] if alone else beside)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:

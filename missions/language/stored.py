@@ -6,7 +6,7 @@ from collections.abc import Mapping as Named
 
 from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
-from missions.language.plan import MISSION, SWITCH
+from missions.language.plan import MISSION, SWITCHES
 
 Leaves = Named[str, type[Leaf]]
 
@@ -45,7 +45,7 @@ def _beside(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[t
         yield value.text, next((leaves[key.text] for key, _ in node.entries if key.text in leaves), None)
     elif isinstance(value, Mapping) and ((leaf is not None and leaf.open_ended) or _is_returns(node, word)):
         yield from ((name.text, None) for name, _ in value.entries)
-    elif word == SWITCH and isinstance(value, Mapping):
+    elif word in SWITCHES and isinstance(value, Mapping):
         cases = value.get("cases")
         branches = [case for _, case in cases.entries] if isinstance(cases, Mapping) else []
         for branch in (*branches, value.get("default")):

@@ -1,4 +1,4 @@
-"""``switch``: one of several behaviours, chosen by the value of an expression."""
+"""``switch`` and ``reactive_switch``: one of several behaviours, chosen by the value of an expression."""
 
 from collections.abc import Callable
 
@@ -7,31 +7,32 @@ from config.marked import Mapping, Node, Scalar
 from missions.language.arguments import default_value
 from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
-from missions.language.plan import SWITCH, Step
+from missions.language.plan import Step
 
 KEYS = ("on", "cases", "default")
-FORM = "write switch: {on: answer, cases: {yes: ..., no: ...}, default: ...}"
+FORM = "write {}: {{on: answer, cases: {{yes: ..., no: ...}}, default: ...}}"
 
 
 def read_switch(
     notes: Notes, key: Scalar, value: Node | None, name: str, read_step: Callable[[Notes, Node], Step | None]
 ) -> Step | None:
-    """Read a switch."""
+    """Read a switch of either kind."""
+    word, form = key.text, FORM.format(key.text)
     if not isinstance(value, Mapping):
-        notes.fault(key.mark, "'switch' needs 'on' and 'cases'", FORM)
+        notes.fault(key.mark, f"'{word}' needs 'on' and 'cases'", form)
         return None
-    for word, _ in value.entries:
-        if word.text not in KEYS:
-            hint = outdent(word.text, SWITCH) or one_of(word.text, KEYS)
-            notes.fault(word.mark, f"'switch' has no key '{word.text}'", hint)
-    on, cases, default = (value.get(word) for word in KEYS)
+    for name_of, _ in value.entries:
+        if name_of.text not in KEYS:
+            hint = outdent(name_of.text, word) or one_of(name_of.text, KEYS)
+            notes.fault(name_of.mark, f"'{word}' has no key '{name_of.text}'", hint)
+    on, cases, default = (value.get(each) for each in KEYS)
     if not isinstance(on, Scalar):
-        notes.fault(key.mark if on is None else on.mark, "'switch' needs 'on', an expression", FORM)
+        notes.fault(key.mark if on is None else on.mark, f"'{word}' needs 'on', an expression", form)
         return None
     chosen = read_expression(notes, "'on'", on, lambda found: found)
     if not isinstance(cases, Mapping) or not cases.entries:
         mark = key.mark if cases is None else cases.mark
-        notes.fault(mark, "'switch' needs 'cases', each a value with a behaviour", FORM)
+        notes.fault(mark, f"'{word}' needs 'cases', each a value with a behaviour", form)
         return None
     children: list[Step] = []
     values: list[object] = []
@@ -44,7 +45,7 @@ def read_switch(
     if otherwise is not None:
         children.append(otherwise)
     return Step(
-        SWITCH,
+        word,
         name,
         key.mark,
         notes.source,

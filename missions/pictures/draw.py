@@ -7,7 +7,7 @@ from itertools import chain, repeat
 from pathlib import Path
 
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import MISSION, SWITCH, Plan, Step
+from missions.language.plan import MISSION, SWITCHES, Plan, Step
 from missions.pictures.drawing import Badge, Box, Drawing
 from missions.pictures.states import Now
 from missions.pictures.symbols import symbol_of
@@ -67,7 +67,7 @@ def _box(step: Step, key: str, case: str) -> Box:
 def _cases(step: Step) -> Iterator[str]:
     """Yield the label of each child: of a switch, its case as YAML writes it."""
     labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
-    return chain(map(one_line, labels), repeat("else" if step.kind == SWITCH else ""))
+    return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
 
 
 def _file(step: Step) -> str:

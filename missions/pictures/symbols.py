@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from missions.language.plan import COMPOSITES, MISSION, SWITCH, Step
+from missions.language.plan import COMPOSITES, MISSION, REACTIVE_SWITCH, SWITCH, SWITCHES, Step
 
 SYMBOLS: Mapping[str, str] = {
     "sequence": "→",
@@ -14,6 +14,7 @@ SYMBOLS: Mapping[str, str] = {
     "parallel": "⇉",
     "race": "⇉¹",
     SWITCH: "⇄",
+    REACTIVE_SWITCH: "⇄↻",
     MISSION: "▣",
 }
 """The sign of each kind of node that has others below it. All of them are in DejaVu Sans."""
@@ -32,7 +33,7 @@ def symbol_of(step: Step) -> str:
 
 def legend() -> tuple[tuple[str, str, str], ...]:
     """Return each sign with the kind of node that it stands for, and what such a node does."""
-    others = {SWITCH: "does the one whose case is the value of an expression", MISSION: "runs another mission"}
+    others = {**SWITCHES, MISSION: "runs another mission"}
     return (
         *((sign, kind, COMPOSITES.get(kind) or others[kind]) for kind, sign in SYMBOLS.items()),
         (CONDITION, "condition", "asks a part of the robot, and answers at once"),

@@ -12,7 +12,7 @@ from py_trees.common import Status as Result
 from py_trees.decorators import PassThrough
 
 from missions.executive.composites import COMPOSITES
-from missions.language.plan import SWITCH, Plan
+from missions.language.plan import SWITCHES, Plan
 from missions.pictures.draw import at, drawing_of
 from missions.pictures.drawing import ASCII_SIGNS, SIGNS, Box, Drawing
 from missions.pictures.labels import Labels
@@ -69,7 +69,7 @@ def _tree(box: Box, names: Mapping[str, str]) -> Behaviour:
     node: Behaviour
     if box.kind in COMPOSITES:
         node = COMPOSITES[box.kind](name)
-    elif box.kind == SWITCH:
+    elif box.kind in SWITCHES:
         node = composites.Selector(name, memory=True)
     elif children:
         node = PassThrough(name, children[0])

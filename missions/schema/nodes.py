@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
 from missions.catalogue import sentence, summary
-from missions.language.modifiers import MODIFIERS, Modifier
-from missions.language.plan import COMPOSITES, MISSION, SWITCH
+from missions.language.modifiers import MODIFIERS, NEITHER
+from missions.language.plan import COMPOSITES, COUNTS, MISSION, SWITCHES
+from missions.language.steps import ONLY_BESIDE
 from missions.schema.leaves import leaf_value, needs_nothing
 from missions.schema.values import EXPRESSION, HOLE, NAME, SCALAR, Schema, Things, named, quantity
 
@@ -32,7 +33,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
     """
     behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
     silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
-    beside = {word: _setting(modifier) for word, modifier in MODIFIERS.items()} | _beside()
+    beside = {word: _setting(modifier.takes, modifier.help) for word, modifier in MODIFIERS.items()} | _beside()
     storing = [word for word, leaf in leaves.items() if leaf.stores] + [MISSION]
     no_behaviour: Schema = {
         "if": {"type": "object", "propertyNames": {"enum": list(beside)}},
@@ -47,8 +48,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
             "dependencies": {
                 **_one_behaviour(words),
                 "as": _one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
-                "with": [MISSION],
-                "returns": [MISSION],
+                **{word: [only] for word, only in ONLY_BESIDE.items()},
             },
         },
         "else": {
@@ -76,7 +76,6 @@ def _composites(things: Things) -> dict[str, Schema]:
     """Return what stands behind each composite, and behind ``mission``."""
     lists = {word: {"description": f"A list of behaviours: {text}.", **CHILDREN} for word, text in COMPOSITES.items()}
     switch = {
-        "description": "Does the one behaviour whose case is the value of an expression; fails where none is.",
         "type": "object",
         "properties": {
             "on": {"description": "The expression whose value chooses.", **EXPRESSION},
@@ -93,7 +92,10 @@ def _composites(things: Things) -> dict[str, Schema]:
     }
     text = "Runs another mission as one node: its name in the library, or a path from this file's folder."
     mission = {"description": text, **named(MISSION, things[MISSION], computed=False)}
-    return {**lists, SWITCH: switch, MISSION: mission}
+    switches = {
+        word: {"description": f"{sentence(text)} Fails where no case is.", **switch} for word, text in SWITCHES.items()
+    }
+    return {**lists, **switches, MISSION: mission}
 
 
 def _beside() -> dict[str, Schema]:
@@ -110,29 +112,34 @@ def _beside() -> dict[str, Schema]:
             },
         },
         "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
+        **{word: _setting(takes, text) for word, (takes, text) in COUNTS.items()},
     }
 
 
-def _setting(modifier: Modifier) -> Schema:
-    """Return what a modifier takes, from the words that say so."""
-    found: Schema = {"description": f"{sentence(modifier.help)} Takes {modifier.takes}."}
-    match modifier.takes:
+def _setting(takes: str, text: str) -> Schema:
+    """Return what a modifier takes, or what else stands beside a behaviour, from the words that say so."""
+    found: Schema = {"description": f"{sentence(text)} Takes {takes}."}
+    match takes:
         case "an expression":
             return found | EXPRESSION
         case "a duration":
             return found | quantity("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
-        case "a count or forever":
-            message = "needs a count of 1 or more, or forever"
-            pattern = f"^forever$|{HOLE}"
+        case "a count or forever" | "a count or all":
+            word = takes.removeprefix("a count or ")
+            message = f"needs a count of 1 or more, or {word}"
+            pattern = f"^{word}$|{HOLE}"
             return found | {
                 "type": ["integer", "string"],
                 "minimum": 1,
                 "pattern": pattern,
                 "errorMessage": message,
-                "examples": [3, "forever"],
+                "examples": [3, word],
             }
-        case word:
-            return found | {"enum": [True if word == "true" else word]}
+        case "true or an expression":
+            limits = {"not": {"enum": [False, *NEITHER]}, "errorMessage": "needs true, or an expression"}
+            return found | EXPRESSION | {"type": ["boolean", "string"]} | limits
+        case words:
+            return found | {"enum": [True if word == "true" else word for word in words.split(" or ")]}
 
 
 def _one_behaviour(words: Sequence[str]) -> dict[str, Schema]:

@@ -19,22 +19,23 @@ from missions.statistics.figures import NodeFigures, Place
 REACTIVE: Mapping[str, str] = {"reactive_sequence": "success", "reactive_selector": "failure"}
 """The composites that ask from their first child on at every tick, and the status that leads them to the next."""
 
-TURNING = frozenset({"invert", "on_failure", "on_success", "hold"})
+TURNING = frozenset({"invert", "on_failure", "on_success", "on_running", "hold"})
 """The modifiers that always ask their node, and may answer otherwise."""
 
-DECISIVE: Mapping[str, Sequence[str]] = {"parallel": ("failure",), "race": ("success", "failure")}
-"""The composites that ask all their children in turn, until one has such a status: then they halt the others."""
+AT_ONCE = frozenset({"parallel", "race"})
+"""The composites that ask all their children in turn, until the end of one is theirs too: then they halt the others."""
 
 PASSING = frozenset({"if", "while", "until", "timeout", "delay", "cooldown"})
 """The modifiers that ask their node, and answer as it does, or do not ask it."""
 
 
 class _Node(NamedTuple):
-    """A node of the tree, the one above it, and those that are asked before it there."""
+    """A node of the tree, the one above it, and those that are asked before and after it there."""
 
     place: Place
     above: "_Node | None"
     before: Sequence[str]
+    after: Sequence[str]
 
 
 @dataclass(slots=True)
@@ -81,10 +82,10 @@ def figures_of(
 
     ``changes`` and ``moments`` are in order. ``start`` is when the record begins: what ran by then counts from there.
     """
-    nodes = {node.place.key: node for node in _nodes(drawing.root, None, ())}
+    nodes = {node.place.key: node for node in _nodes(drawing.root, None, (), ())}
     for change in changes:
         place = Place(change.node, change.kind, change.name, "", change.line)
-        nodes.setdefault(change.node, _Node(place, None, ()))
+        nodes.setdefault(change.node, _Node(place, None, (), ()))
     tallies = {key: _Tally() for key in nodes}
     doubtful = [node for node in nodes.values() if _may_be_asked_again(node)]
     running: set[str] = set()
@@ -103,19 +104,18 @@ def figures_of(
     return {node.place: tallies[key].figures(until) for key, node in nodes.items()}
 
 
-def _nodes(box: Box, above: _Node | None, before: Sequence[str]) -> Iterator[_Node]:
+def _nodes(box: Box, above: _Node | None, before: Sequence[str], after: Sequence[str]) -> Iterator[_Node]:
     """Yield the modifiers of a box, itself, and all below: each behind the one above it."""
     for badge in box.badges:
         title = f"{badge.kind}: {badge.text}".removesuffix(": ")
-        above = _Node(Place(badge.key, badge.kind, title, box.file, badge.line), above, before)
-        before = ()
+        above = _Node(Place(badge.key, badge.kind, title, box.file, badge.line), above, before, after)
+        before = after = ()
         yield above
-    node = _Node(Place(box.key, box.kind, box.title, box.file, box.line), above, before)
+    node = _Node(Place(box.key, box.kind, box.title, box.file, box.line), above, before, after)
     yield node
-    earlier: list[str] = []
-    for child in box.children:
-        yield from _nodes(child, node, tuple(earlier))
-        earlier.append(child.badges[0].key if child.badges else child.key)
+    keys = [child.badges[0].key if child.badges else child.key for child in box.children]
+    for number, child in enumerate(box.children):
+        yield from _nodes(child, node, keys[:number], keys[number + 1 :])
 
 
 def _may_be_asked_again(node: _Node) -> bool:
@@ -169,8 +169,10 @@ def _asked_before(node: _Node, tallies: Mapping[str, _Tally], touched: set[str],
         node = node.above
     if node.above is None or node.above.place.key not in touched:
         return False
-    decisive = DECISIVE.get(node.above.place.kind)
-    return decisive is not None and not any(key in touched and tallies[key].status in decisive for key in node.before)
+    ended = ("success", "failure")  # the last to end has ended it, and what stands behind that was not asked
+    return node.above.place.kind in AT_ONCE and any(
+        key in touched and tallies[key].status in ended for key in node.after
+    )
 
 
 def _asked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:

@@ -6,10 +6,10 @@ from dataclasses import replace
 from behaviours.leaf import FAILURE, Leaf
 from missions.language.flow import sets
 from missions.language.notes import STATE
-from missions.language.plan import MISSION, SWITCH, Plan, Step
+from missions.language.plan import MISSION, SWITCHES, Plan, Step
 from missions.language.values import Value
 from missions.verify.choices import Oracle
-from missions.verify.guesses import MOST, TWICE, UNKNOWN, Guess, Many, widened
+from missions.verify.guesses import MOST, TWICE, UNKNOWN, Anything, Guess, Many, widened
 from missions.verify.instants import Some
 from missions.verify.mocks import outcomes, stand_in, waits
 from missions.verify.watch import Watch
@@ -52,8 +52,12 @@ def _setting(step: Step, value: Value, oracle: Oracle) -> Value:
         return value
     if step.kind in TIMES:
         return Guess(template=value.template, oracle=oracle, options=(Some.of(oracle),), blind=True)
-    if step.kind == SWITCH:
+    if step.kind in SWITCHES:
         return _guess(value, oracle, *dict.fromkeys(step.cases), OTHERWISE)
+    if step.kind == "once":
+        return _guess(value, oracle, Anything(oracle))
+    if step.kind == "parallel":
+        return _guess(value, oracle, *range(1, len(step.children) + 1))
     return _guess(value, oracle, True, False)
 
 

@@ -71,6 +71,19 @@ class Many(int):
         return id(self)
 
 
+class Anything:
+    """An unknown value that may be the same as any other: whether it is, is a choice."""
+
+    def __init__(self, oracle: Oracle) -> None:
+        self._oracle = oracle
+
+    def __eq__(self, other: object) -> bool:
+        return self._oracle.choose((True, False), lambda same: "the value is the same" if same else "the value is new")
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
 class Sensed:
     """One part of the robot's state: its flags are choices each time that they are read."""
 

@@ -7,7 +7,7 @@ from behaviours.leaf import RUNNING
 from behaviours.node import Node
 from config.faults import Fault, Mark, Source
 from missions.executive.modifiers import Repeat, Retry
-from missions.language.plan import Plan, Step
+from missions.language.plan import SWITCHES, Plan, Step
 from missions.verify.explore import GOING, HALTING, RESTED, Space
 from missions.verify.mocks import StandIn
 from missions.verify.monitors import Following
@@ -223,12 +223,12 @@ _WHY = {
     "while": "its condition is never true",
     "until": "its condition is true from the start",
     "delay": "something else always ends it before",
-    "switch": "the value of this case never comes",
+    **dict.fromkeys(SWITCHES, "the value of this case never comes"),
     "sequence": "what stands before it never succeeds",
     "reactive_sequence": "what stands before it never succeeds",
     "selector": "what stands before it never fails",
     "reactive_selector": "what stands before it never fails",
     "race": "what stands before it always ends first",
-    "parallel": "what stands before it always fails",
+    "parallel": "what stands before it always ends it first",
 }
 """Why a child is never reached, by the kind of its parent."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from missions.language.plan import MISSION, SWITCH, Step
+from missions.language.plan import MISSION, REACTIVE_SWITCH, SWITCHES, Step
 from missions.language.values import Value
 from missions.verify.guesses import Guess
 from missions.verify.mocks import SetStandIn
@@ -43,7 +43,7 @@ ANYHOW = Modified((SUCCEEDS, FAILS, AGAIN), (SUCCEEDS, FAILS, AGAIN), skips=True
 
 MODIFIED: Mapping[str, Modified] = {
     **dict.fromkeys(("while", "timeout", "delay", "cooldown"), Modified((SUCCEEDS,), (FAILS,))),
-    **dict.fromkeys(("if", "until", "once"), Modified((SUCCEEDS,), (FAILS,), skips=True)),
+    **dict.fromkeys(("if", "until", "once", "on_running"), Modified((SUCCEEDS,), (FAILS,), skips=True)),
     "retry": Modified((SUCCEEDS,), (FAILS, AGAIN)),
     "repeat": Modified((SUCCEEDS, AGAIN), (FAILS,)),
     "hold": Modified((SUCCEEDS, AGAIN), (AGAIN,)),
@@ -52,7 +52,7 @@ MODIFIED: Mapping[str, Modified] = {
     "on_success": Modified((FAILS,), (FAILS,)),
 }
 
-RESUMES = frozenset({"if", "invert", "on_failure", "on_success", "once"})
+RESUMES = frozenset({"if", "invert", "on_failure", "on_success", "on_running", "once"})
 """Modifiers that run only while their child does, and leave it alone: what is live then, the child knows."""
 
 
@@ -91,10 +91,13 @@ class Analysis:
             children[0](Onward(names_read(step.returns.values()), NONE))
             running = (onward.success - _stored(step)) | onward.failure
             found = reads | running
-        elif step.kind == SWITCH:
+        elif step.kind in SWITCHES:
             found = reads.union(onward.failure, *(child(onward) for child in children))
+            running = found if step.kind == REACTIVE_SWITCH else NONE
         elif step.kind in _COMPOSITES:
-            found = _COMPOSITES[step.kind](children, onward, again)
+            # Where a parallel counts, any end of a child may go before either end of the parallel.
+            ends = Onward(*(onward.success | onward.failure,) * 2) if step.arguments else onward
+            found = reads | _COMPOSITES[step.kind](children, ends, again)
             running = found if step.kind in REACTIVE else NONE
         else:
             found = reads | _modifier(step.kind, children[0], onward, again)

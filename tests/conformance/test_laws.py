@@ -13,7 +13,7 @@ from behaviours.node import Node
 from config.faults import InvalidFileError
 from missions.executive.composites import COMPOSITES
 from missions.executive.events import STATUS_WORDS
-from missions.language.plan import Plan
+from missions.language.plan import SWITCHES, Plan
 from tests.conformance.harness import Case, Play
 from tests.conformance.probes import Probe
 
@@ -26,9 +26,11 @@ MODIFIERS: dict[str, st.SearchStrategy[Any]] = {
     **dict.fromkeys(("if", "while", "until"), CONDITIONS),
     **dict.fromkeys(("timeout", "hold", "delay", "cooldown"), DURATIONS),
     **dict.fromkeys(("retry", "repeat"), COUNTS),
-    **dict.fromkeys(("invert", "once"), st.just(True)),
+    "invert": st.just(True),
+    "once": st.just(True) | st.just("battery.percent"),
     "on_failure": st.just("succeed"),
     "on_success": st.just("fail"),
+    "on_running": st.sampled_from(["succeed", "fail"]),
 }
 OUTCOMES = st.sampled_from(["running", "running", "success", "success", "failure", "failure", "crashes", "is offline"])
 LEAVES = st.fixed_dictionaries(
@@ -48,7 +50,20 @@ def modified(draw: st.DrawFn, behaviour: dict[str, Any]) -> dict[str, Any]:
 def composed(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     """Draw a composite of such children."""
     words = st.sampled_from(sorted(COMPOSITES))
-    return st.dictionaries(words, st.lists(children, min_size=1, max_size=3), min_size=1, max_size=1).flatmap(modified)
+    lists = st.dictionaries(words, st.lists(children, min_size=1, max_size=3), min_size=1, max_size=1)
+    counts = st.sampled_from([1, 2, "all"])
+    counted = st.fixed_dictionaries(
+        {"parallel": st.lists(children, min_size=1, max_size=3)},
+        optional={"success_count": counts, "failure_count": counts, "wait_for_all": st.just(True)},
+    )
+    return (lists | counted | chosen(children)).flatmap(modified)
+
+
+def chosen(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Draw a switch between such children, by the one thing that changes here."""
+    cases = st.dictionaries(st.sampled_from(["0", "1", "2"]), children, min_size=1, max_size=2)
+    switch = st.fixed_dictionaries({"on": st.just("battery.percent"), "cases": cases}, optional={"default": children})
+    return st.dictionaries(st.sampled_from(sorted(SWITCHES)), switch, min_size=1, max_size=1)
 
 
 TREES = st.recursive(
@@ -59,10 +74,16 @@ TICKS = st.lists(st.tuples(st.sampled_from(["", "", "", "", "told to halt, "]), 
 
 def named(tree: dict[str, Any], number: Iterator[int]) -> dict[str, Any]:
     """Give every behaviour a name of its own."""
-    children = {
-        key: [named(child, number) for child in value] if key in COMPOSITES else value for key, value in tree.items()
-    }
-    return {**children, "name": f"n{next(number)}"}
+
+    def below(key: str, value: Any) -> Any:
+        if key in COMPOSITES:
+            return [named(child, number) for child in value]
+        if key in SWITCHES:
+            cases = {case: named(child, number) for case, child in value["cases"].items()}
+            return value | {"cases": cases} | {k: named(v, number) for k, v in value.items() if k == "default"}
+        return value
+
+    return {**{key: below(key, value) for key, value in tree.items()}, "name": f"n{next(number)}"}
 
 
 class Witness:
@@ -122,7 +143,7 @@ def _checked(case: Case) -> Plan | None:
     try:
         return case.plan()
     except InvalidFileError as error:
-        known = ("at the same time", "never reached", "cannot matter", "no 'else'")
+        known = ("at the same time", "never reached", "cannot matter", "no 'else'", "must be at most", "never does")
         if not all(any(words in fault.message for words in known) for fault in error.faults):
             raise
         return None

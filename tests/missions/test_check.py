@@ -436,7 +436,7 @@ UNITS = "(units: deg, rad)"
         ),
         (["- wait: 1 s", "  repeat:"], "", "'repeat' needs a count of 1 or more, or forever, got nothing", ""),
         (["- wait: 1 s", "  invert: 1"], "1", "'invert' takes only true, got '1'", ""),
-        (["- wait: 1 s", "  once: yes"], "yes", "'once' takes only true, got 'yes'", ""),
+        (["- wait: 1 s", "  once: yes"], "yes", "'once' takes only true or an expression, got 'yes'", ""),
         (["- wait: 1 s", "  on_failure: fail"], "fail", "'on_failure' takes only succeed, got 'fail'", ""),
         (["- wait: 1 s", "  on_success: true"], "true", "'on_success' takes only fail, got 'true'", ""),
         # expressions

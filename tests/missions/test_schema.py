@@ -25,7 +25,7 @@ from missions.catalogue import example as example_of
 from missions.language import body, params, steps, switches
 from missions.language.document import check_plan
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, MISSION, SWITCH
+from missions.language.plan import COMPOSITES, MISSION, SWITCHES
 from missions.library import find_mission, shipped_missions
 from missions.schema.mission import known_things, mission_schema
 from missions.schema.values import quantity as written_quantity
@@ -113,6 +113,9 @@ GOOD = [
     ["- drive: 0 m", "  retry: ${n}", "  delay: 1e3 ms"],
     ["- random_selector: [stop, {say: Hi}]", "  cooldown: 1 min"],
     ["- switch: {on: n, cases: {1: stop, 2: {say: Hi}}, default: {fail: no}}"],
+    ["- reactive_switch: {on: n, cases: {1: stop}}", "  on_running: fail", "  once: n + 1", "  name: x"],
+    ["- parallel: [stop, {say: Hi}, {wait: 1 s}]", "  success_count: ${n}", "  wait_for_all: true"],
+    ["- parallel: [{drive: 1 m}, {say: Hi}, {wait: 1 s}]", "  success_count: 1", "  failure_count: all"],
     ["- mission: greet", "  with: {patience: 5 s, greeting: Good day}"],
 ]
 
@@ -193,6 +196,10 @@ BROKEN = [
     ["- wait: 1 s", "  invert: 1"],
     ["- wait: 1 s", "  once: yes"],
     ["- wait: 1 s", "  on_failure: fail"],
+    ["- wait: 1 s", "  on_running: success"],
+    ["- race: [stop]", "  success_count: 1"],
+    ["- parallel: [stop]", "  success_count: 0"],
+    ["- parallel: [stop]", "  wait_for_all: false"],
     ["- wait: 1 s", "  if:"],
     ["- wait: 1 s", "  with: {a: 1}"],
     ["- mission: gret"],
@@ -255,7 +262,7 @@ VALUES = st.sampled_from(
         *["{text: a, speed: 1}", "{pan: 3 deg}", "{on: n, cases: {1: stop, x: {wait: 1 s}}}"],
     ]
 )
-KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, *steps.BESIDE, SWITCH, MISSION, "nonsense", "3"])
+KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, *steps.BESIDE, *SWITCHES, MISSION, "nonsense", "3"])
 
 
 @settings(deadline=None, max_examples=400)
@@ -296,13 +303,13 @@ def mantissa(text: str) -> str:
 
 
 def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
-    assert BEHAVIOURS.keys() == {*LEAVES, *COMPOSITES, SWITCH, MISSION}
+    assert BEHAVIOURS.keys() == {*LEAVES, *COMPOSITES, *SWITCHES, MISSION}
     for word, leaf in LEAVES.items():
         assert BEHAVIOURS[word]["description"]
         assert all(name in BEHAVIOURS[word]["markdownDescription"] for name in leaf.arguments)
         for name, declared in leaf.arguments.items():
             assert declared.help[1:] in BEHAVIOURS[word]["then"]["properties"][name]["description"]
-    for word in (*COMPOSITES, SWITCH, MISSION):
+    for word in (*COMPOSITES, *SWITCHES, MISSION):
         assert BEHAVIOURS[word]["description"]
     for branch in ("then", "else"):
         for word in (*MODIFIERS, *steps.BESIDE, "as"):
@@ -312,8 +319,8 @@ def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
 def test_the_schema_and_the_checker_know_the_same_keys() -> None:
     assert SCHEMA["properties"].keys() == set(body.KEYS)
     assert SCHEMA["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
-    assert BEHAVIOURS[SWITCH]["properties"].keys() == set(switches.KEYS)
-    expected = {*LEAVES, *COMPOSITES, SWITCH, MISSION, *MODIFIERS, *steps.BESIDE}
+    assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.KEYS) for word in SWITCHES)
+    expected = {*LEAVES, *COMPOSITES, *SWITCHES, MISSION, *MODIFIERS, *steps.BESIDE}
     assert NODE["then"]["properties"].keys() == expected
     assert NODE["else"]["properties"].keys() == expected
 

@@ -96,10 +96,11 @@ def ticks_of(found: Mapping[str, NodeFigures]) -> dict[str, int]:
 
 
 MODIFIERS = [
-    *("invert: true", "on_failure: success", "on_success: failure", "hold: 0.1 s", "once: true"),
-    *("retry: 2", "repeat: 2", "timeout: 0.22 s", "delay: 0.1 s"),
+    *("invert: true", "on_failure: succeed", "on_success: fail", "hold: 0.1 s", "once: true"),
+    *("retry: 2", "repeat: 2", "timeout: 0.22 s", "delay: 0.1 s", "on_running: succeed", "on_running: fail"),
 ]
 COMPOSITES = ["sequence", "selector", "parallel", "race", "reactive_sequence", "reactive_selector", "random_sequence"]
+COUNTS = [["success_count: 1"], ["wait_for_all: true"], ["success_count: 1", "failure_count: all"]]
 
 
 def trees() -> st.SearchStrategy[list[str]]:
@@ -109,6 +110,9 @@ def trees() -> st.SearchStrategy[list[str]]:
     def composite(kind: str, children: list[list[str]]) -> list[str]:
         return [f"{kind}:", *(line for child in children for line in _item(child))]
 
+    def counted(children: list[list[str]], counts: list[str]) -> list[str]:
+        return [*composite("parallel", children), *counts]
+
     def modified(node: list[str], modifier: str) -> list[str]:
         name = modifier.partition(":")[0]
         return node if any(line.startswith(f"{name}:") for line in node) else [*node, modifier]
@@ -117,6 +121,7 @@ def trees() -> st.SearchStrategy[list[str]]:
         st.builds(lambda script: [f"scripted: {script}"], scripts),
         lambda inner: (
             st.builds(composite, st.sampled_from(COMPOSITES), st.lists(inner, min_size=1, max_size=3))
+            | st.builds(counted, st.lists(inner, min_size=2, max_size=3), st.sampled_from(COUNTS))
             | st.builds(modified, inner, st.sampled_from(MODIFIERS))
         ),
         max_leaves=8,

@@ -95,9 +95,12 @@ MODIFIERS = (
     "retry: 2",
     "repeat: 2",
     "retry: forever",
+    "on_running: succeed",
+    "on_running: fail",
 )
 TIMES = ("timeout: 1 s", "delay: 1 s", "hold: 2 s", "cooldown: 2 s")
 COMPOSITES = ("sequence", "selector", "reactive_sequence", "reactive_selector", "parallel", "race")
+COUNTS = ("success_count: 1", "success_count: 1, failure_count: all", "wait_for_all: true")
 
 
 def trees(modifiers: tuple[str, ...]) -> st.SearchStrategy[str]:
@@ -108,7 +111,8 @@ def trees(modifiers: tuple[str, ...]) -> st.SearchStrategy[str]:
             lambda nodes: "[" + ", ".join(f"{{{n}}}" for n in nodes) + "]"
         )
         composites = st.builds(lambda word, nodes: f"{word}: {nodes}", st.sampled_from(COMPOSITES), lists)
-        return st.builds(with_modifier, st.one_of(children, composites), st.sampled_from(modifiers))
+        counted = st.builds("parallel: {}, {}".format, lists, st.sampled_from(COUNTS))
+        return st.builds(with_modifier, st.one_of(children, composites, counted), st.sampled_from(modifiers))
 
     return st.recursive(LEAF, node, max_leaves=3)
 

@@ -251,6 +251,8 @@ MODIFIERS = (
     "on_failure: succeed",
     "on_success: fail",
     "once: true",
+    "once: a",
+    "on_running: succeed",
     "timeout: 1 s",
     "delay: 1 s",
     "hold: 1 s",
@@ -265,11 +267,16 @@ COMPOSITES = (
     "random_sequence",
     "random_selector",
 )
+COUNTS = ("failure_count: all", "wait_for_all: true", "failure_count: '${a}'")
 
 
 def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     lists = st.lists(children, min_size=1, max_size=3).map(", ".join)
     composites = st.builds("{{{0}: [{1}]}}".format, st.sampled_from(COMPOSITES), lists)
+    composites |= st.builds("{{parallel: [{0}], success_count: 1, {1}}}".format, lists, st.sampled_from(COUNTS))
+    composites |= st.builds(
+        "{{reactive_switch: {{on: a, cases: {{1: {0}}}, default: {1}}}}}".format, children, children
+    )
     return st.builds("{{sequence: [{0}], {1}}}".format, children | composites, st.sampled_from(MODIFIERS)) | composites
 
 
