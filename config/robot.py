@@ -3,6 +3,7 @@
 A part that the file does not name is a part that the robot does not have. SI units and radians throughout.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -169,7 +170,7 @@ def _markers(fields: Fields | None) -> MarkersConfig | None:
     section = fields.section("robots")
     if section is not None:
         for key, _ in section.entries():
-            if key.text.isdigit():
+            if re.fullmatch("[0-9]{1,9}", key.text):
                 robots[int(key.text)] = section.text(key.text)
             else:
                 section.fault(key.mark, f"'{key.text}' is no marker's number", "robots: {7: R2}")

@@ -10,7 +10,7 @@ import cv2
 
 from drivers.api import Image, Report, unreported
 from drivers.camera.decode import grab, opened
-from drivers.camera.source import Kind, Source, kind_of
+from drivers.camera.source import Kind, Source, is_number, kind_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
@@ -26,9 +26,9 @@ class VideoFeed:
         self._name = name
         self._kind = kind_of(source)
         self.what = re.sub(r"//[^/@]*@", "//***@", str(source))  # no password in a message
-        if self.what.isdecimal():  # OpenCV's numbers are those of /dev/video* on Linux, and nameless elsewhere
+        if is_number(source):  # OpenCV's numbers are those of /dev/video* on Linux, and nameless elsewhere
             self.what = f"/dev/video{self.what}" if sys.platform == "linux" else f"camera {self.what}"
-        self._source = int(str(source)) if str(source).isdecimal() else str(source)
+        self._source = int(str(source)) if is_number(source) else str(source)
         self._size = size
         self._video: cv2.VideoCapture | None = None
 

@@ -1,5 +1,6 @@
 """What a user means by the source of a camera: a number, a path or an address."""
 
+import re
 from enum import StrEnum
 from pathlib import Path
 
@@ -22,13 +23,18 @@ class Kind(StrEnum):
     VIDEO = "video"
 
 
+def is_number(source: Source) -> bool:
+    """Whether it is the number of a device, as a number or in figures."""
+    return isinstance(source, int) or re.fullmatch("[0-9]{1,4}", str(source)) is not None
+
+
 def kind_of(source: Source) -> Kind:
     """Tell the kind of ``source``: 0, "0" and "/dev/video0" are devices; a path that is absent is taken for a video."""
-    if isinstance(source, int) or str(source).isdecimal() or str(source).startswith("/dev/"):
+    if is_number(source) or str(source).startswith("/dev/"):
         return Kind.DEVICE
     if "://" in str(source):
         return Kind.URL
-    path = Path(source)
+    path = Path(str(source))
     if path.is_dir():
         return Kind.FOLDER
     return Kind.PICTURE if path.suffix.lower() in PICTURES else Kind.VIDEO

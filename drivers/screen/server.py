@@ -31,8 +31,11 @@ BEAT = 30
 LISTENERS = 4
 """Pages that may listen at once."""
 
+TALKS = 32
+"""Browsers that are talked with at once, with those that listen: more are hung up on."""
+
 PATIENCE = 5.0
-"""Seconds that a browser has to ask, and to take what it is sent."""
+"""Seconds that a browser has to ask, and to take what it is sent, however slowly it goes on."""
 
 FAREWELL = 0.2
 """Seconds that all talks together have for their last words."""
@@ -62,6 +65,9 @@ class _Talks:
 
     lock: Lock = field(default_factory=Lock)
     sockets: dict[socket.socket, Thread] = field(default_factory=dict)
+    due: dict[socket.socket, float] = field(default_factory=dict)
+    """When each has to have its answer; one that listens has time."""
+
     listeners: int = 0
 
 
@@ -117,9 +123,24 @@ class _Server(ThreadingTCPServer):
 
     def __init__(self, at: tuple[str, int], site: Site, news: Callable[[], str]) -> None:
         self.site, self.news = site, news
+        self.clock = SystemClock()
         self.ending = Event()
         self.talks = _Talks()
         super().__init__(at, _Talk)
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Say whether there is room for one more."""
+        del request, client_address
+        with self.talks.lock:
+            return len(self.talks.sockets) < TALKS
+
+    def service_actions(self) -> None:
+        """Hang up on those whose time is over; asked ten times a second."""
+        now = self.clock.now()
+        with self.talks.lock:
+            for request in [each for each, due in self.talks.due.items() if due < now]:
+                del self.talks.due[request]
+                _cut(request)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Answer on a thread, which is remembered."""
@@ -128,6 +149,7 @@ class _Server(ThreadingTCPServer):
         )
         with self.talks.lock:
             self.talks.sockets[request] = thread
+            self.talks.due[request] = self.clock.now() + PATIENCE
         thread.start()
 
     def shutdown_request(self, request: Any) -> None:
@@ -135,6 +157,7 @@ class _Server(ThreadingTCPServer):
         super().shutdown_request(request)
         with self.talks.lock:
             self.talks.sockets.pop(request, None)
+            self.talks.due.pop(request, None)
 
     def handle_error(self, *args: Any) -> None:
         """Log what is our own mistake; a browser that goes away in the middle of a talk is nobody's."""
@@ -210,6 +233,8 @@ class _Talk(BaseHTTPRequestHandler):
         with talks.lock:
             free = talks.listeners < LISTENERS
             talks.listeners += free
+            if free:
+                talks.due.pop(self.request, None)
         if not free:
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{LISTENERS} pages listen already")
             return

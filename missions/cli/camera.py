@@ -51,7 +51,7 @@ def list_command() -> int:
 
 
 def _board(ctx: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)\s*x\s*(\d+)", value.strip())
+    found = re.fullmatch(r"([0-9]{1,5})\s*x\s*([0-9]{1,5})", value.strip())
     if found is None:
         raise click.BadParameter(f"'{value}' is not ACROSSxDOWN inner corners, such as 9x6", ctx=ctx, param=option)
     return int(found[1]), int(found[2])

@@ -44,7 +44,7 @@ class Size(click.ParamType[float]):
         """Return it in bytes."""
         if isinstance(value, float):
             return value
-        found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kMGT]B)", str(value).strip(), re.IGNORECASE)
+        found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]+)?)\s*([kMGT]B)", str(value).strip(), re.IGNORECASE)
         if found is None:
             self.fail(f"{value!r} is no size: give a number and a unit, such as 500 MB or 2 GB", param, ctx)
         return float(found[1]) * self.UNITS[found[2].lower()]

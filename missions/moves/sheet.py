@@ -31,7 +31,7 @@ MAX_BYTES = 20_000_000
 LONGEST = 60.0
 """Seconds that a workbook may take to be read."""
 
-_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 
 Cell = float | str
 """A number, or a text; an empty cell is an empty text."""
@@ -165,7 +165,7 @@ def _value(cell: Cell) -> float | None:
         value = float(cell)
     except ValueError:
         return None
-    return value if isfinite(value) and "_" not in str(cell) else None
+    return value if isfinite(value) and str(cell).isascii() and "_" not in str(cell) else None
 
 
 def _refused(path: Path, message: str, suggestion: str = "") -> InvalidFileError:

@@ -65,7 +65,7 @@ class Player:
         if key in ("q", "end"):
             return False
         self.note = ""
-        if key.isdigit():
+        if key.isascii() and key.isdigit():
             self.time = self.begin + (self.until - self.begin) * int(key) / 10
         elif key in self._keys:
             self._keys[key]()

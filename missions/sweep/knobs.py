@@ -37,7 +37,7 @@ def find_knob(name: str) -> Knob:
     knobs = _world_knobs()
     if name in knobs:
         return knobs[name]
-    found = re.fullmatch(r"person([1-9]\d*)?\.(\w+)", name)
+    found = re.fullmatch(r"person([1-9][0-9]{0,3})?\.(\w+)", name)
     if found is None or found[2] not in PEOPLE:
         known = known_names()
         raise LookupError(did_you_mean(name, known) or f"known are: {', '.join(known)}")

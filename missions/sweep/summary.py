@@ -14,7 +14,7 @@ from missions.sweep.variation import Variation
 WORST = 5
 """How many of the worst runs are told of."""
 
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?")
 
 
 def cause(row: Row) -> str:

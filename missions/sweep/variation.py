@@ -17,7 +17,7 @@ TURNS = ("angle", "turn rate")
 DIGITS = 4
 """Decimals to which numbers are drawn: what a run had then stands in a table and in a file as it was."""
 
-_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def _number(text: str, kind: str) -> float | int:
     """Return one number in the first unit of its kind."""
     text = text.strip()
     if kind == "count":
-        if not re.fullmatch(r"\d+", text):
+        if not re.fullmatch("[0-9]{1,9}", text):
             raise ValueError(f"needs a whole number, got {seen(text)}")
         return int(text)
     bare = float(text) if _NUMBER.fullmatch(text) else None

@@ -5,15 +5,20 @@ database itself, whichever program writes: a task that has ended never changes a
 task runs at a time, no repetition is made twice, and no notice either.
 """
 
+import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from missions.tasks.task import TaskError
 
 PATIENCE = 30.0
 """Seconds to wait for another program that writes."""
+
+SMALLEST = 512
+"""Bytes of the smallest database there is."""
 
 ELSEWHERE = "XDG_STATE_HOME says where the queue is kept"
 
@@ -86,11 +91,16 @@ def queue_file(folder: Path) -> Path:
 def open_db(path: Path) -> sqlite3.Connection:
     """Open the database, and make it where there is none, for its owner alone. For the thread that opens it.
 
-    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, or of a newer version.
+    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, emptied, or of a newer
+    version.
     """
     try:
         with in_words(path), ExitStack() as undone:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not path.exists():
+                _make(path)
+            if (size := path.stat().st_size) < SMALLEST:  # SQLite would begin anew
+                raise _damaged(path, f"it was emptied: {size} bytes are left")
             connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             undone.callback(connection.close)
             # Before anything is in it. Nobody but SQLite may open the file here: to close it again would drop the locks
@@ -101,6 +111,29 @@ def open_db(path: Path) -> sqlite3.Connection:
             return connection
     except OSError as error:
         raise TaskError(f"{path}: {error}", hint=ELSEWHERE) from error
+
+
+def _make(path: Path) -> None:
+    """Make the file with all its tables at once: one that is empty was emptied. Raises TaskError, OSError, sqlite3's.
+
+    Whoever else does so at the same time may come first.
+    """
+    log = path.with_name(f"{path.name}-wal")
+    if log.exists() and not path.exists():
+        what = f"{path}: is gone, and its log {log.name} is still there: a queue was here"
+        raise TaskError(what, hint=f"put {path.name} back; or mv {log} {log}.broken  (a new queue begins)")
+    with TemporaryDirectory(dir=path.parent, prefix=".new-") as folder:
+        new = Path(folder) / path.name
+        with closing(sqlite3.connect(new, timeout=PATIENCE, isolation_level=None)) as connection:
+            prepare(connection, path, new=True)
+        new.chmod(0o600)
+        with suppress(FileExistsError):
+            path.hardlink_to(new)
+        number = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
 
 
 @contextmanager
@@ -123,8 +156,11 @@ def _damaged(path: Path, why: str) -> TaskError:
     )
 
 
-def prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Set a connection up, and make the tables, or bring them up. Raises TaskError, or an error of sqlite3."""
+def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) -> None:
+    """Set a connection up, and make the tables of a ``new`` file, or bring them up.
+
+    Raises TaskError, or an error of sqlite3.
+    """
     connection.row_factory = sqlite3.Row
     (journal,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
     if journal != "wal":
@@ -137,6 +173,8 @@ def prepare(connection: sqlite3.Connection, path: Path) -> None:
     faults = [str(fault) for (fault,) in connection.execute("PRAGMA quick_check (1)")]
     if faults != ["ok"]:
         raise _damaged(path, faults[0])
+    if not new and _version(connection, path) == 0:
+        raise _damaged(path, "it has no tables of a queue")
     if _version(connection, path) < VERSION:
         # Another program may be at the same: whoever comes second finds it done.
         connection.execute("BEGIN IMMEDIATE")

@@ -24,7 +24,7 @@ SHORTEST = 1.0
 LONGEST = 366 * 24 * 3600.0
 """Seconds from one repetition to the next, at most: a year."""
 
-_DATE_AND_TIME = re.compile(r"(\d{4}-\d{2}-\d{2})[ T]+(\d{1,2}:\d{2})")
+_DATE_AND_TIME = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[ T]+([0-9]{1,2}:[0-9]{2})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +127,10 @@ def local_zone(environment: Mapping[str, str] = os.environ) -> tzinfo:
 
 
 def _read_time(text: str) -> time:
-    hour, colon, minute = text.partition(":")
-    if not (colon and hour.isdecimal() and minute.isdecimal() and int(hour) < 24 and int(minute) < 60):
+    found = re.fullmatch("([0-9]{1,2}):([0-9]{2})", text)
+    if found is None or int(found[1]) > 23 or int(found[2]) > 59:
         raise ValueError(f"{seen(text)} is no time of day: such as '18:00', or '2026-12-24 18:00'")
-    return time(int(hour), int(minute))
+    return time(int(found[1]), int(found[2]))
 
 
 def _next_day(every: Every, after: float, zone: tzinfo, *, itself: bool = False) -> float:

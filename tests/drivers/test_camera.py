@@ -285,6 +285,10 @@ def test_a_source_is_told_by_its_form(folder: Path, video: Path) -> None:
     assert isinstance(open_source(str(video), clock), OpenCVCamera)
 
 
+def test_figures_of_other_scripts_are_no_number_of_a_device() -> None:
+    assert [kind_of(text) for text in ("٢", "1²", "9" * 30)] == [Kind.VIDEO] * 3
+
+
 def test_a_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
     camera = OpenCVCamera(video, SystemClock())
     assert camera.read(0.0) is None

@@ -3,7 +3,7 @@
 import json
 import socket
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from http.client import HTTPConnection, HTTPResponse
 from threading import Event
 from threading import enumerate as enumerate_threads
@@ -19,7 +19,7 @@ from drivers.screen.drawing import draw
 from drivers.screen.expression import expression
 from drivers.screen.frame import frame
 from drivers.screen.pages import PageScreen
-from drivers.screen.server import LISTENERS
+from drivers.screen.server import LISTENERS, TALKS
 from drivers.screen.svg import numbers
 from tests.browser import Browser, Tab, chromium
 from tests.waiting import wait_until
@@ -217,6 +217,35 @@ def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen)
         clock = SystemClock()
         screen.close()
         assert clock.now() < 2.0  # with 0.2 s for each it would be 4 s
+
+
+def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
+    screen: PageScreen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.screen.server.PATIENCE", 0.3)
+    page = Listener(screen)
+    with ExitStack() as browsers:
+        for _ in range(3 * TALKS):
+            browsers.enter_context(socket.create_connection(("127.0.0.1", port_of(screen))))
+        talks = [thread for thread in enumerate_threads() if thread.name == "page talk"]
+        assert len(talks) <= TALKS
+        wait_until(lambda: not any(thread.is_alive() for thread in talks[1:]))
+        assert ask(screen, "/")[0].status == 200
+        assert page.next(), "who listens has time"
+    page.close()
+
+
+def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(
+    screen: PageScreen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.screen.server.PATIENCE", 0.3)
+    clock, pause = SystemClock(), Event()
+    with socket.create_connection(("127.0.0.1", port_of(screen))) as slow, suppress(ConnectionError):
+        slow.sendall(b"GET / HTTP/1.1\r\n")
+        while clock.now() < PATIENCE:
+            slow.sendall(b"X")
+            pause.wait(0.05)
+    assert clock.now() < PATIENCE / 2
 
 
 def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:

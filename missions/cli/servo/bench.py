@@ -1,5 +1,6 @@
 """The bench: the open bus, or the open arm, that a command works on."""
 
+import re
 import threading
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
@@ -35,6 +36,10 @@ DEFAULT_BAUD = 1_000_000
 
 PAUSE = 0.02
 """Seconds between two looks at what a driver's own thread has done."""
+
+
+_ID = re.compile("[0-9]{1,3}")
+"""The ID of a servo in figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +78,13 @@ class Bench:
         What answers is asked for its model: it may be another than the file says. Raises NoReply, NotConnected,
         DeviceFault for a model that we do not know, click.UsageError.
         """
-        if who.isdigit():
+        if _ID.fullmatch(who):
             return [self.servo(who)]
         return [self.identify(joint.spec.id) for joint in self.chosen(() if who == "all" else (who,))]
 
     def servo(self, who: str) -> tuple[At, Model]:
         """Return the one servo that ``who`` means: an ID, or a joint. Raises as ``servos``."""
-        return self.identify(int(who) if who.isdigit() else self.joint(who).spec.id)
+        return self.identify(int(who) if _ID.fullmatch(who) else self.joint(who).spec.id)
 
     def identify(self, servo: int) -> tuple[At, Model]:
         """Return how to reach a servo by its ID, and its model. Raises as ``servos``."""

@@ -33,7 +33,7 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
     """Read "1-20,30"."""
     found: dict[int, None] = {}
     for part in value.split(","):
-        ends = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        ends = re.fullmatch(r"\s*([0-9]{1,3})\s*(?:-\s*([0-9]{1,3})\s*)?", part)
         if ends is None or int(ends[2] or ends[1]) > 253:
             raise click.BadParameter(f"'{part}' is no ID or range of IDs within 0-253: 1-20,30", ctx=ctx, param=option)
         found |= dict.fromkeys(range(int(ends[1]), int(ends[2] or ends[1]) + 1))

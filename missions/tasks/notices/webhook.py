@@ -38,7 +38,9 @@ class Webhook:
             try:
                 opener = build_opener(_Stay, _Http(deadline), _Https(deadline))
                 with closing(opener.open(request, timeout=self._timeout)):
-                    return
+                    if not deadline.over:  # the end of its headers came from them, not from us
+                        return
+                problem = ""
             except HTTPError as error:
                 error.close()
                 problem = f"the server says {error.code} {error.reason}"

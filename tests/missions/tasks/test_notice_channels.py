@@ -196,12 +196,13 @@ def test_a_secret_that_is_not_set_is_named_and_nothing_is_sent() -> None:
 
 
 @contextmanager
-def trickle(lines: bytes) -> Iterator[int]:
-    """A server that says ``lines`` a byte at a time, which takes seconds; gives its port."""
+def trickle(lines: bytes, at_once: bytes = b"") -> Iterator[int]:
+    """A server that says ``at_once``, and ``lines`` a byte at a time, which takes seconds; gives its port."""
     ending = Event()
 
     def say(listening: socket.socket) -> None:
         with suppress(OSError), listening.accept()[0] as talk:
+            talk.sendall(at_once)
             for place in range(len(lines)):
                 if ending.wait(0.05):
                     return
@@ -228,6 +229,14 @@ LINES = {
 def test_a_server_that_answers_a_byte_at_a_time_is_hung_up_on(scheme: str) -> None:
     with trickle(LINES[scheme]) as port, pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"):
         Webhook(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+
+
+def test_a_server_whose_headers_never_end_has_not_taken_it() -> None:
+    with (
+        trickle(b"X: " + b"x" * 100, b"HTTP/1.1 200 OK\r\n") as port,
+        pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"),
+    ):
+        Webhook(WebhookNotice(f"http://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
 
 
 SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody

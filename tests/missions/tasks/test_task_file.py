@@ -37,7 +37,8 @@ PRAGMAS = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "user_ver
 
 def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
-    path.touch(mode=0o644)
+    open_db(path).close()
+    path.chmod(0o644)
     open_db(path).close()
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
@@ -69,6 +70,42 @@ def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
         open_db(path)
     assert f"mv {path} {path}.broken" in raised.value.hint
     assert path.read_bytes() == damaged
+
+
+def test_a_queue_that_was_emptied_or_cut_off_is_no_new_queue(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+    whole = path.read_bytes()
+    for length in (0, 1, 100, 511, 512, 4096, 8192, len(whole) // 2, len(whole) - 4096):
+        path.write_bytes(whole[:length])
+        with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+            open_db(path)
+        assert f"mv {path} {path}.broken" in raised.value.hint
+        assert path.read_bytes() == whole[:length]
+    path.write_bytes(whole)
+    with shop(path) as opened:
+        assert len(opened.queue.tasks()) == 1
+
+
+def test_a_database_of_something_else_gets_no_tables_of_ours(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("CREATE TABLE songs (name)")
+    with pytest.raises(TaskError, match="no queue of tasks: it has no tables of a queue"):
+        open_db(path)
+
+
+def test_a_log_without_its_queue_is_no_new_queue(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute("INSERT INTO attempt (task, number, began) SELECT 1, 1, 0 WHERE 0")
+        path.unlink()
+        with pytest.raises(TaskError, match=r"tasks\.db: is gone, and its log tasks\.db-wal is still there"):
+            open_db(path)
+    (tmp_path / "tasks.db-wal").unlink(missing_ok=True)
+    open_db(path).close()
+    assert [each.name for each in tmp_path.iterdir()] == ["tasks.db"]
 
 
 def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path) -> None:
