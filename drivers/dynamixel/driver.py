@@ -22,7 +22,7 @@ from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import Pace
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.dynamixel.telling import REMEDY, Telling
-from drivers.dynamixel.torque import go, recover, settle
+from drivers.dynamixel.torque import go, go_on, recover, settle
 from drivers.dynamixel.watch import Watch
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
@@ -35,6 +35,9 @@ RETRY = 0.5
 
 FRESH = 0.25
 """Seconds after which a reading is stale."""
+
+GO_ON = 0.01
+"""Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
 
 SLOW_ADAPTER = 0.004
 """Seconds for which an adapter may hold a reply back before it is worth a word."""
@@ -81,6 +84,7 @@ class DynamixelJoints:
         self._ending = Event()
         self._thread: Thread | None = None
         self._connections = 0
+        self._went_on_at = 0.0
         self._fault = ""  # the newest of the driver's own that was reported
 
     @property
@@ -273,10 +277,19 @@ class DynamixelJoints:
             self._pace.begin(self._clock.now(), self._bus.busy())
             return
         began = self._clock.now()
-        self._watch.read()
+        self._watch.read(meanwhile=self._go_on)
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())
+        self._go_on()
         self._watch.tend()
+
+    def _go_on(self) -> None:
+        """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait."""
+        now = self._clock.now()
+        if now - self._went_on_at >= GO_ON:
+            self._went_on_at = now
+            with self._lock:
+                go_on(self._bus, self._joints.values(), now=now)
 
     def _complain(self, error: BaseException) -> None:
         """Report what is wrong with the driver itself, unless it is the same as before."""

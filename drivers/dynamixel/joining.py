@@ -49,7 +49,7 @@ def absence(bus: Bus, joint: Joint) -> str:
     return "does not answer"
 
 
-def restore(bus: Bus, joint: Joint) -> None:
+def restore(bus: Bus, joint: Joint, *, now: float) -> None:
     """Give the servo its torque limit and speed, and the torque that was last asked for; as found if nobody asked.
 
     Its slow registers have just been read. One that has shut itself down stays so. Raises NoReply, NotConnected,
@@ -57,7 +57,7 @@ def restore(bus: Bus, joint: Joint) -> None:
     """
     table = joint.model.table
     joint.touched = True
-    joint.goal = None
+    joint.goal = joint.sent = None
     joint.shut = joint.down
     joint.torque = bool(joint.value("torque_enable"))
     if joint.wanted is False:
@@ -68,14 +68,14 @@ def restore(bus: Bus, joint: Joint) -> None:
         return
     if "torque_mode" in table and joint.value("torque_mode"):
         if joint.torque:
-            stiffen(bus, joint)  # it has ignored its goal, which may lie anywhere
+            stiffen(bus, joint, now=now)  # it has ignored its goal, which may lie anywhere
         bus.write(joint.at, table["torque_mode"], 0)
     if "bus_watchdog" in table and joint.value("bus_watchdog"):
         bus.write(joint.at, table["bus_watchdog"], 0)  # else it fires, or has: then the goals are locked
     bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.at, table[table.speed], joint.speed_ticks(joint.limits.speed))
     if joint.wanted:
-        stiffen(bus, joint)
+        stiffen(bus, joint, now=now)
     joint.unsettled = False
 
 

@@ -88,6 +88,8 @@ class Joint:
     shut: bool = False
     goal: float | None = None
     speed: float = 0.0  # rad/s, told with the goal
+    sent: int | None = None  # ticks: how far on its way it was sent last; None where it is to be sent anew
+    sent_at: float = 0.0
     touched: bool = False
     unsettled: bool = False
     left_out: bool = False  # the last move of it went without it
@@ -157,10 +159,10 @@ class Joint:
 
     @property
     def astray(self) -> bool:
-        """Whether a stiff servo had another goal than it was told when its slow registers were read last."""
-        if self.goal is None or self.shut or not self.torque:
+        """Whether a stiff servo had another goal than it was sent when its slow registers were read last."""
+        if self.sent is None or self.shut or not self.torque:
             return False
-        return self.value(self.model.table.goal) != self.ticks(self.goal)
+        return self.value(self.model.table.goal) != self.sent
 
     # --- angles, and what they are to the servo -----------------------------------------------------------------------
 

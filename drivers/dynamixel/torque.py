@@ -1,7 +1,7 @@
 """Stiff and limp: the torque of servos switched so that none of them jumps, and joints sent on their way.
 
 Whenever torque is switched on, the goal is first set to where the servo stands, with a finite speed: an old goal would
-be taken up at once.
+be taken up at once. On its way a joint is sent a short leg at a time: see ``legs``.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,6 +9,7 @@ from contextlib import suppress
 
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.legs import leg, nearest
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
 
 RECENT = 0.06
@@ -41,27 +42,34 @@ def switch(bus: Bus, joints: Iterable[Joint], *, on: bool) -> None:
     send(bus, orders)
 
 
-def stiffen(bus: Bus, joint: Joint) -> None:
+def stiffen(bus: Bus, joint: Joint, *, now: float) -> None:
     """Make one joint stiff where it stands, every step acknowledged. Raises NoReply, NotConnected, BadRequest."""
-    _stiffen_at(bus, joint, joint.nearest(bus.read(joint.at, joint.model.table["present_position"])))
+    here = bus.read(joint.at, joint.model.table["present_position"])
+    _stiffen_at(bus, joint, nearest(joint, here), now=now)
 
 
-def _stiffen_at(bus: Bus, joint: Joint, goal: int) -> None:
-    """Make one joint stiff at ``goal`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
-    bus.write_block(joint.at, *joint.order(goal, joint.limits.speed))
+def _stiffen_at(bus: Bus, joint: Joint, place: int, *, now: float) -> None:
+    """Make one joint stiff at ``place`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
+    bus.write_block(joint.at, *joint.order(place, joint.limits.speed))
     bus.write(joint.at, joint.model.table["torque_enable"], 1)
-    joint.goal, joint.speed, joint.torque = joint.angle(goal), joint.limits.speed, True
+    _held(joint, place, now=now)
+
+
+def _held(joint: Joint, place: int, *, now: float) -> None:
+    """Take note that a joint was made stiff at ``place`` (ticks)."""
+    joint.goal, joint.speed, joint.torque = joint.angle(joint.nearest(place)), joint.limits.speed, True
+    joint.sent, joint.sent_at = place, now
 
 
 def stop_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> dict[Joint, int]:
-    """Tell joints to go where they are by now, in one packet that none acknowledges; return these goals (ticks).
+    """Tell joints to go where they are by now, in one packet that none acknowledges; return these places (ticks).
 
     Raises NotConnected.
     """
-    places = [(joint, joint.position_at(now)) for joint in joints]
-    goals = {joint: joint.nearest(joint.ticks(place)) for joint, place in places if place is not None}
-    send(bus, [(joint, joint.order(goal, joint.limits.speed)) for joint, goal in goals.items()])
-    return goals
+    angles = [(joint, joint.position_at(now)) for joint in joints]
+    places = {joint: nearest(joint, joint.ticks(angle)) for joint, angle in angles if angle is not None}
+    send(bus, [(joint, joint.order(place, joint.limits.speed)) for joint, place in places.items()])
+    return places
 
 
 def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
@@ -69,14 +77,14 @@ def stiffen_together(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
 
     For joints that are sent elsewhere in the next moment: should the first packet be lost, they go to an old goal.
     """
-    goals = stop_together(bus, joints, now=now)
-    switch(bus, goals, on=True)
-    for joint, goal in goals.items():
-        joint.goal, joint.torque = joint.angle(goal), True
+    places = stop_together(bus, joints, now=now)
+    switch(bus, places, on=True)
+    for joint, place in places.items():
+        _held(joint, place, now=now)
 
 
 def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
-    """Send joints to their goals (rad, within the limits) at their speeds (rad/s) or, without one, at their limit's.
+    """Let joints set out for goals (rad, within the limits) at their speeds (rad/s) or, without one, at their limit's.
 
     Limp ones become stiff first. Those that cannot go are marked as left out. Raises NotConnected.
     """
@@ -84,15 +92,21 @@ def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Ma
     for joint in joints:
         joint.left_out = joint not in going
     for joint in going:
-        joint.goal, joint.speed = goals[joint.name], speeds.get(joint.name, joint.limits.speed)
+        goal, speed = goals[joint.name], speeds.get(joint.name, joint.limits.speed)
+        if (goal, speed) != (joint.goal, joint.speed):
+            joint.goal, joint.speed, joint.sent = goal, speed, None
         joint.wanted, joint.unsettled = True, False
-    send(bus, [(joint, joint.order(joint.ticks(goals[joint.name]), joint.speed)) for joint in going])
+    go_on(bus, going, now=now)
 
 
-def remind(bus: Bus, joint: Joint) -> None:
-    """Send a joint to its goal once more, which it did not hear. Raises NoReply, NotConnected, BadRequest."""
-    if joint.goal is not None:
-        bus.write_block(joint.at, *joint.order(joint.ticks(joint.goal), joint.speed))
+def go_on(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
+    """Send joints that need it farther on their way, in one packet that none acknowledges. Raises NotConnected."""
+    able = [joint for joint in joints if joint.torque and joint.driven and not joint.shut]
+    legs = {joint: place for joint in able if (place := leg(joint, now)) is not None}
+    if legs:
+        send(bus, [(joint, joint.order(place, joint.speed)) for joint, place in legs.items()])
+    for joint, place in legs.items():
+        joint.sent, joint.sent_at = place, now
 
 
 def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
@@ -107,7 +121,7 @@ def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
     for joint in limp:
         if not joint.torque:
             with suppress(NoReply, BadRequest):
-                stiffen(bus, joint)
+                stiffen(bus, joint, now=now)
     return [joint for joint in able if joint.torque]
 
 
@@ -119,34 +133,34 @@ def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> lis
     """
     joints = tuple(joints)
     ours = [joint for joint in joints if joint.touched and not (stiff and joint.shut)]
-    goals: Mapping[Joint, int] = {}
+    places: Mapping[Joint, int] = {}
     with suppress(NotConnected, BadRequest):
         if stiff:
             recent = [joint for joint in ours if joint.driven and now - joint.reading.stamp <= RECENT]
-            goals = stop_together(bus, recent, now=now)
+            places = stop_together(bus, recent, now=now)
         else:
             switch(bus, ours, on=False)
     for joint in joints:
-        joint.unsettled = joint in ours and not _settled(bus, joint, goals.get(joint), stiff=stiff)
+        joint.unsettled = joint in ours and not _settled(bus, joint, places.get(joint), stiff=stiff, now=now)
     return [joint for joint in ours if joint.unsettled]
 
 
-def _settled(bus: Bus, joint: Joint, goal: int | None, *, stiff: bool) -> bool:
-    """Settle one joint, at ``goal`` (ticks) or where it says that it stands; try again after a miss."""
+def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: float) -> bool:
+    """Settle one joint, at ``place`` (ticks) or where it says that it stands; try again after a miss."""
     if stiff and not joint.driven:
         return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
     for _ in range(2 if joint.answers else 1):
         try:
             if not stiff:
                 bus.write(joint.at, joint.model.table["torque_enable"], 0)
-            elif goal is None:
-                stiffen(bus, joint)
+            elif place is None:
+                stiffen(bus, joint, now=now)
             else:
-                _stiffen_at(bus, joint, goal)
+                _stiffen_at(bus, joint, place, now=now)
         except NotConnected:
             return False
         except (NoReply, BadRequest):
-            goal = None
+            place = None
             continue
         joint.torque = stiff
         if not stiff:
@@ -168,7 +182,7 @@ def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
             continue
         try:
             if joint.at.protocol == 1:
-                _rearm(bus, joint)
+                _rearm(bus, joint, now=now)
             else:
                 bus.reboot(joint.at)
                 joint.complaint, joint.due, joint.torque = "is starting again", now + REBOOT, False
@@ -181,9 +195,9 @@ def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
     return recovered
 
 
-def _rearm(bus: Bus, joint: Joint) -> None:
+def _rearm(bus: Bus, joint: Joint, *, now: float) -> None:
     """Give a servo of protocol 1.0 its force back. Raises NoReply, NotConnected, BadRequest."""
     table = joint.model.table
-    stiffen(bus, joint)  # still without force: the goal must not lie elsewhere when the force returns
+    stiffen(bus, joint, now=now)  # still without force: the goal must not lie elsewhere when the force returns
     bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.at, table["torque_enable"], 1)

@@ -1,6 +1,6 @@
 """What the driver of an arm does unasked: find the servos, read them, notice what is wrong, find them again."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from threading import RLock
 
 from drivers.api import Quality, Reading
@@ -10,7 +10,7 @@ from drivers.dynamixel.gathering import Gathering
 from drivers.dynamixel.joining import absence, difference, read, restore
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import Telling
-from drivers.dynamixel.torque import remind, settle
+from drivers.dynamixel.torque import settle
 from drivers.dynamixel.wire import Fault
 from drivers.errors import BadRequest, NoReply, NotConnected
 
@@ -77,8 +77,8 @@ class Watch:
         self.connected = False
         self._telling.end()
 
-    def read(self) -> None:
-        """Read every servo that is driven, once. Raises NotConnected."""
+    def read(self, meanwhile: Callable[[], None]) -> None:
+        """Read every servo that is driven, once; do something ``meanwhile``, after each. Raises NotConnected."""
         self._bus.require()
         now = self._clock.now()
         for joint, answered in self._gathering.read([j for j in self._joints if j.driven and now >= j.due]):
@@ -86,6 +86,7 @@ class Watch:
                 self._take(joint)
             else:
                 self._miss(joint)
+            meanwhile()
 
     def tend(self) -> None:
         """Do what is due but seldom, for one servo each: look for one that is missing, and check one that is not.
@@ -119,7 +120,7 @@ class Watch:
                 complaint = difference(self._bus, joint)
                 joint.answers = True
                 if not complaint:
-                    restore(self._bus, joint)
+                    restore(self._bus, joint, now=self._clock.now())
             except NoReply:
                 complaint, joint.answers = absence(self._bus, joint), False
             except BadRequest as error:
@@ -175,9 +176,9 @@ class Watch:
                 if joint.unsettled:
                     self._settle(joint)
                 elif lost := self._forgot(joint):
-                    restore(self._bus, joint)
+                    restore(self._bus, joint, now=self._clock.now())
                 elif joint.astray:
-                    remind(self._bus, joint)
+                    joint.sent = None  # it did not hear it: it is sent there anew
         except (NoReply, BadRequest):
             self._miss(joint)
             return

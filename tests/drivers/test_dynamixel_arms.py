@@ -391,7 +391,7 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
     wait_until(lambda: not arm.limp(3))
     leader, follower = arm.chain.servo(2), arm.chain.servo(3)
     before = len(arm.wire.requests)
-    for angle in (0.3, 0.6, 0.2, -0.5):
+    for angle in (0.3, 0.6, 0.2, -0.3):
         arm.terminal.ask(partial(leader.turn_by_hand, angle))
         wait_until(partial(lambda goal: follower.get("goal_position") == goal, follower.model.ticks(angle)))
     order = ""
@@ -400,9 +400,7 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
             order += "R"
         elif packet.code == Instruction.SYNC_WRITE and packet.parameters[0] == 30:
             order += "G"
-    order = order.lstrip("G").rstrip("R")
-    assert order == "RG" * (len(order) // 2)
-    assert len(order) >= 8
+    assert order.count("RG") == order.count("G") >= 4
     wait_until(lambda: abs(follower.angle - leader.angle) < 0.01)
     assert arm.limp(2)
 

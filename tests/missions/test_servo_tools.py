@@ -320,7 +320,9 @@ def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot
 def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.cli.servo.drive.restore", lambda *_: None)  # as if it took the order and dropped it
+    monkeypatch.setattr(
+        "missions.cli.servo.drive.restore", lambda *_, **__: None
+    )  # as if it took the order and dropped it
     outcome = servo("torque", "on", "elbow")
     assert (outcome.code, outcome.out) == (1, "")
     assert "elbow (servo 2): its torque does not stay on" in outcome.err

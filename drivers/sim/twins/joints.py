@@ -23,8 +23,8 @@ class JointsTwin:
     """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``joints`` and ``at_rest`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves or holds
-    them. Unplugged, the servos keep their goals; plugged in again, those that are meant to be stiff hold where they
-    are. With every ``step`` followers are led, and ``changed`` is called: there are new readings.
+    them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are meant to
+    be stiff hold where they are. With every ``step`` followers are led, and ``changed`` is called: new readings.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
@@ -206,8 +206,11 @@ class JointsTwin:
         self._read(now)
 
     def _gone(self) -> None:
-        """Keep what is seen last."""
-        self._read(self._clock.now())
+        """Keep what is seen last; nobody sends the servos any farther."""
+        now = self._clock.now()
+        self._read(now)
+        for servo in self._servos.values():
+            servo.strand(now)
 
     def _read(self, now: float) -> None:
         self._readings = {name: Reading(servo.state(now), now, Quality.GOOD) for name, servo in self._servos.items()}

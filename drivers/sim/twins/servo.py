@@ -4,6 +4,7 @@ from math import copysign
 
 from drivers.api import JointState
 from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.legs import reach
 from drivers.dynamixel.models import MODELS
 from drivers.sim.servo import FRICTION, Shaft
 
@@ -40,6 +41,11 @@ class ServoTwin:
         if not self.joint.shut:
             here = self.joint.angle(self.joint.nearest(self.joint.ticks(self._shaft.advance(now))))
             self.go(here, self._limits.speed, now)
+
+    def strand(self, now: float) -> None:
+        """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
+        here, far = self._shaft.advance(now), reach(self.joint, self._speed)
+        self._shaft.goal = min(max(self._shaft.goal, here - far), here + far)
 
     def relax(self, now: float) -> None:
         """Be limp."""

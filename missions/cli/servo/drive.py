@@ -70,7 +70,7 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
     if joint.down:
         raise DeviceFault("has shut down, and was left as it is", hint=REMEDY)
     joint.wanted = True
-    restore(bus, joint)
+    restore(bus, joint, now=bench.clock.now())
     if not bus.read(joint.at, joint.model.table["torque_enable"]):
         raise DeviceFault("its torque does not stay on", hint=f"mission servo monitor --once{bench.options}")
 
