@@ -46,12 +46,10 @@ def load_mission(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
-    ears: Target | None = None,
     leaves: Mapping[str, type[Leaf]] = LEAVES,
 ) -> Plan:
     """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
 
-    Without a robot, what it listens for is checked for the one of ``ears``.
     ``leaves`` are what it may be made of: missions.vocabulary finds more of them than ship with MissionTree.
 
     Raises UnknownNameError, or InvalidFileError with every mistake in it.
@@ -64,5 +62,4 @@ def load_mission(
         params=params,
         complete=complete,
         robot=robot,
-        ears=ears,
     )

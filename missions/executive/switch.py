@@ -51,7 +51,7 @@ class Switch(Composite, composites.Selector):
             return None
         child = self._choose(found)
         if child is None:
-            self.feedback_message = f"no case for {shown(found)}, and no default"
+            self.feedback_message = f"no case for {_written(found)}, and no default"
         return child
 
     def _choose(self, found: object) -> Node | None:
@@ -81,3 +81,8 @@ SWITCHES: Mapping[str, Callable[[str, Value, tuple[object, ...]], Switch]] = {
     REACTIVE_SWITCH: ReactiveSwitch,
 }
 """The composites that choose, by their words."""
+
+
+def _written(value: object) -> str:
+    """Write a value as a case would be."""
+    return str(value).lower() if isinstance(value, bool) else shown(value)

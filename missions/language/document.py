@@ -31,17 +31,15 @@ def load_plan(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
-    ears: Target | None = None,
 ) -> Plan:
     """Read and check a mission, and the missions that it runs.
 
-    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for;
-    where none is named, ``ears`` is the one that it listens with.
+    ``params`` are the caller's, as texts; ``complete`` asks that none is missing. ``robot`` is the one it is for.
     Raises InvalidFileError with every mistake, in the files and in the params.
     """
     source = read_source(path)
     words = Words(leaves, things, find_mission)
-    return _check(source, words, (path.resolve(),), params or {}, complete=complete, robot=robot, ears=ears)
+    return _check(source, words, (path.resolve(),), params or {}, complete=complete, robot=robot)
 
 
 def check_plan(
@@ -53,11 +51,10 @@ def check_plan(
     params: Mapping[str, str] | None = None,
     complete: bool = False,
     robot: Target | None = None,
-    ears: Target | None = None,
 ) -> Plan:
     """Check a mission's text. See ``load_plan``."""
     words = Words(leaves, things, find_mission)
-    return _check(source, words, (), params or {}, complete=complete, robot=robot, ears=ears)
+    return _check(source, words, (), params or {}, complete=complete, robot=robot)
 
 
 def _check(
@@ -68,7 +65,6 @@ def _check(
     *,
     complete: bool,
     robot: Target | None,
-    ears: Target | None,
 ) -> Plan:
     faults: list[Fault] = []
     root = compose(source, faults)
@@ -90,8 +86,6 @@ def _check(
             if robot is not None:
                 check_reach(notes, tree, robot)
                 check_phrases(notes, tree, robot)
-            elif ears is not None:
-                check_phrases(notes, tree, ears, asked=False)
             check_answers(notes, tree)
             check_flow(notes, tree)
             check_outcomes(notes, tree)

@@ -76,14 +76,10 @@ def own_phrases(step: Step) -> dict[str, str]:
     return found
 
 
-def check_phrases(notes: Notes, tree: Step, robot: Target, *, asked: bool = True) -> None:
-    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said.
-
-    ``asked`` is whether it is the robot that somebody has named.
-    """
+def check_phrases(notes: Notes, tree: Step, robot: Target) -> None:
+    """Note every word that the robot's ears cannot listen for, since nobody knows how it is said."""
     words = dict.fromkeys(word for phrase in phrases_of(tree) for word in phrase.split())
     unknown = set(robot.unpronounceable(tuple(words))) if words else set()
-    other = "" if asked else "; for another robot: --robot NAME"
     for step in tree.walk():
         own = own_phrases(step)
         strange = {word: phrase for phrase in own for word in phrase.split() if word in unknown}
@@ -91,8 +87,7 @@ def check_phrases(notes: Notes, tree: Step, robot: Target, *, asked: bool = True
             notes.fault_at(
                 step,
                 f"'{step.kind}' cannot listen for {seen(_written(word, own[phrase]))}: no dictionary has it",
-                f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' "
-                f"(docs/speech.md){other}",
+                f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' (docs/speech.md)",
             )
 
 

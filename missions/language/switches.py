@@ -4,13 +4,17 @@ from collections.abc import Callable
 
 from config.faults import one_of
 from config.marked import Mapping, Node, Scalar
+from config.units import seen
 from missions.language.arguments import default_value
+from missions.language.flags import is_flag
 from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
 from missions.language.plan import Step
 
 KEYS = ("on", "cases", "default")
-FORM = "write {}: {{on: answer, cases: {{yes: ..., no: ...}}, default: ...}}"
+FORM = "write {}: {{on: face.count, cases: {{1: ..., 2: ...}}, default: ...}}"
+MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+"""What people write for true and false."""
 
 
 def read_switch(
@@ -41,6 +45,8 @@ def read_switch(
         if child is not None:
             children.append(child)
             values.append(default_value(case))
+    if is_flag(chosen, notes.params):
+        _check_flags(notes, cases)
     otherwise = None if default is None else read_step(notes, default)
     if otherwise is not None:
         children.append(otherwise)
@@ -54,3 +60,13 @@ def read_switch(
         cases=tuple(values),
         written={"on": on.text},
     )
+
+
+def _check_flags(notes: Notes, cases: Mapping) -> None:
+    """Note cases of what is true or false that are meant for that and are neither; all, where none of them is."""
+    known = any(isinstance(default_value(case), bool) for case, _ in cases.entries)
+    for case, _ in cases.entries:
+        meant = MEANT.get(case.text.lower())
+        if meant or not known:
+            hint = f"write {meant}: for {case.text}:" if meant else "the cases can be true: and false:"
+            notes.fault(case.mark, f"'on' is true or false, and never {seen(case.text)}", hint)

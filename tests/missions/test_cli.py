@@ -93,6 +93,25 @@ def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:
     assert "bad.yaml:3:3" in outcome.err
 
 
+def test_where_no_robot_is_named_check_finds_what_the_usual_one_cannot_do(mission: Mission) -> None:
+    write("knee.yaml", "  move_joints: {to: {right_elbow: 10 deg}}\n")
+    write("toe.yaml", "  move_joints: {to: {left_toe: 10 deg}}\n")
+    write("wave.yaml", "  gesture: wave\n")
+    knee, toe, wave = (mission("check", f"{name}.yaml") for name in ("knee", "toe", "wave"))
+    assert [knee.code, toe.code, wave.code] == [2, 2, 2]
+    assert "robot 'turtlebot2_arm': the arm has no joint 'right_elbow'" in knee.err
+    assert "knee.yaml was checked for the usual robot; robot 'humanoid' can do it: --robot humanoid" in knee.err
+    assert "toe.yaml was checked for the usual robot; for another robot: --robot NAME" in toe.err
+    assert "robot 'humanoid' can do it" in wave.err
+    assert mission("check", "knee.yaml", "--robot", "humanoid").code == 0
+    assert mission("run", "knee.yaml").code == 2, "a run takes the usual robot too"
+
+
+def test_what_ships_for_another_robot_is_good_and_says_for_which(mission: Mission) -> None:
+    outcome = mission("check", "wave")
+    assert (outcome.code, outcome.out) == (0, "wave: good (wave, 5 nodes, for robot 'humanoid')\n")
+
+
 def test_a_mission_that_the_robot_cannot_do_does_not_run(mission: Mission) -> None:
     Path("legless.yaml").write_text("robot: legless\nvoice: {driver: print}\n")
     outcome = mission("run", "greet", "--robot", "legless.yaml", "--simulate")

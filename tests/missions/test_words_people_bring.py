@@ -1,7 +1,7 @@
 """Mistakes of new users: words of other languages, slips of the keyboard and of pasted text, and what is answered."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_type_hints
 
 from behaviours.catalogue import LEAVES
 from config.faults import Fault, InvalidFileError, Source
@@ -9,13 +9,16 @@ from config.robot import robot_of
 from config.synonyms import KEYS as FILE_KEYS
 from config.synonyms import head_of
 from missions.assembly.things import THINGS
+from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
+from missions.language.flags import FLAGS
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import COMPOSITES, MISSION, SWITCHES
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
 from missions.library import find_mission
+from missions.testing.recorders import Bench
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
 JOINT = "robot: r\narm:\n  driver: dynamixel\n  port: /dev/u2d2\n  joints:\n    elbow: {id: 1, limits: [0 deg, 9 deg], "
@@ -64,6 +67,21 @@ MISTAKES = [
         "unknown behaviour 'find_person' > it is a mission: write 'mission: find_person', and its params under 'with:' "
         "beside it",
     ),
+    # True and false
+    a(
+        "- switch: {on: face.seen, cases: {yes: stop, no: {say: Bye}}}",
+        "'on' is true or false, and never 'yes' > write true: for yes:",
+        "'on' is true or false, and never 'no' > write false: for no:",
+    ),
+    a(
+        "- switch: {on: battery.percent > 20, cases: {full: stop}}",
+        "'on' is true or false, and never 'full' > the cases can be true: and false:",
+    ),
+    a(
+        "- switch: face.seen",
+        "'switch' needs 'on' and 'cases' > write switch: {on: face.count, cases: {1: ..., 2: ...}",
+    ),
+    a("- switch: {on: face.seen, cases: {true: stop, false: {say: Bye}}}", ""),
     # Where a modifier stands
     a(
         "- drive:\n    distance: 1 m\n    timeout: 5 s",
@@ -143,3 +161,14 @@ def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
     read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/testing").glob("*.py"))
     assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
     assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *COMPOSITES, *MODIFIERS}
+
+
+def test_the_state_that_is_true_or_false_is_known() -> None:
+    bench = Bench()
+    truly = {
+        f"{name}.{member}"
+        for name, part in state_of(bench.robot, bench.clock).items()
+        for member, kept in vars(type(part)).items()
+        if isinstance(kept, property) and "bool" in str(get_type_hints(kept.fget)["return"])
+    }
+    assert truly == FLAGS
