@@ -17,7 +17,7 @@ from shlex import quote
 from missions.folders import data_folder
 from missions.portraits import NEW, clear, digest, files_in, keep, read
 from perception.api import UNKNOWN, Image
-from perception.people import FEWEST
+from perception.people import FEWEST, MOST, TOGETHER
 
 LONGEST = 60
 """Letters of a name: also of four bytes each they make the name of a folder."""
@@ -87,14 +87,16 @@ class People:
     def portraits(self, told: Told) -> dict[str, list[Image]]:
         """Return the pictures of everybody of whom there are enough to learn from, by name.
 
-        ``told`` hears of each file that is no picture, and of each person of whom there are too few.
-        Raises PeopleError for a folder that cannot be read.
+        Of somebody with many pictures some are taken, spread over all of them: what learns them compares each with
+        each. ``told`` hears of that, of each file that is no picture, and of each person of whom there are too few, or
+        for whom there is no room. Raises PeopleError for a folder that cannot be read.
         """
         found = {}
-        for name, portraits in self._portraits(told).items():
+        for name, files in self._taken(told).items():
+            portraits = [portrait for path in files if (portrait := _read(path, told)) is not None]
             if len(portraits) >= FEWEST:
                 found[name] = portraits
-            else:
+            elif portraits:
                 what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {FEWEST}"
                 told(PeopleError(what, hint=f"mission person add {quote(name)}"))
         return found
@@ -102,15 +104,19 @@ class People:
     def new_ones(self, name: str, portraits: Sequence[Image]) -> list[Image]:
         """Return which of some pictures ``add`` would keep: each once, and none that is there. Raises as it does."""
         kept = self.find(name) or proper_name(name)
-        there = self._portraits(lambda _: None)
-        whose = {digest(portrait): who for who, theirs in there.items() for portrait in theirs}
+        whose = {
+            digest(portrait): who
+            for who, files in self._files().items()
+            for path in files
+            if (portrait := _read(path, lambda _: None)) is not None
+        }
         found = {digest(portrait): portrait for portrait in portraits}
         others = [whose[each] for each in found if whose.get(each, kept) != kept]
         if others:
             hint = f"leave it out, or first: mission person remove {quote(others[0])}"
             raise PeopleError(f"nothing was kept: one of the pictures of {kept} is {others[0]}'s already", hint=hint)
         fresh = [portrait for each, portrait in found.items() if each not in whose]
-        count = len(fresh) + len(there.get(kept, ()))
+        count = len(fresh) + list(whose.values()).count(kept)
         if count < FEWEST:
             hint = f"it takes {FEWEST} at least"
             raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
@@ -169,13 +175,19 @@ class People:
             ) from error
         return changed
 
-    def _portraits(self, told: Told) -> dict[str, list[Image]]:
-        """Return the pictures of everybody of whom there are any."""
-        found = {
-            name: [portrait for path in files if (portrait := _read(path, told)) is not None]
-            for name, files in self._files(told).items()
-        }
-        return {name: portraits for name, portraits in found.items() if portraits}
+    def _taken(self, told: Told) -> dict[str, list[Path]]:
+        """Return the files to learn from, and tell of what is left out."""
+        everybody = {name: list(files) for name, files in self._files(told).items()}
+        late = list(everybody)[TOGETHER // FEWEST :]
+        if late:
+            told(PeopleError(f"{len(late)} people are left out, {late[0]} to {late[-1]}: there is room for "
+                             f"{TOGETHER // FEWEST}", hint="mission person remove NAME"))  # fmt: skip
+        share = min(MOST, TOGETHER // max(1, len(everybody) - len(late)))
+        for name, files in everybody.items():
+            if len(files) > share and name not in late:
+                told(PeopleError(f"{name}: {share} of {len(files)} pictures are used, spread over all of them"))
+                everybody[name] = [files[place * len(files) // share] for place in range(share)]
+        return {name: files for name, files in everybody.items() if name not in late}
 
     def _files(self, told: Told = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
         """Return the files of everybody of whom there are any. Raises PeopleError."""

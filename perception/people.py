@@ -15,6 +15,10 @@ from perception.pupils import EyeFinder
 FEWEST = 3
 """Pictures of a person that teach something."""
 
+MOST, TOGETHER = 60, 240
+"""Pictures of one person, and of all together, that are learnt from: time grows with the third power, and so many take
+8 s on a laptop and a quarter of a gigabyte."""
+
 
 class NotOneFace(ValueError):
     """A picture that does not show one face: ``found`` says how many it shows, ``hint`` what to do."""

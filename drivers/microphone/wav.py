@@ -17,6 +17,12 @@ PIECE = 320
 KEPT = 250
 """Pieces that are kept: 5 s."""
 
+LONGEST = 300.0
+"""Seconds that a recording may last: it is read as a whole."""
+
+RATES = (4_000, 384_000)
+"""Samples a second that a recording may have: no recorder makes more, and what has less is no speech."""
+
 
 class WavMicrophone:
     """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from the moment when it is opened.
@@ -84,18 +90,29 @@ class WavMicrophone:
 
 
 def load(name: str, path: Path) -> Samples:
-    """Return the sound in a WAV file at the rate of microphones; ``name`` wants it. Raises NotConnected for no WAV."""
+    """Return the sound in a WAV file at the rate of microphones; ``name`` wants it.
+
+    What the header says is believed as far as the file has it. Raises NotConnected for what is no WAV file, of rates
+    that no recording has, and longer than five minutes.
+    """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
     try:
         with wave.open(str(path), "rb") as file:
             width, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
-            data = file.readframes(file.getnframes())
+            frames = min(file.getnframes(), path.stat().st_size // (width * channels))
+            if not RATES[0] <= rate <= RATES[1]:
+                low, high = RATES
+                raise NotConnected(f"{name}: {path}: says {rate} samples a second: {low} to {high} can be", hint=hint)
+            if frames > LONGEST * rate:
+                what = f"{name}: {path}: lasts {frames / rate / 60:.0f} min, and {LONGEST / 60:.0f} are the most"
+                raise NotConnected(what, hint=f"`ffmpeg -i {path} -t {LONGEST:.0f} shorter.wav` keeps its beginning")
+            data = file.readframes(frames)
+    except NotConnected:
+        raise
     except FileNotFoundError:
         raise NotConnected(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there") from None
     except (OSError, EOFError, wave.Error) as error:
         raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {error}", hint=hint) from error
-    if rate == 0:
-        raise NotConnected(f"{name}: {path}: says that it has 0 samples a second", hint=hint)
     if width != 2:
         raise NotConnected(f"{name}: {path}: has {8 * width} bits a sample, not 16", hint=hint)
     whole = np.frombuffer(data[: len(data) // (2 * channels) * 2 * channels], "<i2").reshape(-1, channels)

@@ -116,13 +116,25 @@ def test_what_is_no_wav_file_of_16_bits_is_refused(tmp_path: Path) -> None:
     assert "ffmpeg" in raised.value.hint
 
 
-def test_a_header_without_a_rate_is_refused(tmp_path: Path) -> None:
+def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_path: Path) -> None:
     path = write(tmp_path / "a.wav", ramp(10))
-    header = bytearray(path.read_bytes())
-    header[24:28] = bytes(4)
-    path.write_bytes(header)
-    with pytest.raises(NotConnected, match="0 samples a second"):
+    whole = path.read_bytes()
+    for rate in (0, 1, 3999, 384_001, 2**32 - 1):
+        path.write_bytes(whole[:24] + rate.to_bytes(4, "little") + whole[28:])
+        with pytest.raises(NotConnected, match=rf"a\.wav: says {rate} samples a second: 4000 to 384000 can be"):
+            load("microphone", path)
+    path.write_bytes(whole[:40] + (0xFFFFFFF0).to_bytes(4, "little") + whole[44:])
+    assert load("microphone", path).tolist() == ramp(10).tolist(), "as much as is there"
+
+
+def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.microphone.wav.LONGEST", 60.0)
+    path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
+    with pytest.raises(NotConnected, match="lasts 3 min, and 1 are the most") as raised:
         load("microphone", path)
+    assert "ffmpeg" in raised.value.hint
 
 
 def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> None:

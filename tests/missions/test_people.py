@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from missions.people import People, PeopleError, folder, proper_name
 from missions.portraits import files_in
 from perception.api import Image
+from perception.people import FEWEST, MOST, TOGETHER
 
 
 def taken(number: int, size: int = 20) -> Image:
@@ -368,3 +369,27 @@ def test_a_name_is_the_same_however_it_is_written(people: People) -> None:
     assert people.find(" JOS\u00c9") == "Jos\u00e9"
     people.add("\u0639\u0644\u06cc\u200c\u0631\u0636\u0627", BEN)
     assert people.find("\u0639\u0644\u06cc\u0631\u0636\u0627") is not None
+
+
+def test_of_very_many_pictures_some_are_learnt_from_spread_over_all_of_them(tmp_path: Path) -> None:
+    people, told = People(tmp_path), list[PeopleError]()
+    people.add("Anna", [taken(number, 4) for number in range(150)])
+    people.add("Ben", [taken(1000 + number, 4) for number in range(3)])
+    found = people.portraits(told.append)
+    assert (len(found["Anna"]), len(found["Ben"])) == (MOST, 3)
+    assert np.array_equal(found["Anna"][0], taken(0, 4))
+    assert np.array_equal(found["Anna"][-1], taken(147, 4))
+    assert [str(each) for each in told] == ["Anna: 60 of 150 pictures are used, spread over all of them"]
+    assert [each.pictures for each in people.known()] == [150, 3]
+
+
+def test_very_many_people_share_the_room_and_those_without_are_named(tmp_path: Path) -> None:
+    people, told = People(tmp_path), list[PeopleError]()
+    data = cv2.imencode(".png", taken(0, 4))[1].tobytes()
+    for number in range(TOGETHER // FEWEST + 2):
+        (tmp_path / f"P{number:03}").mkdir()
+        for picture in range(5):
+            (tmp_path / f"P{number:03}/{picture:03}.png").write_bytes(data)
+    found = people.portraits(told.append)
+    assert sum(map(len, found.values())) == TOGETHER
+    assert "2 people are left out, P080 to P081: there is room for 80" in [str(each) for each in told]

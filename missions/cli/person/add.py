@@ -20,10 +20,14 @@ from missions.people import People, PeopleError, proper_name
 from perception.api import Image
 from perception.crops import face_in
 from perception.finder import FaceDetector
-from perception.people import FEWEST, NotOneFace, enrol, fisher_people
+from perception.people import FEWEST, MOST, NotOneFace, enrol, fisher_people
 
 PATIENCE = 5.0
 """Seconds in which a camera must show something."""
+
+
+LIMIT = 200
+"""Pictures that are taken in at a time."""
 
 
 @click.command()
@@ -67,10 +71,13 @@ def add(name: str, files: tuple[str, ...], source: str | None, count: int, secon
 
 
 def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
-    """Return a portrait from each picture. Raises PeopleError with all those that do not show one face."""
+    """Return a portrait from each picture. Raises PeopleError with all those that do not show one face, or too many."""
     found, faults = list[Image](), list[str]()
     hints = dict[str, None]()
     for path, number, image in pictures(files):
+        if len(found) + len(faults) >= LIMIT:
+            hint = f"some tens, from different sides and days, teach more; {MOST} are used at most"
+            raise PeopleError(f"nothing was kept: these are more than {LIMIT} pictures", hint=hint)
         try:
             found.append(enrol(image, detector))
         except NotOneFace as error:
