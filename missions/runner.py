@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from math import inf
 
@@ -29,6 +29,7 @@ from missions.executive.decided import Decided
 from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
+from missions.executive.lifeline import Lifeline
 from missions.executive.pace import Pace
 from missions.executive.signals import Signals
 from missions.executive.standstill import OnMoment
@@ -131,6 +132,7 @@ class Runner:
             on_moment=on_moment,
         )
         self._signals = Signals(self.executive.stop)
+        self._lifeline = Lifeline(self._signals)
 
     def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
         world = None if order.simulation is None else order.world_file()
@@ -188,7 +190,8 @@ class Runner:
         result = Result(self.plan.mission, "error", "", 0.0, 0)
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
-            with self._signals, logging_to(self._tell.logged), self.watchdog, self.ready():
+            line = nullcontext() if self.twins is not None else self._lifeline  # nothing moves there
+            with self._signals, line, logging_to(self._tell.logged), self.watchdog, self.ready():
                 self._context.beat()
                 self.watchdog.armed = True
                 result = self.executive.loop()
@@ -218,6 +221,7 @@ class Runner:
             self._close()
 
     def _heard(self) -> str | None:
+        self._lifeline.beat()
         return self._signals.heard()
 
     def _abandon(self, outcome: str, reason: str) -> None:

@@ -23,8 +23,9 @@ class Signals:
     """While it is entered, a signal calls ``stop`` with a word for it, and ``heard`` gives that word to any thread.
 
     Python's handlers run on the main thread, between two of its instructions: not while that is stuck in C. The number
-    of a signal is written into a socket at once, wherever the main thread is; that is what ``heard`` reads. Off the
-    main thread, signals are not ours to take, and nothing is ever heard.
+    of a signal is written into a socket at once, wherever the main thread is; that is what ``heard`` looks at, and
+    never takes out, since another process does so too (``lifeline``). Off the main thread, signals are not ours to
+    take, and nothing is ever heard.
     """
 
     def __init__(self, stop: Callable[[str], None]) -> None:
@@ -54,12 +55,17 @@ class Signals:
             self._reader = None
         self._undo.close()
 
+    @property
+    def number(self) -> int | None:
+        """The file descriptor of the socket; None off the main thread, and while it is not entered."""
+        return None if self._reader is None else self._reader.fileno()
+
     def heard(self) -> str | None:
         """Return the word for the first signal that came, None while there was none. From any thread."""
         with self._lock:
             if self._word is None and self._reader is not None:
                 try:
-                    numbers = self._reader.recv(64)
+                    numbers = self._reader.recv(4096, socket.MSG_PEEK)
                 except BlockingIOError:
                     numbers = b""
                 self._word = next((FAREWELL[signal.Signals(n)] for n in numbers if n in FAREWELL), None)

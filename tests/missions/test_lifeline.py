@@ -1,0 +1,43 @@
+"""A run that is stuck in C, where nothing of Python runs any more, is ended once it was told to end."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+RUN = """
+import re, sys, time
+from missions.executive.lifeline import Lifeline
+from missions.executive.signals import Signals
+with Signals(lambda word: None) as signals, Lifeline(signals, silence=0.5) as line:
+    print("ready", flush=True)
+    if sys.argv[1] == "stuck":
+        re.match("(a+)+$", "a" * 60 + "b")
+    while signals.heard() is None:
+        line.beat()
+        time.sleep(0.01)
+    for _ in range(150):
+        line.beat()
+        time.sleep(0.01)
+"""
+
+
+def ended(how: str) -> int:
+    """Run it, tell it to end, and return its exit code."""
+    run = subprocess.Popen([sys.executable, "-c", RUN, how], cwd=ROOT, stdout=subprocess.PIPE)
+    with run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"ready\n"
+        os.kill(run.pid, signal.SIGTERM)
+        return run.wait(30.0)
+
+
+def test_a_process_that_is_stuck_in_c_is_killed_soon_after_the_signal() -> None:
+    assert ended("stuck") == -signal.SIGKILL
+
+
+def test_a_process_that_shows_life_has_all_the_time_that_it_takes() -> None:
+    assert ended("alive") == 0
