@@ -1,12 +1,16 @@
 """Mistakes in a file, each at its line and column, all reported in one go."""
 
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from unicodedata import combining, east_asian_width
 
 SHORT = 5
 """Letters of a word in which only one slip is taken for one."""
+
+SMART_QUOTES = re.compile("[\u201c-\u201f\u00ab\u00bb]|^[\u2018-\u201b]|[\u2018-\u201b]$")
+ODD_BLANKS = re.compile("[\u00a0\u2007\u202f\u3000\u200b\ufeff]")
 
 MAX_FAULTS = 100
 """A file with more mistakes than this is no file of the kind: reading stops there."""
@@ -42,12 +46,16 @@ def place_of(text: str, position: int) -> Mark:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One mistake: where it is, what is wrong, and what to write instead where that is known."""
+    """One mistake: where it is, what is wrong, and what to write instead where that is known.
+
+    ``mended`` are the lines that are read otherwise than they are written because of it: nothing else is told of them.
+    """
 
     source: Source
     mark: Mark
     message: str
     suggestion: str = ""
+    mended: frozenset[int] = field(default=frozenset(), compare=False)
 
     @property
     def place(self) -> str:
@@ -88,9 +96,22 @@ class InvalidFileError(ValueError):
 
 def note(faults: list[Fault], fault: Fault) -> None:
     """Add one mistake. Raises InvalidFileError with all of them once there are MAX_FAULTS."""
-    faults.append(fault)
+    if any(fault.mark.line in other.mended and fault.source.name == other.source.name for other in faults):
+        return
+    faults.append(fault if fault.mended else replace(fault, suggestion=_pasted(fault) or fault.suggestion))
     if len(faults) >= MAX_FAULTS:
         raise InvalidFileError(faults)
+
+
+def _pasted(fault: Fault) -> str:
+    """Say what to write for signs of a word processor in what a mistake marks; nothing where there are none."""
+    begin = fault.mark.column - 1
+    marked = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]
+    if (quote := SMART_QUOTES.search(marked)) is not None:
+        return f"{quote[0]} is no quote here: write \" or '"
+    if (blank := ODD_BLANKS.search(marked)) is not None:
+        return f"there is a sign in it that looks like a blank, or like nothing (U+{ord(blank[0]):04X}): write it anew"
+    return ""
 
 
 def closest(word: str, known: Iterable[str]) -> str:

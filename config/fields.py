@@ -19,19 +19,21 @@ class Fields:
     are faults too. Faults gather in the list that all sections of a file share.
     """
 
-    def __init__(self, source: Source, node: Node, faults: list[Fault], *, what: str) -> None:
+    def __init__(self, source: Source, node: Node, faults: list[Fault], *, what: str, torn: bool = False) -> None:
         self.source = source
         self.node = node
         self.faults = faults
         self.what = what
+        self._torn = torn or (isinstance(node, Mapping) and node.torn)
         self._known: set[str] = set()
         self._lacking: dict[str, Fault] = {}
         if not isinstance(node, Mapping):
             self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'")
 
-    def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
-        """Note a mistake."""
-        note(self.faults, Fault(self.source, mark, message, suggestion))
+    def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
+        """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
+        if sure or not self._torn:
+            note(self.faults, Fault(self.source, mark, message, suggestion))
 
     def node_of(self, key: str, *, required: bool = False) -> Node | None:
         """Return the node of ``key``, None where it is missing."""
@@ -39,7 +41,7 @@ class Fields:
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
             self.fault(self.node.mark, f"{self.what} needs '{key}'")
-            self._lacking[key] = self.faults[-1]
+            self._lacking[key] = Fault(self.source, self.node.mark, f"{self.what} needs '{key}'")
         return found
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -60,7 +62,7 @@ class Fields:
         text = node.text if isinstance(node, Scalar) else ""
         found = next((word for word in among if word == text), None)
         if found is None:
-            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(text, among))
+            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(text, among), sure=True)
         return found or among[0]
 
     def flag(self, key: str, default: bool) -> bool:
@@ -69,7 +71,7 @@ class Fields:
         if node is None:
             return default
         if not isinstance(node, Scalar) or not isinstance(node.value, bool):
-            self.fault(node.mark, f"'{key}' needs true or false")
+            self.fault(node.mark, f"'{key}' needs true or false", sure=True)
             return default
         return node.value
 
@@ -82,7 +84,7 @@ class Fields:
             return default or 0.0
         value = node.value if isinstance(node, Scalar) else None
         if not isinstance(value, int | float) or isinstance(value, bool):
-            self.fault(node.mark, f"'{key}' needs a plain number")
+            self.fault(node.mark, f"'{key}' needs a plain number", sure=True)
             return default or 0.0
         return self._within(key, node.mark, float(value), low, high, str)
 
@@ -93,7 +95,7 @@ class Fields:
             return default or 0
         value = node.value if isinstance(node, Scalar) else None
         if not isinstance(value, int) or isinstance(value, bool):
-            self.fault(node.mark, f"'{key}' needs a whole number")
+            self.fault(node.mark, f"'{key}' needs a whole number", sure=True)
             return default or 0
         return int(self._within(key, node.mark, value, low, high, str))
 
@@ -126,7 +128,7 @@ class Fields:
         try:
             value = in_dimension(_value(node), dimension)
         except ValueError as error:
-            self.fault(node.mark, f"'{key}' {error}")
+            self.fault(node.mark, f"'{key}' {error}", sure=True)
             return fallback
         return self._within(key, node.mark, value, low, high, lambda bound: written(bound, dimension))
 
@@ -157,7 +159,7 @@ class Fields:
     def section(self, key: str, *, required: bool = False) -> "Fields | None":
         """Return the mapping under ``key``."""
         node = self.node_of(key, required=required)
-        return None if node is None else Fields(self.source, node, self.faults, what=f"'{key}'")
+        return None if node is None else Fields(self.source, node, self.faults, what=f"'{key}'", torn=self._torn)
 
     def items(self, key: str, *, required: bool = False) -> list[Node]:
         """Return the nodes of the list under ``key``."""
@@ -182,9 +184,11 @@ class Fields:
             return
         for key, _ in self.node.entries:
             if key.text not in self._known:
-                self.fault(key.mark, f"{self.what} has no key '{key.text}'", key_meant(key.text, self._known))
+                self.fault(
+                    key.mark, f"{self.what} has no key '{key.text}'", key_meant(key.text, self._known), sure=True
+                )
                 for meant in ours_for(key.text, KEYS, self._lacking):  # one mistake, not two
-                    self.faults.remove(self._lacking.pop(meant))
+                    self.faults[:] = [each for each in self.faults if each != self._lacking.get(meant)]
 
     def _within(
         self, key: str, mark: Mark, value: float, low: float | None, high: float | None, show: Callable[[float], str]

@@ -8,7 +8,7 @@ and plain words stay words: only ``true``, ``false``, ``null`` and numbers are a
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from errno import EFBIG
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,13 +16,16 @@ from typing import Any, NoReturn
 import yaml
 
 from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
+from config.mending import mend, plain_blanks
 from config.reading import note_read, read_regular
-from config.syntax import forbidden_character, syntax_fault
+from config.syntax import events, forbidden_character, problem_line, syntax_fault
 from config.units import Bare
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
 MAX_NODES = 50_000
+MAX_MENDED = 8
+"""Mistakes of syntax in one file after which it is still read on."""
 
 Plain = str | int | float | bool | None
 
@@ -47,10 +50,14 @@ class Listing:
 
 @dataclass(slots=True)
 class Mapping:
-    """A YAML mapping, in the order of the file; keys are scalars and unique."""
+    """A YAML mapping, in the order of the file; keys are scalars and unique.
+
+    ``torn`` is whether a line of the file could not be read: what is missing here may have stood there.
+    """
 
     mark: Mark
     entries: "list[tuple[Scalar, Node]]" = field(default_factory=list)
+    torn: bool = False
 
     def get(self, key: str) -> "Node | None":
         """Return the value of ``key``, None where it is missing."""
@@ -90,31 +97,50 @@ def read_source(path: Path, name: str | None = None) -> Source:
 def compose(source: Source, faults: list[Fault] | None = None) -> Node:
     """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document.
 
-    With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice) are added to it
-    instead of raised.
+    With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice, a colon that lacks)
+    are added to it instead of raised.
     """
     forbidden = forbidden_character(source)
     if forbidden is not None:
         raise InvalidFileError([forbidden])
-    composer = _Composer(source)
-    try:
-        for event in yaml.parse(source.text, Loader=_LOADER):
-            composer.take(event)
-    except _FatalFaultError:
-        raise InvalidFileError(composer.faults) from None
-    except yaml.YAMLError as error:
-        raise InvalidFileError([*composer.faults, syntax_fault(source, error)]) from error
+    text, found = plain_blanks(source)
+    composer = _composed(source, text, found, mending=faults is not None)
     if composer.root is None:
-        raise InvalidFileError([Fault(source, Mark(), "the file is empty")])
-    if faults is not None:
-        faults += composer.faults
-    elif composer.faults:
-        raise InvalidFileError(composer.faults)
+        raise InvalidFileError(found or [Fault(source, Mark(), "the file is empty")])
+    told: list[Fault] = [] if faults is None else faults
+    for each in (*found, *composer.faults):
+        note(told, each)
+    if faults is None and told:
+        raise InvalidFileError(told)
     return composer.root
 
 
-# libyaml's parser is several times faster; PyYAML without it has the same events.
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+def _composed(source: Source, text: str, found: list[Fault], *, mending: bool) -> "_Composer":
+    """Compose ``text``, and mend what the parser stumbles on where that is asked for; ``found`` takes what it was.
+
+    Raises InvalidFileError for what cannot be read at all.
+    """
+    torn = False
+    for _ in range(MAX_MENDED + 1):
+        composer = _Composer(source, torn=torn)
+        try:
+            for event in events(text):
+                composer.take(event)
+        except _FatalFaultError:
+            raise InvalidFileError([*found, *composer.faults]) from None
+        except yaml.YAMLError as error:
+            fault = syntax_fault(Source(source.name, text), error)
+            better = mend(text, fault, problem_line(error)) if mending else None
+            if not torn:  # what follows from a line that was left out is no mistake
+                found.append(replace(fault, source=source, mended=frozenset() if better is None else better.lines))
+            if better is None:
+                raise InvalidFileError([*composer.faults, *found]) from error
+            text, torn = better.text, torn or better.torn
+        else:
+            return composer
+    raise InvalidFileError(found)
+
+
 _DIGITS = "[0-9]+(?:_[0-9]+)*"
 _NUMBER = re.compile(rf"[-+]?(?:{_DIGITS}(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _WORDS: dict[str, Plain] = {"true": True, "false": False, "null": None, "~": None, "": None}
@@ -149,8 +175,9 @@ class _Anchored:
 class _Composer:
     """Turns parser events into nodes. ``faults`` gathers what is wrong; the fatal ones end the parse."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, *, torn: bool = False) -> None:
         self.source = source
+        self._torn = torn
         self.faults: list[Fault] = []
         self.root: Node | None = None
         self._open: list[_Open] = []
@@ -168,7 +195,8 @@ class _Composer:
                 self._add(scalar, mark)
             case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
                 self._no_tag(event.tag, mark)
-                node: Mapping | Listing = Mapping(mark) if isinstance(event, yaml.MappingStartEvent) else Listing(mark)
+                mapping = isinstance(event, yaml.MappingStartEvent)
+                node: Mapping | Listing = Mapping(mark, torn=self._torn) if mapping else Listing(mark)
                 self._open.append(_Open(node, self._count, event.anchor))
                 self._check_depth(mark, 0)
                 self._anchor(event.anchor, node)

@@ -1,10 +1,13 @@
 """What the YAML parser stumbled on, in words that help."""
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import yaml
 
-from config.faults import Fault, Mark, Source, place_of
+from config.faults import SMART_QUOTES, Fault, Mark, Source, place_of
 
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What is not a printable character of YAML 1.1 (section 5.1 of its specification)."""
@@ -29,6 +32,15 @@ _BEGIN_THERE = ("while scanning", "while parsing a flow")
 """Where these begin is where to look, rather than where the parser gave up."""
 
 
+# libyaml's parser is several times faster; PyYAML without it has the same events.
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def events(text: str) -> Iterator[Any]:
+    """Yield the parser's events. Raises yaml.YAMLError at the first mistake."""
+    yield from yaml.parse(text, Loader=_LOADER)
+
+
 def forbidden_character(source: Source) -> Fault | None:
     """Return the first character that may not stand in YAML at all, such as NUL or an escape code."""
     found = _FORBIDDEN.search(source.text)
@@ -48,8 +60,13 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Fault:
     found = _common_slip(source, line, mark, problem)
     if found is not None:
         return found
+    if problem == "could not find expected ':'" and (begin := _mark(error.context_mark)) is not None:
+        word, _, rest = source.line(begin.line)[begin.column - 1 :].strip().partition(" ")
+        return Fault(source, replace(begin, length=len(word)), f"'{word}' lacks a colon", f"write '{word}: {rest}'")
     if problem.endswith("that cannot start any token"):
         return Fault(source, mark, f"'{line[mark.column - 1 : mark.column]}' cannot begin a text", _QUOTES)
+    if context in _IN_COLUMNS and (quote := _open_quote(source, mark.line)) is not None:
+        return Fault(source, quote, _SLIPS["while scanning a quoted scalar"][0])
     if context in _IN_COLUMNS and (under_dash := _under_dash(source, mark.line)) is not None:
         return under_dash
     if context in _SLIPS:
@@ -57,6 +74,12 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Fault:
         begin = _mark(error.context_mark) if context.startswith(_BEGIN_THERE) else None
         return Fault(source, begin or mark, message, suggestion)
     return Fault(source, mark, f"not YAML: {problem}")
+
+
+def problem_line(error: yaml.YAMLError) -> int:
+    """Return the line (from 1) in which the parser gave up."""
+    mark = error.problem_mark or error.context_mark if isinstance(error, yaml.MarkedYAMLError) else None
+    return 1 if mark is None else mark.line + 1
 
 
 def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Fault | None:
@@ -74,8 +97,12 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Fault |
         place = Mark(mark.line, hole.start() + 1, len(hole[0]))
         return Fault(source, place, "'${...}' inside { } or [ ] needs quotes", f'write "{hole[0]}"')
     if problem.startswith("mapping values are not allowed"):
+        if (under := _under_value(source, line, mark)) is not None:
+            return under
         if ": " in line[: mark.column - 1]:
-            return Fault(source, mark, "a second ': ' in one value", "put quotes around a text that contains ': '")
+            hint = "put quotes around a text that contains ': '"
+            hint += ", such as \" or '" if SMART_QUOTES.search(line) is not None else ""
+            return Fault(source, mark, "a second ': ' in one value", hint)
         hint = "the line above lacks a colon, or this one is indented too far"
         return Fault(source, mark, "a colon is not expected here", hint)
     return None
@@ -102,7 +129,30 @@ def _under_dash(source: Source, number: int) -> Fault | None:
 
 def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Fault:
     hint = f"indent it by two more blanks, under '{behind_dash}'"
+    above = (re.match(r"( *(?:- +)*)(\w+):", source.line(at)) for at in range(mark.line - 1, 0, -1))
+    owner = next((found for found in above if found is not None and len(found[1]) < mark.column - 1), None)
+    hint += f", or outdent it, to stand below '{owner[2]}'" if owner is not None else ""
     return Fault(source, mark, f"'{word}' stands under the dash", hint)
+
+
+def _under_value(source: Source, line: str, mark: Mark) -> Fault | None:
+    """Find a key that is indented below one which has its value behind it, such as ``timeout`` under ``say: Hello``."""
+    key = re.match(r"( *)(\w+):(?=\s|$)", line)
+    above = re.match(r"( *(?:- +)*)(\w+): +[^\s#|>]", source.line(mark.line - 1))
+    if key is None or above is None or len(key[1]) <= len(above[1]):
+        return None
+    place = Mark(mark.line, len(key[1]) + 1, len(key[2]))
+    hint = f"outdent it, to stand below '{above[2]}'"
+    return Fault(source, place, f"'{key[2]}' is indented further than '{above[2]}', which has its value already", hint)
+
+
+def _open_quote(source: Source, number: int) -> Mark | None:
+    """Find a quote that the nearest line above opens and does not close, so that the next one in the file closes it."""
+    for at in range(number, 0, -1):
+        quote = re.match(r" *(?:- +)*(?:[^\s:\"'][^:\"']*: +)?(\"(?:[^\"\\]|\\.)*|'[^']*)(\"|')?", source.line(at))
+        if quote is not None and quote[2] is None:
+            return Mark(at, quote.start(1) + 1)
+    return None
 
 
 def _open_hole(line: str) -> re.Match[str] | None:
@@ -116,14 +166,17 @@ def _open_hole(line: str) -> re.Match[str] | None:
 
 def _bare_word_above(source: Source, number: int) -> tuple[str, Mark] | None:
     """Find the commonest slip: ``- find_face`` with ``timeout: 5 s`` under it, where ``- find_face:`` is meant."""
-    if not re.match(r"\s*\w+:(\s|$)", source.line(number)):
+    key = re.match(r"\s*(?=\w+:(\s|$))", source.line(number))
+    if key is None:
         return None
     while number > 1:
         number -= 1
         line = source.line(number)
         if line.strip() and not line.lstrip().startswith("#"):
             found = re.match(r"(\s*- +)(\w+)\s*(#.*)?$", line)
-            return (found[2], Mark(number, len(found[1]) + 1, len(found[2]))) if found else None
+            if found is None or key.end() <= found[1].index("-"):
+                return None
+            return found[2], Mark(number, len(found[1]) + 1, len(found[2]))
     return None
 
 

@@ -42,7 +42,7 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
                 values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
             else:
                 hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word) or one_of(name.text, declared)
-                notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint)
+                notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint, sure=True)
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):
         principal = next((argument for argument in declared.values() if argument.principal), None)
         if principal is not None:

@@ -46,6 +46,7 @@ def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, 
     if not isinstance(root, Mapping):
         notes.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")
         return None
+    notes.torn = notes.torn or root.torn
     for key, _ in root.entries:
         if key.text not in KEYS:
             notes.fault(key.mark, f"a mission has no key '{key.text}'", key_meant(key.text, KEYS, WORDS))

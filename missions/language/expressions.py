@@ -147,6 +147,8 @@ def _as_name(found: re.Match[str]) -> str:
 
 def _cure(text: str) -> str:
     """Say what to write for what other languages, and people, write."""
+    if re.search(r"\d\s*%\s*($|and|or|\))", text):
+        return "; write 20 for 20 %, where something counts in percent, such as battery.percent"
     if "${" in text:
         return "; write it without '${' and '}'"
     for sign, word in (("&&", "and"), ("||", "or")):

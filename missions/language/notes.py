@@ -55,6 +55,7 @@ class Notes:
     ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
     ``awaited`` are those params among them that nobody has given yet. ``kept`` are those variables of which it is known
     what they hold, each with a leaf that keeps that.
+    ``torn`` is whether a line of the file could not be read.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
 
@@ -67,6 +68,7 @@ class Notes:
     awaited: set[str] = field(default_factory=set)
     kept: dict[str, type[Leaf]] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
+    torn: bool = False
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
@@ -78,13 +80,15 @@ class Notes:
         """How gestures and controllers are found."""
         return self.words.things
 
-    def fault(self, mark: Mark, message: str, suggestion: str = "") -> None:
-        """Note a mistake."""
-        note(self.faults, Fault(self.source, mark, message, suggestion))
+    def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
+        """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
+        if sure or not self.torn:
+            note(self.faults, Fault(self.source, mark, message, suggestion))
 
     def fault_at(self, step: Step, message: str, suggestion: str = "") -> None:
         """Note a mistake at a step, in whichever file that stands."""
-        note(self.faults, Fault(step.source, step.mark, message, suggestion))
+        if not self.torn:
+            note(self.faults, Fault(step.source, step.mark, message, suggestion))
 
     def new_name(self, node: Scalar, what: str) -> None:
         """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""
@@ -101,15 +105,15 @@ class Notes:
             self.wrong_expression(node, error, what)
             return Value()
         if filled is None:
-            return self.constant(node, node.value, what, convert)
+            return self.constant(node, node.value, what, convert, sure=True)
         return self.computed(node, filled, what, convert)
 
-    def constant(self, node: Node, value: object, what: str, convert: Convert) -> Value:
+    def constant(self, node: Node, value: object, what: str, convert: Convert, *, sure: bool = False) -> Value:
         """Convert a value that is known now."""
         try:
             return Value(convert(value))
         except (ValueError, LookupError) as error:
-            self.fault(node.mark, f"{what} {error.args[0] if error.args else error}")
+            self.fault(node.mark, f"{what} {error.args[0] if error.args else error}", sure=sure)
             return Value()
 
     def computed(self, node: Scalar, formula: Template | Expression, what: str, convert: Convert) -> Value:

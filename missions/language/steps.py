@@ -147,7 +147,7 @@ def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
         hint = _as_mission(notes, key.text, alone=alone)
         hint = hint or word_meant(key.text, notes.leaves, composites, beside, alone=alone)
         hint = hint or "`mission behaviours` lists what there is"
-    notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint)
+    notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint, sure=True)
 
 
 def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:

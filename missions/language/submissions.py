@@ -37,7 +37,9 @@ def read_submission(
                 note(notes.faults, fault)
             return None
     source, root = notes.words.files[path]
-    inner = Notes(source, notes.words, (*notes.chain, path.resolve()), steps=notes.steps, faults=notes.faults)
+    inner = Notes(
+        source, notes.words, (*notes.chain, path.resolve()), steps=notes.steps, faults=notes.faults, torn=notes.torn
+    )
     given: dict[str, Value] = {}
 
     def take(inner: Notes, params: dict[str, Param], mission: str) -> None:

@@ -1,6 +1,8 @@
 """Mistakes of new users: words of other languages, slips of the keyboard and of pasted text, and what is answered."""
 
+from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import NamedTuple, get_type_hints
 
 from behaviours.catalogue import LEAVES
@@ -17,7 +19,7 @@ from missions.language.modifiers import MODIFIERS
 from missions.language.plan import COMPOSITES, MISSION, SWITCHES
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
-from missions.library import find_mission
+from missions.library import find_mission, shipped_missions
 from missions.testing.recorders import Bench
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
@@ -90,6 +92,58 @@ MISTAKES = [
     a(
         "- switch:\n    on: face.count\n    cases: {1: stop}\n    retry: 2",
         "'switch' has no key 'retry' > outdent it, to stand beside 'switch'",
+    ),
+    a(
+        "- say: Hi\n    timeout: 5 s",
+        "'timeout' is indented further than 'say', which has its value already > outdent it, to stand below 'say'",
+    ),
+    a(
+        "- selector:\n    - fail\n    timeout: 5 s",
+        "'timeout' stands under the dash > indent it by two more blanks, under 'fail', or outdent it, to stand below "
+        "'selector'",
+    ),
+    # Shares, and what was pasted
+    a(
+        "- stop:\n  if: battery.percent < 20%",
+        "'if': 'battery.percent < 20%' is not an expression; write 20 for 20 %, where something counts in percent",
+    ),
+    a("- say:\u00a0Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
+    a("-\u00a0say: Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
+    a(
+        "- go_to: {x:\u00a01 m, y: 0 m}",
+        "'go_to' has no argument 'x:\u00a01 m' > there is a sign in it that looks like",
+    ),
+    a(
+        "- wait: \u201c2 s\u201d",
+        "'wait' needs a duration such as '2 s', got '\u201c2 s\u201d' > \u201c is no quote here",
+    ),
+    a(
+        "- stop:\n  if: face.name == \u201cAnna\u201d",
+        "'if': 'face.name == \u201cAnna\u201d' is not an expression > \u201c is",
+    ),
+    a("- say: {text: \u201cHi, Anna\u201d}", "'say' has no argument 'Anna\u201d' > \u201d is no quote here: write"),
+    a("- say: 'Bonjour\u00a0: \u201cAnna\u201d'", ""),
+    # A mistake of YAML, and those behind it
+    a(
+        "- stop:\n  timeout 5 s\n- trak_face\n- drive: 1",
+        "'timeout' lacks a colon > write 'timeout: 5 s'",
+        "unknown behaviour 'trak_face' > did you mean 'track_face'?",
+        "'drive' needs a length such as '0.5 m': '1' has no unit",
+    ),
+    a(
+        "- stop\n  timeout: 5 s\n- sleep: 1 s",
+        "'stop' has something beside it, so it needs a colon > write '- stop:'",
+        "unknown behaviour 'sleep' > write 'wait'",
+    ),
+    a(
+        '- say: "Hello\n- sleep: 1 s\n- say: {text: ${n}}',
+        "a quote is opened here and not closed",
+        "unknown behaviour 'sleep' > write 'wait'",
+    ),
+    a(
+        "robot: r\nbase:\n  driver kobuki\n  port: /dev/kobuki\n  max_speed: 3\n",
+        "a colon is not expected here > the line above lacks a colon",
+        "'max_speed' needs a speed such as '0.2 m/s': '3' has no unit",
     ),
     # Whole files
     a("mission: m\nsteps: [stop]\n", "a mission has no key 'steps' > write 'tree'"),
@@ -172,3 +226,26 @@ def test_the_state_that_is_true_or_false_is_known() -> None:
         if isinstance(kept, property) and "bool" in str(get_type_hints(kept.fget)["return"])
     }
     assert truly == FLAGS
+
+
+SLIPS: dict[str, Callable[[str], str]] = {
+    "a tab": lambda line: f"\t{line.lstrip()}",
+    "a quote that is not closed": lambda line: line.replace(": ", ': "', 1),
+    "indented too far": lambda line: f"   {line}",
+    "not indented enough": lambda line: line.removeprefix(" "),
+    "a bracket that is not closed": lambda line: line.rstrip("]}"),
+}
+
+
+def test_a_slip_in_the_syntax_of_a_mission_that_is_right_is_one_mistake() -> None:
+    random, wrong = Random(7), []  # noqa: S311 - which slips are tried
+    files = [path.read_text(encoding="utf-8") for path in shipped_missions().values()]
+    for what, slip in SLIPS.items():
+        for _ in range(30):
+            lines = random.choice(files).splitlines()
+            place = random.choice([at for at, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"])
+            lines[place] = slip(lines[place])
+            faults = answer("\n".join(lines) + "\n")
+            if len(faults) > 1 and any(fault.mended for fault in faults):
+                wrong.append(f"{what}, {lines[place]!r}: {[f'{fault.mark.line}: {fault.message}' for fault in faults]}")
+    assert not wrong, "\n".join(wrong)
