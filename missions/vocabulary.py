@@ -29,13 +29,13 @@ from config.units import UNITS
 from missions.catalogue import WRITTEN
 from missions.language.body import KEYS
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, MISSION, SWITCHES
+from missions.language.plan import BRANCHES
 from missions.language.steps import BESIDE
 
 GROUP = "missiontree.behaviours"
 """The entry points by which packages offer leaves."""
 
-TAKEN = frozenset({*COMPOSITES, *MODIFIERS, *BESIDE, *KEYS, *SWITCHES, MISSION})
+TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
 """Words that mean something else in missions."""
 
 PREFIX = "missiontree_behaviours."

@@ -14,7 +14,7 @@ from config.units import UNITS
 from missions.catalogue import shown_default, summary, terms
 from missions.cli.options import behaviours_option
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, COUNTS, MISSION, SWITCHES
+from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, OTHERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import word_meant
 from missions.vocabulary import vocabulary
@@ -32,7 +32,7 @@ def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
         if name in known:
             click.echo(f"{name}: {known[name]}")
             return
-        hint = word_meant(name, leaves, (*COMPOSITES, *SWITCHES, MISSION), (*MODIFIERS, *BESIDE), alone=False)
+        hint = word_meant(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE), alone=False)
         raise click.UsageError(f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission behaviours` has all"))
     chosen = {name: leaves[name]} if name is not None else leaves
     if as_json:
@@ -47,7 +47,7 @@ def _known() -> Mapping[str, str]:
     """Return what every word of the language does that is no leaf."""
     beside = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
-    return {**COMPOSITES, **SWITCHES, **beside, **modifiers}
+    return {**COMPOSITES, **OTHERS, **beside, **modifiers}
 
 
 def _list(leaves: Mapping[str, type[Leaf]]) -> None:
@@ -55,7 +55,7 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
     for title, rows in (
         ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
         ("Composites, each with a list of behaviours", {word: (text, "") for word, text in COMPOSITES.items()}),
-        ("Composites, each with cases", {word: (text, "") for word, text in SWITCHES.items()}),
+        ("Others that have behaviours below them", {word: (text, "") for word, text in OTHERS.items()}),
         ("Beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
     ):

@@ -7,10 +7,11 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
 from missions.executive.composites import COMPOSITES, Composite, Parallel, adopt
+from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MODIFIERS
 from missions.executive.submission import Submission
 from missions.executive.switch import SWITCHES
-from missions.language.plan import MISSION, Plan, Step
+from missions.language.plan import FOR_EACH, MISSION, Plan, Step
 from missions.language.values import Value
 
 RobotFor = Callable[[Node], Robot]
@@ -63,6 +64,8 @@ class Builder:
             return _leaf(self._substitute(step, step.leaf(step.name)), step, inner)
         if step.kind in MODIFIERS:
             return MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
+        if step.kind == FOR_EACH:
+            return ForEach(step.name, children[0], step.arguments["in"], step.binds)
         if step.kind == MISSION:
             params, returns = step.arguments, step.returns
             return Submission(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)

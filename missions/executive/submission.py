@@ -6,7 +6,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from behaviours.node import Node
-from missions.executive.parent import FAILURE, SUCCESS, Parent
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import ExpressionError
 from missions.language.values import Value
 
@@ -15,8 +15,8 @@ class Submission(Parent, Decorator):
     """Runs the tree of another mission.
 
     ``params`` are computed among the caller's variables each time that it starts; ``inner`` are the variables of the
-    mission inside, forgotten at each start. ``returns`` are computed among these once it has succeeded, and kept under
-    their own names, or together as ``keep_as``.
+    mission inside, forgotten at each start. ``returns`` are computed among these once it has ended, and kept under
+    their own names, or together as ``keep_as``: all of them after a success, after a failure as far as they were set.
     """
 
     def __init__(
@@ -52,16 +52,24 @@ class Submission(Parent, Decorator):
     def go_on(self) -> Status:
         (child,) = self.members
         status = child.advance()
+        if status is RUNNING:
+            return status
+        problem = self._hand_back()
         if status is FAILURE:
             return self.blame(child)
-        return self._hand_back() if status is SUCCESS else status
-
-    def _hand_back(self) -> Status:
-        try:
-            results = {name: value.resolve(self.inner) for name, value in self.returns.items()}
-        except (ExpressionError, ValueError) as error:
-            self.feedback_message = f"returns: {error}"
+        if problem:
+            self.feedback_message = f"returns: {problem}"
             return FAILURE
+        return SUCCESS
+
+    def _hand_back(self) -> str:
+        """Keep the results that can be computed; return why another cannot, or nothing."""
+        results, problem = {}, ""
+        for name, value in self.returns.items():
+            try:
+                results[name] = value.resolve(self.inner)
+            except (ExpressionError, ValueError) as error:
+                problem = problem or str(error)
         self.scope.update(results if self.keep_as is None else {self.keep_as: results})
         self.run.stored = True
-        return SUCCESS
+        return problem

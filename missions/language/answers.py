@@ -51,7 +51,7 @@ def _answers(steps: Collection[Step], params: Collection[str]) -> Mapping[str, f
         # A phrase with a param in it may be missing among them, where nobody has given that yet.
         known = phrases and not any("${" in text for text in step.written.values())
         if step.keep_as is None:
-            other |= step.returns.keys() | (step.arguments.keys() if step.leaf and step.leaf.open_ended else set())
+            other |= step.own_names | step.returns.keys()
         elif known:
             found[step.keep_as] = found.get(step.keep_as, frozenset()) | frozenset(phrases.values())
         else:

@@ -8,7 +8,7 @@ from behaviours.leaf import Leaf
 from behaviours.reach import Reach
 from config.units import article
 from missions.language.notes import Notes
-from missions.language.plan import Step
+from missions.language.plan import AT_ONCE, Step
 
 
 def none_of(words: Sequence[str]) -> Sequence[str]:
@@ -32,7 +32,7 @@ class Target(NamedTuple):
 def check_claims(notes: Notes, tree: Step) -> None:
     """Note every actuator that two children of a parallel or race can drive at the same time."""
     for step in tree.walk():
-        if step.kind not in ("parallel", "race"):
+        if step.kind not in AT_ONCE:
             continue
         claimants: dict[str, list[Step]] = defaultdict(list)
         for child in step.children:

@@ -11,6 +11,7 @@ from missions.language.answers import check_answers
 from missions.language.body import read_body
 from missions.language.claims import Target, check_claims, check_needs, check_reach
 from missions.language.flow import check_flow
+from missions.language.for_each import check_names
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
 from missions.language.params import Param, take_params
@@ -70,6 +71,7 @@ def _check(
     root = compose(source, faults)
     # Each thing is looked up once, however often missions name it.
     words.things = {kind: cache(find) for kind, find in words.things.items()}
+    words.find_mission = cache(words.find_mission)
     notes = Notes(source, words, chain, faults=faults)
 
     def take(notes: Notes, params: dict[str, Param], mission: str) -> None:
@@ -87,6 +89,7 @@ def _check(
                 check_reach(notes, tree, robot)
                 check_phrases(notes, tree, robot)
             check_answers(notes, tree)
+            check_names(notes, tree)
             check_flow(notes, tree)
             check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:

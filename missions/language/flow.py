@@ -1,7 +1,7 @@
 """Which variables can have a value where they are read: one that nothing before it sets is a mistake."""
 
 from missions.language.notes import STATE, Notes
-from missions.language.plan import MISSION, Step
+from missions.language.plan import FOR_EACH, MISSION, Step
 from missions.language.values import Value
 
 AGAIN = frozenset({"repeat", "retry", "while", "until", "parallel", "race", "reactive_sequence", "reactive_selector"})
@@ -15,12 +15,7 @@ def check_flow(notes: Notes, tree: Step) -> None:
 
 def sets(step: Step) -> frozenset[str]:
     """Return the variables that a step, or something below it, sets in its own mission."""
-    found = set() if step.keep_as is None else {step.keep_as}
-    if step.kind == MISSION:
-        return frozenset(found if step.keep_as is not None else found | step.returns.keys())
-    if step.leaf is not None and step.leaf.open_ended:
-        found |= step.arguments.keys()
-    return frozenset(found).union(*(sets(child) for child in step.children))
+    return step.own_names.union(*(sets(child) for child in (() if step.kind == MISSION else step.children)))
 
 
 def _flow(notes: Notes, step: Step, known: frozenset[str]) -> frozenset[str]:
@@ -29,6 +24,8 @@ def _flow(notes: Notes, step: Step, known: frozenset[str]) -> frozenset[str]:
         known |= sets(step)
     for value in step.arguments.values():
         _check(notes, step, value, known)
+    if step.kind == FOR_EACH:  # its list is asked for before any of its rounds
+        known |= sets(step)
     if step.kind == MISSION:
         own = frozenset(step.arguments)
         after = _flow(notes, step.children[0], own)

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from missions.language.counts import decision
+from missions.language.for_each import Members
 from missions.language.notes import Notes
-from missions.language.plan import FAILURE_COUNT, MISSION, SUCCESS_COUNT, SWITCHES, WAIT_FOR_ALL, Step
+from missions.language.plan import FAILURE_COUNT, FOR_EACH, MISSION, SUCCESS_COUNT, SWITCHES, WAIT_FOR_ALL, Step
 
 Ends = frozenset[str]
 SUCCESS, FAILURE = "success", "failure"
@@ -148,6 +149,13 @@ def _parallel(step: Step, below: list[Ends]) -> Ends:
     return frozenset(end for end, possible in found.items() if possible)
 
 
+def _each(step: Step, below: list[Ends]) -> Ends:
+    """Return the ends of a for_each: where its list may be empty, it can succeed whatever its child does."""
+    members = step.arguments["in"].constant
+    count = members.count if isinstance(members, Members) else None
+    return frozenset({SUCCESS}) if count == 0 else below[0] if count else below[0] | {SUCCESS}
+
+
 def _any(step: Step, below: list[Ends]) -> Ends:
     chosen_from_all = step.kind == "race" or len(below) > len(step.cases)
     return frozenset().union(*below) | (frozenset() if chosen_from_all else {FAILURE})
@@ -169,6 +177,7 @@ _RULES: dict[str, Callable[[Step, list[Ends]], Ends]] = {
     "on_running": lambda step, below: below[0] | {SUCCESS if step.text == "succeed" else FAILURE},
     "repeat": lambda step, below: below[0] - {SUCCESS} if _forever(step) else below[0],
     "retry": lambda step, below: below[0] - {FAILURE} if _forever(step) else below[0],
+    FOR_EACH: _each,
     "hold": lambda _, below: below[0] - {FAILURE},
     "timeout": lambda _, below: below[0] | {FAILURE},
     "while": lambda _, below: below[0] | {FAILURE},

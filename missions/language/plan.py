@@ -41,8 +41,24 @@ SWITCHES = {
 }
 """The composites that choose, and what each does."""
 
+FOR_EACH = "for_each"
+"""The node that does its one child for each member of a list."""
+
 MISSION = "mission"
 """The node that runs another mission as a subtree."""
+
+OTHERS = {
+    **SWITCHES,
+    FOR_EACH: "does one behaviour for each member of a list, one after another; fails at the first failure",
+    MISSION: "runs another mission",
+}
+"""The nodes that have others below them in ways of their own, and what each does."""
+
+BRANCHES = (*COMPOSITES, *OTHERS)
+"""All words of nodes that have others below them, but for modifiers."""
+
+AT_ONCE = ("parallel", "race")
+"""The composites whose children run at the same time."""
 
 
 PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head", "range": "range"}
@@ -60,6 +76,7 @@ class Step:
     its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
     params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
     ``returns`` are computed among a sub-mission's own variables, ``keep_as`` names the variable that keeps a result.
+    ``binds`` are the variables that a for_each gives values to for its child: for the member, and for its number.
     ``text`` is what stands behind the word, where that is one value. ``written`` are the arguments by name, as the file
     has them and in its order, for pictures.
     """
@@ -74,6 +91,7 @@ class Step:
     keep_as: str | None = None
     cases: tuple[object, ...] = ()
     returns: Mapping[str, Value] = field(default_factory=dict)
+    binds: tuple[str, ...] = ()
     text: str = ""
     written: Mapping[str, str] = field(default_factory=dict, compare=False)
 
@@ -82,6 +100,16 @@ class Step:
         yield self
         for child in self.children:
             yield from child.walk()
+
+    @property
+    def own_names(self) -> frozenset[str]:
+        """The variables of its mission that it sets itself, not those that something below it does."""
+        found = {*self.binds, *(() if self.keep_as is None else (self.keep_as,))}
+        if self.kind == MISSION and self.keep_as is None:
+            found |= self.returns.keys()
+        if self.leaf is not None and self.leaf.open_ended:
+            found |= self.arguments.keys()
+        return frozenset(found)
 
     @property
     def claims(self) -> frozenset[str]:

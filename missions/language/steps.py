@@ -10,9 +10,10 @@ from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.arguments import read_arguments
 from missions.language.counts import read_counts
+from missions.language.for_each import read_for_each
 from missions.language.modifiers import MODIFIERS, read_modifier
 from missions.language.notes import MAX_STEPS, Notes
-from missions.language.plan import COMPOSITES, COUNTS, MISSION, SWITCHES, Step
+from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, SWITCHES, Step
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
 from missions.language.synonyms import word_meant
@@ -73,7 +74,7 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
 
 
 def _is_behaviour(notes: Notes, word: str) -> bool:
-    return word in notes.leaves or word in COMPOSITES or word in SWITCHES or word == MISSION
+    return word in notes.leaves or word in BRANCHES
 
 
 def _behaviour(notes: Notes, key: Scalar, value: Node | None, beside: Mapping | None) -> Step | None:
@@ -122,6 +123,8 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
         return read_submission(notes, key, value, beside, name, read_step)
     if key.text in SWITCHES:
         return read_switch(notes, key, value, shown, read_step)
+    if key.text == FOR_EACH:
+        return read_for_each(notes, key, value, shown, read_step)
     children = _children(notes, key, value)
     if key.text != "parallel":
         return Step(key.text, shown, key.mark, notes.source, children)
@@ -136,7 +139,7 @@ def _text(node: Node | None) -> str:
 
 def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
     """Note an unknown word, with what may have been meant."""
-    beside, composites = (*MODIFIERS, *BESIDE), (*COMPOSITES, *SWITCHES, MISSION)
+    beside, composites = (*MODIFIERS, *BESIDE), BRANCHES
     words = [*notes.leaves, *composites, *([] if alone else beside)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:

@@ -6,7 +6,7 @@ from collections.abc import Mapping as Named
 
 from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
-from missions.language.plan import MISSION, SWITCHES
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES
 
 Leaves = Named[str, type[Leaf]]
 
@@ -45,6 +45,11 @@ def _beside(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[t
         yield value.text, next((leaves[key.text] for key, _ in node.entries if key.text in leaves), None)
     elif isinstance(value, Mapping) and ((leaf is not None and leaf.open_ended) or _is_returns(node, word)):
         yield from ((name.text, None) for name, _ in value.entries)
+    elif word == FOR_EACH and isinstance(value, Mapping):
+        names = (value.get("as"), value.get("number"))
+        yield from ((name.text, None) for name in names if isinstance(name, Scalar))
+        do = value.get("do")
+        yield from () if do is None else _pairs(do, leaves)
     elif word in SWITCHES and isinstance(value, Mapping):
         cases = value.get("cases")
         branches = [case for _, case in cases.entries] if isinstance(cases, Mapping) else []

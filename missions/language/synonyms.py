@@ -29,6 +29,7 @@ WORDS: Mapping[str, str] = {
     "selector": "or fallback priority any any_of either try alternatives sel first_of",
     "reactive_sequence": "reactive_and",
     "reactive_selector": "reactive_or reactive_fallback reactive_priority",
+    "for_each": "foreach for each for_all map loop_over iterate for_in with_items",
     "parallel": "simultaneously together concurrent concurrently at_once parallel_all",
     "switch": "then else elif else_if otherwise case choose match select cond",
     "mission": "call run subtree sub_tree submission include import uses execute start_mission name",

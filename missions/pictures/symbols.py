@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from missions.language.plan import COMPOSITES, MISSION, REACTIVE_SWITCH, SWITCH, SWITCHES, Step
+from missions.language.plan import COMPOSITES, FOR_EACH, MISSION, OTHERS, REACTIVE_SWITCH, SWITCH, Step
 
 SYMBOLS: Mapping[str, str] = {
     "sequence": "→",
@@ -15,6 +15,7 @@ SYMBOLS: Mapping[str, str] = {
     "race": "⇉¹",
     SWITCH: "⇄",
     REACTIVE_SWITCH: "⇄↻",
+    FOR_EACH: "∀",
     MISSION: "▣",
 }
 """The sign of each kind of node that has others below it. All of them are in DejaVu Sans."""
@@ -33,9 +34,8 @@ def symbol_of(step: Step) -> str:
 
 def legend() -> tuple[tuple[str, str, str], ...]:
     """Return each sign with the kind of node that it stands for, and what such a node does."""
-    others = {**SWITCHES, MISSION: "runs another mission"}
     return (
-        *((sign, kind, COMPOSITES.get(kind) or others[kind]) for kind, sign in SYMBOLS.items()),
+        *((sign, kind, COMPOSITES.get(kind) or OTHERS[kind]) for kind, sign in SYMBOLS.items()),
         (CONDITION, "condition", "asks a part of the robot, and answers at once"),
         (ACTION, "action", "does something"),
     )

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from behaviours.leaf import Leaf
 from missions.catalogue import sentence, summary
 from missions.language.modifiers import MODIFIERS, NEITHER
-from missions.language.plan import COMPOSITES, COUNTS, MISSION, SWITCHES
+from missions.language.plan import COMPOSITES, COUNTS, FOR_EACH, MISSION, OTHERS, SWITCHES
 from missions.language.steps import ONLY_BESIDE
 from missions.schema.leaves import leaf_value, needs_nothing
 from missions.schema.values import EXPRESSION, HOLE, NAME, SCALAR, Schema, Things, named, quantity
@@ -95,7 +95,28 @@ def _composites(things: Things) -> dict[str, Schema]:
     switches = {
         word: {"description": f"{sentence(text)} Fails where no case is.", **switch} for word, text in SWITCHES.items()
     }
-    return {**lists, **switches, MISSION: mission}
+    return {**lists, **switches, FOR_EACH: _for_each(), MISSION: mission}
+
+
+def _for_each() -> Schema:
+    """Return what stands behind ``for_each``."""
+    members = {"type": "array", "items": {"type": SCALAR}}
+    return {
+        "description": sentence(OTHERS[FOR_EACH]),
+        "type": "object",
+        "properties": {
+            "in": {
+                "description": "The list: an expression, or its members.",
+                "anyOf": [EXPRESSION, members],
+                "examples": ["places"],
+            },
+            "as": {"description": "The variable that holds the member.", **NAME},
+            "number": {"description": "The variable that holds the number of the member, from 1.", **NAME},
+            "do": NODE,
+        },
+        "required": ["in", "as", "do"],
+        "additionalProperties": False,
+    }
 
 
 def _beside() -> dict[str, Schema]:

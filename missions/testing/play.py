@@ -7,7 +7,7 @@ from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
 from missions.executive.events import Ended, Logged
 from missions.executive.watchdog import Limits
-from missions.language.plan import COMPOSITES, SWITCHES
+from missions.language.plan import BRANCHES, MISSION
 from missions.testing.history import History, NodeRecord
 from missions.testing.judge import judge
 from missions.testing.moments import BASE_VERBS, Happening
@@ -84,4 +84,4 @@ def _last(history: History) -> tuple[str, ...]:
 def _is_noise(happening: Happening) -> bool:
     """Whether it says little: of composites without a name, and of every little turn of the base."""
     kind, name = happening.names[0], happening.names[-1]
-    return happening.verb in BASE_VERBS or ((kind in COMPOSITES or kind in SWITCHES) and name == kind)
+    return happening.verb in BASE_VERBS or (kind in BRANCHES and kind != MISSION and name == kind)

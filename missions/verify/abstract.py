@@ -5,11 +5,12 @@ from dataclasses import replace
 
 from behaviours.leaf import FAILURE, Leaf
 from missions.language.flow import sets
+from missions.language.for_each import Members
 from missions.language.notes import STATE
-from missions.language.plan import MISSION, SWITCHES, Plan, Step
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Plan, Step
 from missions.language.values import Value
 from missions.verify.choices import Oracle
-from missions.verify.guesses import MOST, TWICE, UNKNOWN, Anything, Guess, Many, widened
+from missions.verify.guesses import MOST, TWICE, UNKNOWN, Anything, Guess, Many, Several, widened
 from missions.verify.instants import Some
 from missions.verify.mocks import outcomes, stand_in, waits
 from missions.verify.watch import Watch
@@ -48,6 +49,8 @@ def _setting(step: Step, value: Value, oracle: Oracle) -> Value:
         return _stored(value, oracle)
     if step.kind in COUNTS:
         return _count(value, oracle)
+    if step.kind == FOR_EACH:
+        return _members(value, oracle)
     if value.template is None:
         return value
     if step.kind in TIMES:
@@ -87,6 +90,24 @@ def _count(value: Value, oracle: Oracle) -> Value:
         oracle=oracle,
         options=(Many.of(oracle, 0),),
         kept=lambda found: many if isinstance(found, int) and found > MOST else found,
+    )
+
+
+def _members(value: Value, oracle: Oracle) -> Value:
+    many = Several((UNKNOWN,), Many.of(oracle, TWICE))
+
+    def kept(found: object) -> object:
+        return many if isinstance(found, Members) and found.count > MOST else found
+
+    if value.template is None:
+        return Value(kept(value.constant))
+    unknown = Several((UNKNOWN,), Many.of(oracle, 0))
+    return Guess(
+        template=value.template,
+        convert=value.convert,
+        oracle=oracle,
+        options=(unknown,),
+        kept=kept,
     )
 
 

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, Self
 
 from missions.language.expressions import Expression, ExpressionError
+from missions.language.for_each import Members
 from missions.language.notes import STATE
 from missions.language.values import Value
 from missions.verify.choices import Oracle
@@ -69,6 +70,25 @@ class Many(int):
 
     def __hash__(self) -> int:
         return id(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Several(Members):
+    """The members of a list of which nobody knows how many there are, or that are too many to be told apart."""
+
+    rounds: Many
+
+    @property
+    def count(self) -> int:
+        """See Members."""
+        return self.rounds
+
+    def member(self, place: int) -> object:
+        """See Members."""
+        del place
+        return UNKNOWN
+
+    number = member
 
 
 class Anything:

@@ -7,7 +7,7 @@ from behaviours.leaf import RUNNING
 from behaviours.node import Node
 from config.faults import Fault, Mark, Source
 from missions.executive.modifiers import Repeat, Retry
-from missions.language.plan import SWITCHES, Plan, Step
+from missions.language.plan import FOR_EACH, SWITCHES, Plan, Step
 from missions.verify.explore import GOING, HALTING, RESTED, Space
 from missions.verify.mocks import StandIn
 from missions.verify.monitors import Following
@@ -223,6 +223,7 @@ _WHY = {
     "while": "its condition is never true",
     "until": "its condition is true from the start",
     "delay": "something else always ends it before",
+    FOR_EACH: "its list is always empty",
     **dict.fromkeys(SWITCHES, "the value of this case never comes"),
     "sequence": "what stands before it never succeeds",
     "reactive_sequence": "what stands before it never succeeds",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from missions.language.plan import MISSION, REACTIVE_SWITCH, SWITCHES, Step
+from missions.language.plan import FOR_EACH, MISSION, REACTIVE_SWITCH, SWITCHES, Step
 from missions.language.values import Value
 from missions.verify.guesses import Guess
 from missions.verify.mocks import SetStandIn
@@ -88,9 +88,13 @@ class Analysis:
         if step.leaf is not None:
             found = running = reads | (onward.success - _stored(step)) | onward.failure
         elif step.kind == MISSION:
-            children[0](Onward(names_read(step.returns.values()), NONE))
+            results = names_read(step.returns.values())
+            children[0](Onward(results, results))
             running = (onward.success - _stored(step)) | onward.failure
             found = reads | running
+        elif step.kind == FOR_EACH:
+            ended = onward.success | onward.failure
+            found = running = reads | ended | (children[0](Onward(ended | again, ended)) - frozenset(step.binds))
         elif step.kind in SWITCHES:
             found = reads.union(onward.failure, *(child(onward) for child in children))
             running = found if step.kind == REACTIVE_SWITCH else NONE

@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
+from missions.executive.for_each import ForEach
 from missions.executive.modifiers import Modifier, Repeat, Retry
 from missions.verify.fields import Fields, fields_of
 from missions.verify.guesses import Many
@@ -150,8 +151,8 @@ def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> o
         return ""  # words for people
     if isinstance(value, tuple):
         return tuple(_kept(each, node, name, instants) for each in value)
-    if type(value) is int and isinstance(node, Retry | Repeat) and name != "setting":
-        return value if type(node.setting) is int else min(value, _enough(node))
+    if type(value) is int and isinstance(node, Retry | Repeat | ForEach) and name != "setting":
+        return value if type(_rounds(node)) is int else min(value, _enough(node))
     return value
 
 
@@ -167,9 +168,15 @@ def _waited(node: Node) -> float | None:
     return seconds if node.value.template is None else None
 
 
-def _enough(node: Retry | Repeat) -> int:
+def _rounds(node: Retry | Repeat | ForEach) -> object:
+    """Return how often a node does its child; None for ever."""
+    return node.setting.count if isinstance(node, ForEach) else node.setting
+
+
+def _enough(node: Retry | Repeat | ForEach) -> int:
     """Return the count beyond which one more makes no difference."""
-    return node.setting.least if isinstance(node.setting, Many) else 0
+    rounds = _rounds(node)
+    return rounds.least if isinstance(rounds, Many) else 0
 
 
 class Frozen(NamedTuple):

@@ -5,8 +5,8 @@ from collections import Counter
 import pytest
 
 from config.faults import InvalidFileError
-from missions.executive.composites import COMPOSITES
 from missions.executive.modifiers import MODIFIERS
+from missions.language.plan import COMPOSITES, FOR_EACH, SWITCHES
 from tests.conformance.harness import Case, all_cases, play, read_cases
 
 ALL = all_cases()
@@ -32,7 +32,7 @@ def test_every_title_stands_for_one_case() -> None:
     assert [title for title, count in Counter(map(str, ALL)).items() if count > 1] == []
 
 
-@pytest.mark.parametrize("word", [*COMPOSITES, *MODIFIERS])
+@pytest.mark.parametrize("word", [*COMPOSITES, *SWITCHES, FOR_EACH, *MODIFIERS])
 def test_every_composite_and_modifier_has_its_cases(word: str) -> None:
     assert sum(word in {step.kind for step in case.plan().tree.walk()} for case in ALL if case.ticks) >= 3
 

@@ -13,7 +13,7 @@ from behaviours.node import Node
 from config.faults import InvalidFileError
 from missions.executive.composites import COMPOSITES
 from missions.executive.events import STATUS_WORDS
-from missions.language.plan import SWITCHES, Plan
+from missions.language.plan import FOR_EACH, SWITCHES, Plan
 from tests.conformance.harness import Case, Play
 from tests.conformance.probes import Probe
 
@@ -56,7 +56,9 @@ def composed(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
         {"parallel": st.lists(children, min_size=1, max_size=3)},
         optional={"success_count": counts, "failure_count": counts, "wait_for_all": st.just(True)},
     )
-    return (lists | counted | chosen(children)).flatmap(modified)
+    each = st.fixed_dictionaries({"in": st.just([1, 2]), "as": st.just("m"), "do": children})
+    loops = st.dictionaries(st.just(FOR_EACH), each, min_size=1, max_size=1)
+    return (lists | counted | chosen(children) | loops).flatmap(modified)
 
 
 def chosen(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -78,6 +80,9 @@ def named(tree: dict[str, Any], number: Iterator[int]) -> dict[str, Any]:
     def below(key: str, value: Any) -> Any:
         if key in COMPOSITES:
             return [named(child, number) for child in value]
+        if key == FOR_EACH:
+            place = next(number)
+            return value | {"as": f"m{place}", "do": named(value["do"], number)}
         if key in SWITCHES:
             cases = {case: named(child, number) for case, child in value["cases"].items()}
             return value | {"cases": cases} | {k: named(v, number) for k, v in value.items() if k == "default"}

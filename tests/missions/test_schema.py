@@ -22,10 +22,10 @@ from config.units import UNITS, quantity
 from missions.assembly.things import THINGS
 from missions.catalogue import bounds, shown_default
 from missions.catalogue import example as example_of
-from missions.language import body, params, steps, switches
+from missions.language import body, for_each, params, steps, switches
 from missions.language.document import check_plan
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, MISSION, SWITCHES
+from missions.language.plan import BRANCHES, FOR_EACH, MISSION, SWITCHES
 from missions.library import find_mission, shipped_missions
 from missions.schema.mission import known_things, mission_schema
 from missions.schema.values import quantity as written_quantity
@@ -116,6 +116,8 @@ GOOD = [
     ["- reactive_switch: {on: n, cases: {1: stop}}", "  on_running: fail", "  once: n + 1", "  name: x"],
     ["- parallel: [stop, {say: Hi}, {wait: 1 s}]", "  success_count: ${n}", "  wait_for_all: true"],
     ["- parallel: [{drive: 1 m}, {say: Hi}, {wait: 1 s}]", "  success_count: 1", "  failure_count: all"],
+    ["- for_each: {in: [a, b c], as: place, number: k, do: {say: '${place}'}}"],
+    ["- for_each: {in: '[n, 3]', as: place, do: stop}", "  repeat: 2"],
     ["- mission: greet", "  with: {patience: 5 s, greeting: Good day}"],
 ]
 
@@ -197,6 +199,10 @@ BROKEN = [
     ["- wait: 1 s", "  once: yes"],
     ["- wait: 1 s", "  on_failure: fail"],
     ["- wait: 1 s", "  on_running: success"],
+    ["- for_each: {in: [a], do: stop}"],
+    ["- for_each: {in: [a], as: x}"],
+    ["- for_each: {in: {a: 1}, as: x, do: stop}"],
+    ["- for_each: [a, b]"],
     ["- race: [stop]", "  success_count: 1"],
     ["- parallel: [stop]", "  success_count: 0"],
     ["- parallel: [stop]", "  wait_for_all: false"],
@@ -262,7 +268,7 @@ VALUES = st.sampled_from(
         *["{text: a, speed: 1}", "{pan: 3 deg}", "{on: n, cases: {1: stop, x: {wait: 1 s}}}"],
     ]
 )
-KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, *steps.BESIDE, *SWITCHES, MISSION, "nonsense", "3"])
+KEYS = st.sampled_from([*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE, "nonsense", "3"])
 
 
 @settings(deadline=None, max_examples=400)
@@ -303,13 +309,13 @@ def mantissa(text: str) -> str:
 
 
 def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
-    assert BEHAVIOURS.keys() == {*LEAVES, *COMPOSITES, *SWITCHES, MISSION}
+    assert BEHAVIOURS.keys() == {*LEAVES, *BRANCHES}
     for word, leaf in LEAVES.items():
         assert BEHAVIOURS[word]["description"]
         assert all(name in BEHAVIOURS[word]["markdownDescription"] for name in leaf.arguments)
         for name, declared in leaf.arguments.items():
             assert declared.help[1:] in BEHAVIOURS[word]["then"]["properties"][name]["description"]
-    for word in (*COMPOSITES, *SWITCHES, MISSION):
+    for word in BRANCHES:
         assert BEHAVIOURS[word]["description"]
     for branch in ("then", "else"):
         for word in (*MODIFIERS, *steps.BESIDE, "as"):
@@ -320,7 +326,8 @@ def test_the_schema_and_the_checker_know_the_same_keys() -> None:
     assert SCHEMA["properties"].keys() == set(body.KEYS)
     assert SCHEMA["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
     assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.KEYS) for word in SWITCHES)
-    expected = {*LEAVES, *COMPOSITES, *SWITCHES, MISSION, *MODIFIERS, *steps.BESIDE}
+    assert BEHAVIOURS[FOR_EACH]["properties"].keys() == set(for_each.KEYS)
+    expected = {*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE}
     assert NODE["then"]["properties"].keys() == expected
     assert NODE["else"]["properties"].keys() == expected
 

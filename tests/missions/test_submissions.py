@@ -83,6 +83,51 @@ def test_returns_beside_the_call_are_computed_among_the_submissions_variables(fo
     assert "length" not in run.variables
 
 
+TOUR = """\
+mission: tour
+tree:
+  sequence:
+    - set: {seen: 2}
+    - set: {last: hall}
+      if: seen > 1
+    - fail: no door
+    - set: {home: true}
+returns: {seen: seen, twice: seen * 2, home: home, last: last}
+"""
+
+
+def test_results_of_a_submission_that_failed_are_kept_as_far_as_they_were_set(folder: Path) -> None:
+    (folder / "tour.yaml").write_text(TOUR)
+    for beside in ("", "\n  as: done"):
+        root, run = ready(load(folder, f"  mission: tour.yaml{beside}\n"))
+        run.variables["home"] = "of before"
+        assert root.advance() is Status.FAILURE
+        assert root.reason == "no door"
+        kept = run.variables["done"] if beside else run.variables
+        assert isinstance(kept, dict)
+        assert {name: kept.get(name) for name in ("seen", "twice", "last")} == {"seen": 2, "twice": 4, "last": "hall"}
+        assert run.variables["home"] == "of before"
+        assert not beside or "home" not in kept
+
+
+def test_a_result_that_cannot_be_computed_makes_a_success_a_failure_and_the_others_are_kept(folder: Path) -> None:
+    (folder / "half.yaml").write_text("mission: half\ntree: {set: {a: 1, b: x}}\nreturns: {c: a / (a - 1), d: a}\n")
+    root, run = ready(load(folder, "  mission: half.yaml\n"))
+    assert root.advance() is Status.FAILURE
+    assert root.reason == "returns: 'a / (a - 1)' divides by zero"
+    assert run.variables["d"] == 1
+    assert "c" not in run.variables
+
+
+def test_a_submission_that_is_halted_hands_nothing_back(folder: Path) -> None:
+    (folder / "slow.yaml").write_text(
+        "mission: slow\ntree: {sequence: [{set: {a: 1}}, {wait: 9 s}]}\nreturns: {a: a}\n"
+    )
+    root, run = ready(load(folder, "  mission: slow.yaml\n  on_running: fail\n"))
+    assert root.advance() is Status.FAILURE
+    assert "a" not in run.variables
+
+
 def test_params_are_computed_anew_at_each_start_and_variables_forgotten(folder: Path) -> None:
     (folder / "count.yaml").write_text(
         "mission: count\nparams: {start: 0}\ntree:\n  set: {found: '${start + 1}'}\nreturns: {found: found}\n"

@@ -16,7 +16,7 @@ from missions.language.body import KEYS
 from missions.language.document import check_plan
 from missions.language.flags import FLAGS
 from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, MISSION, SWITCHES
+from missions.language.plan import BRANCHES
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
 from missions.library import find_mission, shipped_missions
@@ -188,7 +188,7 @@ def test_a_word_of_another_language_is_one_mistake_and_not_two() -> None:
 
 
 def meant(word: str) -> str:
-    return word_meant(word, LEAVES, (*COMPOSITES, *SWITCHES, MISSION), (*MODIFIERS, *BESIDE), alone=False)
+    return word_meant(word, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE), alone=False)
 
 
 def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
@@ -209,12 +209,12 @@ def test_a_slip_of_the_keyboard_still_leads_there() -> None:
 
 
 def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
-    ours = {*LEAVES, *COMPOSITES, *SWITCHES, MISSION, *MODIFIERS, *BESIDE, *KEYS}
+    ours = {*LEAVES, *BRANCHES, *MODIFIERS, *BESIDE, *KEYS}
     assert not {head_of(word) for word in WORDS} - ours
     read = "\n".join(path.read_text(encoding="utf-8") for path in Path("config").glob("*.py"))
     read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/testing").glob("*.py"))
     assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
-    assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *COMPOSITES, *MODIFIERS}
+    assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}
 
 
 def test_the_state_that_is_true_or_false_is_known() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
-from missions.language.plan import COMPOSITES, MISSION, SWITCHES
+from missions.language.plan import BRANCHES, MISSION
 from missions.library import load_mission, shipped_missions
 from missions.pictures.draw import at, drawing_of, folded, one_line
 from missions.pictures.drawing import Box, Drawing
@@ -102,7 +102,7 @@ def test_texts_are_one_line_without_what_would_break_a_picture() -> None:
 
 
 def test_every_kind_of_node_has_its_symbol_and_all_symbols_are_in_the_legend() -> None:
-    assert {*SYMBOLS} == {*COMPOSITES, *SWITCHES, MISSION}
+    assert {*SYMBOLS} == {*BRANCHES}
     signs = [sign for sign, _, _ in legend()]
     assert len(set(signs)) == len(signs) == len(SYMBOLS) + 2
     assert all(word and meaning for _, word, meaning in legend())

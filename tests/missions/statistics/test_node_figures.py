@@ -113,6 +113,9 @@ def trees() -> st.SearchStrategy[list[str]]:
     def counted(children: list[list[str]], counts: list[str]) -> list[str]:
         return [*composite("parallel", children), *counts]
 
+    def looped(child: list[str]) -> list[str]:
+        return ["for_each:", "  in: [1, 2]", "  as: m", "  do:", *(f"    {line}" for line in child)]
+
     def modified(node: list[str], modifier: str) -> list[str]:
         name = modifier.partition(":")[0]
         return node if any(line.startswith(f"{name}:") for line in node) else [*node, modifier]
@@ -122,6 +125,7 @@ def trees() -> st.SearchStrategy[list[str]]:
         lambda inner: (
             st.builds(composite, st.sampled_from(COMPOSITES), st.lists(inner, min_size=1, max_size=3))
             | st.builds(counted, st.lists(inner, min_size=2, max_size=3), st.sampled_from(COUNTS))
+            | st.builds(looped, inner)
             | st.builds(modified, inner, st.sampled_from(MODIFIERS))
         ),
         max_leaves=8,

@@ -112,7 +112,8 @@ def trees(modifiers: tuple[str, ...]) -> st.SearchStrategy[str]:
         )
         composites = st.builds(lambda word, nodes: f"{word}: {nodes}", st.sampled_from(COMPOSITES), lists)
         counted = st.builds("parallel: {}, {}".format, lists, st.sampled_from(COUNTS))
-        return st.builds(with_modifier, st.one_of(children, composites, counted), st.sampled_from(modifiers))
+        each = st.builds("for_each: {{in: [1, 2], as: x, do: {{{}}}}}".format, children)
+        return st.builds(with_modifier, st.one_of(children, composites, counted, each), st.sampled_from(modifiers))
 
     return st.recursive(LEAF, node, max_leaves=3)
 

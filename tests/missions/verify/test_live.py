@@ -238,6 +238,9 @@ LEAF = st.sampled_from(
         "set: {a: '${b + 1}'}",
         "face_seen: 1 s, as: a",
         "log: '${a + b}'",
+        "log: '${c}'",
+        "set: {a: '${c}'}",
+        "set: {b: '${d}'}",
     )
 )
 MODIFIERS = (
@@ -267,6 +270,7 @@ COMPOSITES = (
     "random_sequence",
     "random_selector",
 )
+LISTS = st.sampled_from(("[]", "[1, 2]", "[1, 2, 1, 2]", "'[a, b]'", "'[a, b, 1, 2]'", "a"))
 COUNTS = ("failure_count: all", "wait_for_all: true", "failure_count: '${a}'")
 
 
@@ -277,6 +281,7 @@ def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     composites |= st.builds(
         "{{reactive_switch: {{on: a, cases: {{1: {0}}}, default: {1}}}}}".format, children, children
     )
+    composites |= st.builds("{{for_each: {{in: {0}, as: c, number: d, do: {1}}}}}".format, LISTS, children)
     return st.builds("{{sequence: [{0}], {1}}}".format, children | composites, st.sampled_from(MODIFIERS)) | composites
 
 
@@ -284,7 +289,7 @@ def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 @given(st.recursive(LEAF.map("{{{0}}}".format), node, max_leaves=6))
 def test_nothing_is_lost_by_what_is_forgotten(tree: str) -> None:
     try:
-        plan = plan_of(f"sequence: [{{set: {{a: 0, b: 0}}}}, {tree}, {{look: 1 deg, if: a == b}}]")
+        plan = plan_of(f"sequence: [{{set: {{a: 0, b: 0, c: 0, d: 0}}}}, {tree}, {{look: 1 deg, if: a == b}}]")
     except ValueError:  # what the checker refuses
         return
     same_without_forgetting(plan)
