@@ -4,27 +4,95 @@ Our packages have plain names (``config``, ``drivers``...), which something else
 working directory, a ROS ``PYTHONPATH``, another distribution. So before anything of ours is used, each is looked at.
 """
 
+import json
+import os
 import signal
 import sys
+from collections.abc import Iterable
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import unquote
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution
 
 INTERRUPTED = 130
 
 PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
 
 
-def shadowed() -> list[str]:
-    """Return a line for each of our packages of which Python finds another."""
-    found = []
+OURS = "missiontree"
+"""The name of our distribution."""
+
+
+def shadowed() -> dict[str, str]:
+    """Return what is found in the place of each of our packages, by their names, where that is another."""
+    found = {}
     for name in PACKAGES:
         try:
             package = import_module(name)
         except Exception as error:
-            found.append(f"  {name}: {type(error).__name__}: {error}")
+            found[name] = f"{type(error).__name__}: {error}"
             continue
-        if getattr(package, "__project__", None) != "missiontree":
-            found.append(f"  {name}: found {getattr(package, '__file__', None) or 'a folder without __init__.py'}")
+        if getattr(package, "__project__", None) != OURS:
+            found[name] = f"found {getattr(package, '__file__', None) or 'a folder without __init__.py'}"
     return found
+
+
+def cures(hidden: Iterable[str]) -> list[str]:
+    """Return what helps where other modules are found in the place of our packages, a command or an advice each."""
+    from importlib import metadata  # noqa: PLC0415 - only where something is wrong
+
+    others: dict[str, None] = {}
+    again, advice = False, dict[str, None]()
+    for name in hidden:
+        file = _file(name)
+        owners = metadata.packages_distributions().get(name, ())
+        rivals = [owner for owner in owners if owner != OURS and _holds(metadata.distribution(owner), file)]
+        again = again or (OURS in owners and _holds(metadata.distribution(OURS), file))
+        others |= dict.fromkeys(rivals)
+        if not rivals and not again:
+            advice[_elsewhere(file)] = None
+    pip = f"{sys.executable} -m pip"
+    commands = [f"{pip} uninstall {' '.join(others)}"] if others else []
+    return [*commands, *([f"{pip} install --force-reinstall --no-deps {_origin()}"] if again else []), *advice]
+
+
+def _file(name: str) -> Path:
+    """Return the file, or the folder, that Python takes for a module of this name."""
+    try:
+        spec = find_spec(name)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None:
+        return Path(name)
+    return Path(spec.origin or next(iter(spec.submodule_search_locations or [name])))
+
+
+def _holds(distribution: "Distribution", file: Path) -> bool:
+    """Say whether a distribution lies where ``file`` is."""
+    return Path(str(distribution.locate_file(""))) in file.parents
+
+
+def _origin() -> str:
+    """Return what our distribution was installed from: a folder or a file where that is known, else its name."""
+    from importlib import metadata  # noqa: PLC0415 - see ``cures``
+
+    told = metadata.distribution(OURS).read_text("direct_url.json")
+    url = str(json.loads(told)["url"]) if told else ""
+    return unquote(url.removeprefix("file://")) if url.startswith("file://") else OURS
+
+
+def _elsewhere(file: Path) -> str:
+    """Say what helps against a module that belongs to no distribution."""
+    entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    if any(entry and Path(entry).resolve() in file.parents for entry in entries):
+        return "unset PYTHONPATH"
+    if Path.cwd() in file.parents:
+        return f"rename {file}, or run mission in another folder"
+    return f"rename {file}"
 
 
 def main() -> None:
@@ -40,9 +108,9 @@ def main() -> None:
 def _main() -> None:
     problems = shadowed()
     if problems:
-        lines = ["mission: another module hides a part of MissionTree:", *problems]
-        lines.append("  try: leave that folder, rename the module, or `unset PYTHONPATH`")
-        sys.exit("\n".join(lines))
+        told = [f"  {name}: {found}" for name, found in problems.items()]
+        tried = [f"  {'then' if place else 'try'}: {cure}" for place, cure in enumerate(cures(problems))]
+        sys.exit("\n".join(["mission: another module hides a part of MissionTree:", *told, *tried]))
     import_module("missions.cli.root").main()
 
 
