@@ -110,6 +110,7 @@ class Recording:
                 on_view=recorder.view,
                 on_frame=recorder.frame,
             )
+        recorder.watch(self.runner.root)
 
     def __enter__(self) -> Self:
         wish, runner = self._wish, self.runner

@@ -18,7 +18,7 @@ from missions.recording.moments import Restored, Shortened
 from missions.recording.outputs import new_file
 from missions.recording.read import CUT, Record, began_at
 
-KEYS = {"/mission": (), "/nodes": ("node",), "/variables": ("scope", "name")}
+KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
 """Of which messages the newest holds on: of those that have these members in common. So do all on ``/state/...``."""
 
 

@@ -40,6 +40,15 @@ class Checked(NamedTuple):
     health: Mapping[str, Health]
 
 
+class Feedback(NamedTuple):
+    """The message of a node that goes on running, where it is another than before: when, in which tick, of which."""
+
+    t: float
+    tick: int
+    node: str
+    reason: str
+
+
 class Missed(NamedTuple):
     """How many messages will not come into the record, by topic, and why."""
 

@@ -5,6 +5,7 @@ import json
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from functools import cached_property
 from math import isfinite
@@ -21,6 +22,7 @@ from missions.recording.codec import from_json
 from missions.recording.faults import InvalidRecordError, message_in, understanding
 from missions.recording.head import LIMIT, TREE, Head
 from missions.recording.identify import head_in, no_mcap
+from missions.recording.items import Feedback
 from missions.recording.moments import Restored
 from missions.recording.topics import EVENTS
 from perception.api import View
@@ -168,8 +170,25 @@ class Record:
 
     def statuses(self, time: float) -> Mapping[str, NodeChanged]:
         """Return the newest change of each node up to ``time``, or so near behind it that nobody means less, by key."""
-        changes = self._changes
-        return {change.node: change for change in changes[: bisect_right(changes, time + NEAR, key=lambda it: it.t)]}
+        states = self.states
+        place = bisect_right(states, time + NEAR, key=lambda state: state[0])
+        return {change.node: change for _, change in states[:place]}
+
+    @cached_property
+    def states(self) -> Sequence[tuple[float, NodeChanged]]:
+        """What each node was from when on: its changes and, with the same ``t``, its new messages while it ran on."""
+        news: list[NodeChanged | Feedback] = [*self._changes, *self._read(_feedback, "/feedback")]
+        found: list[tuple[float, NodeChanged]] = []
+        newest: dict[str, NodeChanged] = {}
+        for new in sorted(news, key=lambda new: (new.t, isinstance(new, Feedback))):
+            if isinstance(new, NodeChanged):
+                newest[new.node] = new
+            elif new.node not in newest or newest[new.node].status != "running":
+                continue
+            else:
+                newest[new.node] = replace(newest[new.node], reason=new.reason)
+            found.append((new.t, newest[new.node]))
+        return found
 
     def failures(self) -> Sequence[NodeChanged]:
         """Return every change of a node to failure, in order."""
@@ -219,6 +238,10 @@ class Record:
             with understanding(self.path):
                 found = read(topic, message_in(data))
             yield found
+
+
+def _feedback(_: str, data: Any) -> Feedback:
+    return Feedback(data["t"], int(data["tick"]), str(data["node"]), str(data["reason"]))
 
 
 def _told(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, float]]:

@@ -15,14 +15,17 @@ from threading import Lock, Thread
 from types import TracebackType
 from typing import Self
 
+from py_trees.common import Status
+
+from behaviours.node import Node
 from drivers.api import Health, Notice, Report, unreported
 from drivers.clock import Clock, SystemClock
-from missions.executive.events import Event
+from missions.executive.events import Event, NodeChanged
 from missions.executive.moment import Moment
 from missions.recording.budget import FrameBudget
 from missions.recording.camera import Pictures
 from missions.recording.head import Contents
-from missions.recording.items import Checked, Missed, Picture, Seen, packed
+from missions.recording.items import Checked, Feedback, Missed, Picture, Seen, packed
 from missions.recording.loss import Loss
 from missions.recording.outlet import Outlet
 from missions.recording.topics import EVENTS, topic_of
@@ -45,6 +48,9 @@ MOST = 20_000
 
 MOST_PICTURES = 64_000_000
 """Bytes of pictures that may wait."""
+
+FEEDBACK_PERIOD = 0.2
+"""Seconds of the run from one look at the messages of running nodes to the next: the median tick has none."""
 
 CHECK_PERIOD = 2.0
 """Seconds from one look at the devices' health to the next."""
@@ -84,6 +90,9 @@ class Recorder:
         self._picture_bytes = 0  # of those that wait; changed by += in more than one thread, under the lock
         self._open = self._full = False
         self._missed: dict[str, Counter[str]] = {}  # by the reason; of which the writer does not know yet
+        self._nodes: Mapping[str, Node] = {}
+        self._running: dict[str, str] = {}  # by the keys of nodes that run, the reasons that the record has of them
+        self._listen_at = float("-inf")
         self._lock = Lock()
         self._room, self._ending = Flag(), Flag()
         self._thread: Thread | None = None
@@ -106,6 +115,10 @@ class Recorder:
         self._pictures.open()
         self._thread = Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
+
+    def watch(self, root: Node) -> None:
+        """Keep the messages of this tree's nodes, too, as they change while they run."""
+        self._nodes = {node.key: node for node in root.iterate() if isinstance(node, Node)}
 
     def close(self) -> Loss:
         """Close the record and end the process; return what is missing. Safe from any state, more than once."""
@@ -150,10 +163,18 @@ class Recorder:
         """Keep an event, unless what it tells is in the record anyway."""
         if type(event).__name__ in EVENTS:
             self._keep(event)
+            if isinstance(event, NodeChanged):
+                if event.status == "running":
+                    self._running[event.node] = event.reason
+                else:
+                    self._running.pop(event.node, None)
 
     def moment(self, moment: Moment) -> None:
         """Keep a moment, in whose thread troubles are reported."""
         self._keep(moment)
+        if moment.t >= self._listen_at:
+            self._listen_at = moment.t + FEEDBACK_PERIOD
+            self._listen(moment)
         if self._full and len(self._waiting) < MOST // 2:
             self._full = False  # from the beginning of a moment on, so that of each there is all or nothing
         while self._patient and self._open and self._outlet.takes and len(self._waiting) >= MOST // 2:
@@ -171,6 +192,14 @@ class Recorder:
         self._pictures.take(frame, gaze)
 
     # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _listen(self, moment: Moment) -> None:
+        """Keep the new messages of nodes that run on: of those there is no event."""
+        for key, told in list(self._running.items()):  # another thread tells of changes meanwhile
+            node = self._nodes.get(key)
+            if node is not None and node.status is Status.RUNNING and node.reason != told:
+                self._running[key] = node.reason
+                self._keep(Feedback(moment.t, moment.tick, key, node.reason))
 
     def _keep(self, item: object) -> bool:
         """Let an item wait for the writer, or count it as missing; say whether it waits."""

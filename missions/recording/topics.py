@@ -14,7 +14,7 @@ from missions.recording.codec import dumps, number, tagged, to_json
 from missions.recording.figures import Figures
 from missions.recording.foxglove import Epoch
 from missions.recording.head import Head
-from missions.recording.items import Checked, Other, Picture, Seen
+from missions.recording.items import Checked, Feedback, Other, Picture, Seen
 from missions.recording.moments import Shortened
 from perception.api import View
 
@@ -35,6 +35,7 @@ ITEMS: Mapping[type, str] = {
     Seen: "/percepts",
     Picture: "/camera",
     Checked: "/state/devices",
+    Feedback: "/feedback",
 }
 """The main topic of everything else."""
 
@@ -42,6 +43,7 @@ SCHEMAS: Mapping[str, str] = {
     "/mission": "missiontree.Mission",
     "/moments": "missiontree.Moment",
     "/nodes": "missiontree.NodeChanged",
+    "/feedback": "missiontree.Feedback",
     "/variables": "missiontree.VariableSet",
     "/percepts": "missiontree.View",
     "/commands": "missiontree.CommandSent",
@@ -116,6 +118,8 @@ class Topics:
             case Checked():
                 devices = {name: to_json(health) for name, health in item.health.items()}
                 yield Message("/state/devices", item.t, dumps({"t": item.t, "devices": devices}))
+            case Feedback():
+                yield Message("/feedback", item.t, dumps(item._asdict()))
             case Other() if type(item).__name__ == "Logged":
                 yield self._logged(**vars(item))
             case Other():

@@ -80,12 +80,11 @@ def moments_of(record: Record) -> Moments:
 
 
 def changes(record: Record, moments: Moments, texts: Texts) -> Rows:
-    """Return every change of each node and modifier: its place, the number of the status, and that of the reason."""
+    """Return what each node and modifier was from which place on: the numbers of its status and of its reason."""
     rows: Rows = {}
-    for event in record.events:
-        if isinstance(event, NodeChanged):
-            row = moments.place(event.t), _NUMBERS[event.status], texts.number(one_line(event.reason))
-            rows.setdefault(event.node, []).append(row)
+    for time, change in record.states:
+        row = moments.place(time), _NUMBERS[change.status], texts.number(one_line(change.reason))
+        rows.setdefault(change.node, []).append(row)
     return rows
 
 

@@ -33,7 +33,7 @@ def study(record: Record, *, most_pictures: int = 0) -> Study:
     """Read a record through. Raises InvalidRecordError for one that is damaged or has no drawing of its tree."""
     drawing, moments, views = record.drawing(), moments_of(record), list(record.views())
     changes = [event for event in record.events if isinstance(event, NodeChanged)]
-    lanes = lanes_of(drawing, changes, moments.end)
+    lanes = lanes_of(drawing, changes, record.statuses(moments.end), moments.end)
     misses = tracking(record, views, lanes)
     return Study(
         record,

@@ -40,13 +40,18 @@ class Lane:
         return sum(bar.end - bar.start for bar in self.bars)
 
 
-def lanes_of(drawing: Drawing, changes: Iterable[NodeChanged], end: float) -> list[Lane]:
-    """Return a lane for each leaf that was ever asked, in the order of the tree. ``end`` is when the record ends."""
+def lanes_of(
+    drawing: Drawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
+) -> list[Lane]:
+    """Return a lane for each leaf that was ever asked, in the order of the tree.
+
+    ``end`` is when the record ends, ``last`` how each node stands then.
+    """
     by_node: dict[str, list[NodeChanged]] = {}
     for change in changes:
         by_node.setdefault(change.node, []).append(change)
     return [
-        Lane(box, within, _bars(by_node[box.key], end))
+        Lane(box, within, _bars(by_node[box.key], last[box.key].reason, end))
         for box, within in _leaves(drawing.root, "")
         if box.key in by_node
     ]
@@ -81,7 +86,7 @@ def _leaves(box: Box, within: str) -> Iterable[tuple[Box, str]]:
         yield from _leaves(child, box.mission or within)
 
 
-def _bars(changes: Sequence[NodeChanged], end: float) -> list[Bar]:
+def _bars(changes: Sequence[NodeChanged], last: str, end: float) -> list[Bar]:
     bars: list[Bar] = []
     since: float | None = None
     for change in changes:
@@ -92,5 +97,5 @@ def _bars(changes: Sequence[NodeChanged], end: float) -> list[Bar]:
             bars.append(Bar(change.t if since is None else since, change.t, status, change.reason))
             since = None
     if since is not None:
-        bars.append(Bar(since, end, "running", changes[-1].reason))
+        bars.append(Bar(since, end, "running", last))
     return bars

@@ -72,6 +72,7 @@ def run(path: Path, *, ticks: int = TICKS) -> Outcome:
     recorder = Recorder(path)
     with files_read() as files:
         recorded = Runner(order, listeners=[recorder], on_moment=recorder.moment, on_view=recorder.view)
+    recorder.watch(recorded.root)
     bare = Runner(order, listeners=[_unheard])
     contents = contents_of(order, recorded.plan, recorded.config, files, started=datetime(2026, 11, 21, tzinfo=UTC))
     outcome = Outcome(Costs(), Costs(), {}, {})

@@ -18,7 +18,7 @@ from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeSca
 from missions.executive import events
 from missions.recording.head import Contents, Head
 from missions.recording.info import lines_about
-from missions.recording.items import Checked, Missed, Picture, Seen, packed, unpacked
+from missions.recording.items import Checked, Feedback, Missed, Picture, Seen, packed, unpacked
 from missions.recording.mend import mend
 from missions.recording.read import open_record
 from missions.recording.schemas import HERE, schema
@@ -52,6 +52,7 @@ def everything() -> list[object]:
         Seen(0.6, view),
         Picture(0.5, b"jpeg", Gaze(0.1, float("nan"))),
         Checked(0.7, {"base": Health(True, counters={"frames": 7})}),
+        Feedback(0.75, 15, "1.1", "nobody yet"),
         events.Notified(0.8, 16, "Ana has the message"),
     ]
 

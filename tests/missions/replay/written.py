@@ -29,6 +29,7 @@ def record_of(order: Order, path: Path, *, act: Callable[[Runner, Moment], None]
 
     with files_read() as read:
         runner = Runner(order, limits=IN_PROCESS, listeners=[recorder], on_moment=remember)
+    recorder.watch(runner.root)
     config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
     contents = contents_of(order, runner.plan, config, read, started=datetime(2026, 11, 21, 14, 3, tzinfo=UTC))
     with recorder:

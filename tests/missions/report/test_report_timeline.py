@@ -15,7 +15,11 @@ LEAF = Drawing("m", "", "m.yaml", Box("1", "drive", "drive", "■", "m.yaml", 1)
 
 def bars(*changes: tuple[float, str], end: float = 10.0) -> list[tuple[float, float, str]]:
     told = [NodeChanged(t, 1, "1", "drive", "drive", 1, status, "") for t, status in changes]
-    return [(bar.start, bar.end, bar.outcome) for lane in lanes_of(LEAF, told, end) for bar in lane.bars]
+    return [
+        (bar.start, bar.end, bar.outcome)
+        for lane in lanes_of(LEAF, told, {change.node: change for change in told}, end)
+        for bar in lane.bars
+    ]
 
 
 def test_a_bar_goes_from_the_first_tick_of_a_leaf_to_its_result() -> None:
