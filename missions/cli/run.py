@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from itertools import pairwise
 from math import inf, isfinite
@@ -144,7 +145,8 @@ def command(
 ) -> int:
     """Run a mission (a name or a file). Ctrl-C stops it, safely.
 
-    Exit code 0 is success, 1 failure, 2 a mistake in the command or a file, 3 a device, 130 interrupted.
+    Exit code 0 is success, 1 failure, 2 a mistake in the command or a file, 3 a device, 130 interrupted, also where
+    nobody reads any more what it writes (`| head -1`).
     """
     if speed is not None and not isfinite(speed):
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
@@ -181,7 +183,8 @@ def _told(order: Order, outputs: Outputs, until: float | None, *, as_json: bool)
 
     def last_words(result: Result) -> None:
         if as_json:
-            click.echo(json.dumps(asdict(result)))
+            with suppress(BrokenPipeError):  # a run that nobody reads has ended for that
+                click.echo(json.dumps(asdict(result)))
 
     try:
         result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words, until=until)

@@ -1,5 +1,6 @@
 """One run of a mission from a command: shown while it goes on, and what it leaves behind written."""
 
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from config.units import written
 from missions.cli.film import Film
+from missions.cli.heeded import GONE, heeded
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
 from missions.cli.orders import check_events, check_film, check_order, check_pad
@@ -87,7 +89,7 @@ def run(
     if until is not None and runner.twins is not None:
         runner.twins.timeline.at(until, partial(_end, runner, until))
     with ExitStack() as closing:
-        _write(outputs, runner, closing)
+        _write(outputs, runner, closing, out)
         if recording is not None:
             closing.enter_context(recording)
         if outputs.view:
@@ -95,7 +97,7 @@ def run(
             runner.stream.listeners[0] = shown  # in the watcher's place
         with shown, leashed(outputs.leash, runner.executive, runner.stream):
             result = runner.run()
-    for lost in runner.stream.lost:
+    for lost in runner.stream.lost if result.reason != GONE else ():
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
@@ -111,16 +113,20 @@ def _end(runner: Runner, time: float) -> None:
     runner.executive.stop(f"still running after {written(time, 'duration')} of simulated time: {', '.join(at)}")
 
 
-def _write(outputs: Outputs, runner: Runner, closing: ExitStack) -> None:
-    """Have events and a film written until ``closing`` ends."""
+def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) -> None:
+    """Have events and a film written until ``closing`` ends, and the run ended where nobody reads any more."""
+    read = [sys.stdout, out]
     if outputs.events is not None:
         check_events(outputs.events, runner.plan)
         with writing(outputs.events, "--events"):
             file = outputs.events.open("w", encoding="utf-8")
         closing.callback(_close, file)
         runner.stream.listeners.append(JsonLines(file))
+        read.append(file)
     if outputs.film is not None and runner.twins is not None:
         closing.enter_context(Film(outputs.film, runner.twins))
+    if outputs.leash is None:  # which tells that the server has gone
+        closing.enter_context(heeded(read, runner.executive.stop))
 
 
 def _close(file: TextIO) -> None:

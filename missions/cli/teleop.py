@@ -1,5 +1,7 @@
 """``mission teleop``: drive a robot by hand, with the keys of a terminal or with a game pad."""
 
+import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -15,6 +17,7 @@ from drivers.api import Base, Head, unheard, unreported
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import Audience, Wishes, assemble
+from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
@@ -83,6 +86,7 @@ def command(
     )
     with ExitStack() as open_things:
         open_things.enter_context(interruptible())
+        open_things.enter_context(heeded((sys.stdout,), lambda _: os.kill(os.getpid(), signal.SIGTERM)))
         held = None
         if node is not None:
             held = open_things.enter_context(closing(pad.pad_at(node, clock)))

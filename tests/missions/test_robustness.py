@@ -13,6 +13,7 @@ import pytest
 from behaviours.robot import Robot
 from drivers.clock import ManualClock
 from missions.assembly.assembled import Assembled
+from missions.cli.heeded import GONE, heeded
 from missions.executive.events import Event, Logged, Stream
 from missions.executive.state import state_of
 from missions.language.expressions import ExpressionError, parse
@@ -68,18 +69,48 @@ def test_events_come_in_order_and_whole_before_the_stream_has_closed() -> None:
     assert [each.as_dict()["text"] for each in heard] == [str(number) for number in range(500)]
 
 
-def test_a_mission_goes_on_when_nobody_reads_what_it_prints(tmp_path: Path) -> None:
-    (tmp_path / "chat.yaml").write_text(
-        "mission: chat\ntree:\n  sequence:\n    - wait: 100 ms\n    - wait: 100 ms\n    - wait: 100 ms\n  repeat: 3\n"
-    )
+@pytest.mark.parametrize("options", [[], ["--json"]], ids=["for people", "for programs"])
+def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[str], tmp_path: Path) -> None:
+    (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     reader, writer = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-m", "missions", "run", "chat.yaml", "--events", "e.jsonl"], stdout=writer, cwd=tmp_path
+        [sys.executable, "-m", "missions", "run", "far.yaml", "--events", "e.jsonl", *options],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
     )
     os.close(writer)
-    os.close(reader)
-    assert process.wait(20.0) == 0
-    assert json.loads((tmp_path / "e.jsonl").read_text().splitlines()[-1])["result"] == "success"
+    with process:
+        wait_until(lambda: (tmp_path / "e.jsonl").exists() and '"to": "base"' in (tmp_path / "e.jsonl").read_text())
+        os.close(reader)
+        assert process.wait(20.0) == 130
+        assert process.stderr is not None
+        told = process.stderr.read()
+        assert b"Traceback" not in told
+        assert b"not all events" not in told
+    *_, last = map(json.loads, (tmp_path / "e.jsonl").read_text().splitlines())
+    assert (last["result"], last["reason"]) == ("interrupted", GONE)
+
+
+def test_events_that_nobody_reads_any_more_end_it_too(tmp_path: Path) -> None:
+    (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
+    os.mkfifo(tmp_path / "events")
+    process = Process("run", "far.yaml", "--events", "events", folder=tmp_path)
+    with (tmp_path / "events").open() as events:
+        events.readline()
+    assert process.end() == 130
+
+
+def test_only_pipes_are_ever_left(tmp_path: Path) -> None:
+    told: list[str] = []
+    reader, writer = os.pipe()
+    with (tmp_path / "file").open("w") as file, Path(os.devnull).open("w") as null, os.fdopen(writer, "w") as pipe:
+        with heeded((file, null, pipe), told.append):
+            pass
+        assert told == [], "it ended before anybody went"
+        with heeded((file, null, pipe), told.append):
+            os.close(reader)
+            wait_until(lambda: told == [GONE])
 
 
 def test_a_full_disk_costs_events_and_is_told(
