@@ -17,12 +17,11 @@ from missions.vocabulary import vocabulary
 @click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
 @behaviours_option
 def command(output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> None:
-    r"""Write the JSON Schema of missions, from which an editor completes, explains and checks them.
+    """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
     In VS Code, with the YAML extension, after `mission schema -o mission.schema.json`, begin a mission in that folder
     with the line
 
-    \b
     # yaml-language-server: $schema=mission.schema.json
     """
     schema = tree_json.schema() if of_tree else mission_schema(vocabulary(files), known_things())

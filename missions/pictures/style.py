@@ -1,6 +1,7 @@
 """How drawn trees look: colours that the colour-blind tell apart (after Okabe and Ito), each with a border of its own.
 
-Plain classes without variables: not every program that draws SVG knows more of CSS.
+Plain classes without variables: not every program that draws SVG knows more of CSS. Those that know of day and night
+draw it dark at night; others draw it as by day.
 """
 
 STYLE = """
@@ -35,4 +36,20 @@ text { font-family: "DejaVu Sans", Verdana, sans-serif; font-size: 11px; fill: #
 .card.added { fill: #ecf7f3; stroke: #00735a; stroke-width: 2.5 }
 .card.removed { fill: #fdf0e9; stroke: #b3400a; stroke-width: 2; stroke-dasharray: 7 4 }
 .rule { stroke: #d3d9e4; stroke-width: 1.5 }
+@media (prefers-color-scheme: dark) {
+text { fill: #e5e9ee } .page { fill: #12161b } .summary { fill: #a3aeba } .moment { fill: #7cc0f5 }
+.panel { fill: #181d23; stroke: #343d48 } .within { fill: #a3aeba } .shadow { fill: #0a0d10 }
+.card { fill: #1f262e; stroke: #56616d } .card.idle { stroke: #8a95a1 }
+.card.running { fill: #152a3c; stroke: #7cc0f5 } .card.success { fill: #14302a; stroke: #67d0a8 }
+.card.failure { fill: #3a2119; stroke: #ff9f73 } .inner { stroke: #ff9f73 }
+.link { stroke: #56616d } .link.idle { stroke: #6b7682 } .link.running { stroke: #7cc0f5 }
+.link.success { stroke: #67d0a8 } .link.failure { stroke: #ff9f73 }
+.line, .argument, .case { fill: #a3aeba } .folded { fill: #bdb0ea } .reason { fill: #e5e9ee }
+.sign.running { fill: #7cc0f5 } .sign.success { fill: #67d0a8 } .sign.failure { fill: #ff9f73 }
+.pill { fill: #3a3113; stroke: #8a6d1f } .badge { fill: #f2dfa8 } .pill.running { stroke: #7cc0f5 }
+.pill.success { stroke: #67d0a8 } .pill.failure { stroke: #ff9f73 }
+.change { fill: #eeb0d2 } .mark { stroke: #12161b } .card.changed { fill: #35202d; stroke: #d987b5 }
+.card.added { fill: #14302a; stroke: #67d0a8 } .card.removed { fill: #3a2119; stroke: #ff9f73 }
+.symbol, .marked { fill: #ffffff } .rule { stroke: #343d48 }
+}
 """

@@ -2,31 +2,45 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from os.path import commonpath
+from pathlib import Path
 
+from missions.library import HERE
 from missions.testing.coverage import FileCoverage, NodeCoverage
 
 SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
 """A sign as well as a colour: not everybody tells red from green."""
 
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 62em; padding: 0 1em; color: #222; }
+:root { color-scheme: light dark; --ground: #ffffff; --ink: #222222; --soft: #666666; --edge: #dddddd; --link: #1257b0;
+        --all: #e6f4e6; --part: #fff4d6; --nothing: #fbe0dd; }
+@media (prefers-color-scheme: dark) {
+  :root { --ground: #12161b; --ink: #e5e9ee; --soft: #a3aeba; --edge: #343d48; --link: #8cc2ff;
+          --all: #14302a; --part: #3a3113; --nothing: #42221f; }
+}
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 62em; padding: 0 1em; color: var(--ink);
+       background: var(--ground); }
+a { color: var(--link); }
 table { border-collapse: collapse; } td, th { padding: .2em 1em .2em 0; text-align: left; }
-pre { border: 1px solid #ddd; padding: .5em 0; overflow-x: auto; line-height: 1.45; }
+pre { border: 1px solid var(--edge); padding: .5em 0; overflow-x: auto; line-height: 1.45; }
 pre span { display: block; padding: 0 1em; }
-pre b { display: inline-block; width: 5.5em; color: #777; font-weight: 400; }
-.all { background: #e6f4e6; } .part { background: #fff4d6; } .nothing { background: #fbe0dd; }
-i { color: #666; font-style: normal; }
+pre b { display: inline-block; width: 5.5em; color: var(--soft); font-weight: 400; }
+.all { background: var(--all); } .part { background: var(--part); } .nothing { background: var(--nothing); }
+i { color: var(--soft); font-style: normal; }
 """
 
 
 def page(files: Sequence[FileCoverage]) -> str:
     """Return the page."""
+    titles = _titles([each.file for each in files])
     rows = "\n".join(
-        f'<tr><td><a href="#{number}">{escape(each.file)}</a></td><td>{each.ticked} of {len(each.nodes)}</td>'
+        f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked} of {len(each.nodes)}</td>'
         f"<td>{each.endings[0]} of {each.endings[1]}</td></tr>"
-        for number, each in enumerate(files)
+        for number, (title, each) in enumerate(zip(titles, files, strict=True))
     )
-    parts = "\n".join(_file(number, each) for number, each in enumerate(files))
+    parts = "\n".join(
+        _file(number, escape(title), each) for number, (title, each) in enumerate(zip(titles, files, strict=True))
+    )
     key = "".join(
         f'<span class="{kind}"> {SIGNS[kind]} {words} </span> '
         for kind, words in (("all", "all tried"), ("part", "reached, not tried in full"), ("nothing", "never reached"))
@@ -39,15 +53,28 @@ def page(files: Sequence[FileCoverage]) -> str:
     )
 
 
-def _file(number: int, each: FileCoverage) -> str:
+def _titles(names: Sequence[str]) -> list[str]:
+    """Return the files' names without what says on whose machine they lie: from the package on, or a common folder."""
+    shipped = {name for name in names if Path(name).resolve().is_relative_to(HERE)}
+    others = [str(Path(name).resolve().parent) for name in names if name not in shipped]
+    common = Path(commonpath(others)) if others else Path()
+    return [
+        (Path(HERE.name) / Path(name).resolve().relative_to(HERE)).as_posix()
+        if name in shipped
+        else Path(name).resolve().relative_to(common).as_posix()
+        for name in names
+    ]
+
+
+def _file(number: int, title: str, each: FileCoverage) -> str:
     by_line: dict[int, list[NodeCoverage]] = {}
     for node in each.nodes:
         by_line.setdefault(node.line, []).append(node)
     text = each.text()
     if text is None:
-        return f'<h2 id="{number}">{escape(each.file)}</h2>\n<p>This file cannot be read any more.</p>'
+        return f'<h2 id="{number}">{title}</h2>\n<p>This file cannot be read any more.</p>'
     lines = "".join(_line(place, line, by_line.get(place, [])) for place, line in enumerate(text.splitlines(), start=1))
-    return f'<h2 id="{number}">{escape(each.file)}</h2>\n<pre>{lines}</pre>'
+    return f'<h2 id="{number}">{title}</h2>\n<pre>{lines}</pre>'
 
 
 def _line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:

@@ -47,6 +47,7 @@ def test_every_command_has_help_of_its_own(mission: Mission) -> None:
         outcome = mission(name, "--help")
         assert outcome.code == 0
         assert len(outcome.out.splitlines()) > 4
+        assert "\\" not in outcome.out, name
 
 
 def test_a_misspelt_command_is_a_usage_error_that_names_it(mission: Mission) -> None:

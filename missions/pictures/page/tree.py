@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from missions.pictures.drawing import SIGNS, Box, Drawing
 from missions.pictures.page.card import card
 from missions.pictures.page.markup import Markup, tag
+from missions.pictures.svg import kind_of
 
 
 def tree(drawing: Drawing, *, label: str) -> Markup:
@@ -60,4 +61,5 @@ def _item(box: Box, time: float | None, *, first: bool = False) -> Markup:
         data_status=box.status if live else None,
         data_outer=box.outer if live else None,
         data_mission=box.mission or None,
+        data_sort=kind_of(box),
     )

@@ -1,6 +1,7 @@
 """The page in a browser: what is to be seen on it, how large and in which colours; and that it asks no other host."""
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from missions.pictures.drawing import SIGNS, Badge, Box, Drawing
 from missions.pictures.page.page import page
 from missions.pictures.page.pair import pair_page
 from missions.pictures.states import Now
+from missions.pictures.style import STYLE
+from missions.pictures.svg import svg
 from tests.browser import Browser, Tab, chromium
 from tests.missions.pictures.drawn import HOSTILE, plan_of
 from tests.waiting import wait_until
@@ -177,6 +180,38 @@ def test_every_text_stands_out_from_its_ground(browser: Browser, file: Path, sor
     contrasts = tab.evaluate(CONTRASTS)
     assert len(contrasts) > 20
     assert [faint for faint in contrasts if faint[0] < 4.5] == []
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["by day", "by night"])
+def test_the_sorts_of_nodes_have_the_colours_of_the_pictures(browser: Browser, file: Path, dark: bool) -> None:
+    tab = shown(browser, file, page_of("mission"), dark=dark)
+    found = tab.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('[data-sort]')].map(node => [node.dataset.sort,"
+        " getComputedStyle(node.querySelector('.symbol')).backgroundColor]))"
+    )
+    drawn = {sort: re.search(rf"\.{sort} {{ fill: #(\w{{6}})", STYLE) for sort in found}
+    assert found == {sort: rgb(colour[1]) for sort, colour in drawn.items() if colour}
+    assert len(found) >= 3
+
+
+def rgb(colour: str) -> str:
+    """A colour as a browser says it."""
+    return f"rgb({', '.join(str(int(colour[at : at + 2], 16)) for at in (0, 2, 4))})"
+
+
+NIGHT = """(() => Object.fromEntries(["page", "card", "title", "argument"].map(kind => {
+  const style = getComputedStyle(document.querySelector(`.${kind}`));
+  return [kind, style.fill.match(/\\d+/g).map(Number).reduce((sum, part) => sum + part, 0) / 3];
+})))()"""
+"""How light four things of a picture are, 0 to 255."""
+
+
+def test_a_picture_is_dark_by_night(browser: Browser, file: Path) -> None:
+    picture = svg(greeting())
+    by_day = shown(browser, file, picture).evaluate(NIGHT)
+    assert min(by_day["page"], by_day["card"]) > 200 > max(by_day["title"], by_day["argument"])
+    by_night = shown(browser, file, picture, dark=True).evaluate(NIGHT)
+    assert max(by_night["page"], by_night["card"]) < 60 < min(by_night["title"], by_night["argument"])
 
 
 def test_what_is_said_in_a_mission_or_by_a_robot_is_only_text(browser: Browser, file: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from missions.library import shipped_missions
 from missions.testing.coverage import FileCoverage, coverage, lines_of
 from missions.testing.coverage_page import page
 from missions.testing.play import play
@@ -107,6 +108,16 @@ def test_a_mission_that_is_gone_costs_its_lines_only(folder: Path) -> None:
     found = tried(folder)
     (folder / "door.yaml").unlink()
     assert "cannot be read any more" in page([found])
+
+
+def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_read_by_night(folder: Path) -> None:
+    (folder / "own").mkdir()
+    here = [FileCoverage(str(folder / name), []) for name in ("door.yaml", "own/step.yaml")]
+    text = page([*here, FileCoverage(str(shipped_missions()["motions/square"]), [])])
+    titles = [">door.yaml<", ">own/step.yaml<", ">missions/motions/square.yaml<"]
+    assert [text.count(title) for title in titles] == [2, 2, 2]
+    assert str(folder) not in text
+    assert "prefers-color-scheme: dark" in text
 
 
 def test_the_command_tells_and_writes_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
