@@ -1,16 +1,26 @@
-"""Which variables can have a value where they are read: one that nothing before it sets is a mistake."""
+"""Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake."""
 
 from missions.language.notes import STATE, Notes
 from missions.language.plan import FOR_EACH, MISSION, Step
+from missions.language.unset import unset_reads
 from missions.language.values import Value
 
 AGAIN = frozenset({"repeat", "retry", "while", "until", "parallel", "race", "reactive_sequence", "reactive_selector"})
 """The kinds below which one part may follow any other: in a later round, or at the same time."""
 
 
+HINT = "set it before, such as set: {{{0}: null}}, and ask for it here with if: {0} != null"
+
+
 def check_flow(notes: Notes, tree: Step) -> None:
-    """Note every variable that is read where no step that can come before has set it."""
+    """Note every variable that is read where no step that can come before has set it, or not every way to there."""
+    before = len(notes.faults)
     _flow(notes, tree, frozenset(notes.params) | (notes.stored - sets(tree)))
+    if len(notes.faults) > before:
+        return
+    for step, name, way in unset_reads(tree, sets(tree) - notes.params.keys() - notes.awaited, sets):
+        when = f"it is not set where {', '.join(way)}" if way else "it is set only after this"
+        notes.fault_at(step, f"'{name}' is read here, but {when}", HINT.format(name))
 
 
 def sets(step: Step) -> frozenset[str]:

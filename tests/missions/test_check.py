@@ -123,7 +123,7 @@ def test_expressions_over_params_are_known_at_once_and_the_rest_waits() -> None:
         assert value.template is not None
 
 
-def test_a_variable_that_nothing_before_sets_is_a_mistake_unless_a_loop_comes_round_again() -> None:
+def test_a_variable_that_nothing_before_sets_is_a_mistake_in_the_first_round_of_a_loop_too() -> None:
     lines = ("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}")
     with pytest.raises(InvalidFileError) as caught:
         check(steps(*lines))
@@ -131,7 +131,13 @@ def test_a_variable_that_nothing_before_sets_is_a_mistake_unless_a_loop_comes_ro
         "'visitor' is read here, but nothing before this sets it",
         "'count' is read here, but nothing before this sets it",
     ]
-    assert check(steps(*lines) + "  repeat: 2\n").tree.kind == "repeat"
+    with pytest.raises(InvalidFileError) as caught:
+        check(steps(*lines) + "  repeat: 2\n")
+    assert [fault.message for fault in caught.value.faults] == [
+        "'count' is read here, but it is set only after this",
+        "'visitor' is read here, but it is set only after this",
+    ]
+    assert check(steps(lines[0], "  on_failure: succeed", *lines[1:]) + "  repeat: 2\n").tree.kind == "repeat"
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,8 @@ def test_a_param_is_not_lost_before_the_first_tick() -> None:
 
 
 def test_states_that_differ_in_what_nobody_reads_are_one() -> None:
-    tree = "sequence: [{face_seen: 1 s, as: who, on_failure: succeed}, {set: {n: 1}}, {set: {n: 2}, if: who.id == 1}"
+    found = "{set: {who: null, n: 1}}, {face_seen: 1 s, as: who, on_failure: succeed}"
+    tree = f"sequence: [{found}, {{set: {{n: 2}}, if: who.id == 1}}"
     kept = f"{tree}, {{drive: 1 m}}, {{log: x, if: n == 1}}]"
     assert explored(f"{tree}, {{drive: 1 m}}]").states < explored(kept).states
 
@@ -169,9 +170,7 @@ def test_states_that_differ_in_what_nobody_reads_are_one() -> None:
 def test_what_a_leaf_has_found_before_its_time_is_over_is_not_lost() -> None:
     early = """
 selector:
-  - find_face: {}
-    as: who
-    timeout: 1 s
+  - sequence: [{set: {who: null}}, {find_face: {}, as: who, timeout: 1 s}]
   - sequence: [{log: "${who.distance}"}, {drive: 1 m}, {log: "${who.distance}"}, {say: now}]
 """
     assert explored(early).outcome == PROVED  # it says so only where it knows who that was

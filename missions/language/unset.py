@@ -1,0 +1,295 @@
+"""Variables that are not set on every way to where they are read: found by following every way through the tree.
+
+The definite assignment of compilers, over a behaviour tree: for each end of a node, the variables that may be unset by
+then, each with a shortest way that leaves it so. What this cannot know is left to ``mission verify``: a reader behind a
+condition on a variable may be safe, one whose failure is caught may fail, and of nodes that run at the same time each
+may have set something for another.
+"""
+
+import ast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from behaviours.basics import Fail, Log, Set, Succeed
+from missions.language.expressions import WORDS, Expression
+from missions.language.for_each import Members
+from missions.language.notes import STATE
+from missions.language.outcomes import FAILURE, SUCCESS
+from missions.language.outcomes import ends as ends_of
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
+from missions.language.values import Value
+
+Way = tuple[str, ...]
+"""What has to happen, in order, for a variable to be unset at some place; nothing, where that is so at first."""
+
+Unset = Mapping[str, Way]
+"""The variables that may be unset at some place, each with a shortest way."""
+
+
+class After(NamedTuple):
+    """What may be unset after each end of a step; None for an end that it cannot come to."""
+
+    success: Unset | None
+    failure: Unset | None
+
+
+@dataclass(frozen=True, slots=True)
+class Here:
+    """What holds for a step from around it: ``granted`` names count as set, in a ``caught`` one failures do no harm.
+
+    A ``guarded`` one stands behind a condition on a variable: whether it is ever run with one unset, nobody can say.
+    """
+
+    granted: frozenset[str] = frozenset()
+    caught: bool = False
+    guarded: bool = False
+
+
+class Reading(NamedTuple):
+    """A step that reads a variable which is unset where the run has come this way."""
+
+    step: Step
+    name: str
+    way: Way
+
+
+def unset_reads(tree: Step, names: Iterable[str], sets: Callable[[Step], frozenset[str]]) -> list[Reading]:
+    """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins."""
+    ways = _Ways(sets)
+    ways.after(tree, dict.fromkeys(names, ()), Here())
+    return ways.found
+
+
+class _Ways:
+    """Goes through a tree once, and notes in ``found`` what is read too soon."""
+
+    def __init__(self, sets: Callable[[Step], frozenset[str]]) -> None:
+        self.found: list[Reading] = []
+        self._sets = sets
+
+    def after(self, step: Step, unset: Unset, here: Here) -> After:
+        """Return what may be unset after ``step``, before which ``unset`` may be."""
+        for value in step.arguments.values():
+            self._read(step, value, unset, here)
+        if step.leaf is not None:
+            return self._leaf(step, unset)
+        if step.kind == MISSION:
+            return self._mission(step, unset, here)
+        if step.kind in WAYS:
+            return WAYS[step.kind](self, step, unset, here)
+        return self._modifier(step, unset, here)
+
+    def _read(self, step: Step, value: Value, unset: Unset, here: Here) -> None:
+        for name in sorted(_surely_read(value)):
+            if name in unset and not (name in here.granted or here.caught or here.guarded):
+                self.found.append(Reading(step, name, unset[name]))
+
+    def _leaf(self, step: Step, unset: Unset) -> After:
+        known = {name: way for name, way in unset.items() if name not in self._sets(step)}
+        ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
+        if step.leaf in (Log, Set, Succeed) and all(value.template is None for value in step.arguments.values()):
+            ends.discard(FAILURE)
+        return After(
+            known if SUCCESS in ends else None, _by(f"{_shown(step)} fails", unset) if FAILURE in ends else None
+        )
+
+    def _mission(self, step: Step, unset: Unset, here: Here) -> After:
+        (tree,) = step.children
+        names = self._sets(tree) - step.arguments.keys()
+        after = self.after(tree, dict.fromkeys(names, ()), replace(here, granted=frozenset()))
+        for value in step.returns.values():
+            self._read(step, value, after.success or {}, here)
+        known = {name: way for name, way in unset.items() if name not in self._sets(step)}
+        return After(
+            None if after.success is None else known,
+            None if after.failure is None else _by(f"{_shown(step)} fails", unset),
+        )
+
+    # --- composites -----------------------------------------------------------------------------------------------
+
+    def in_order(self, step: Step, unset: Unset, here: Here, *, passes: str) -> After:
+        """Follow a sequence or a selector: the next child has its turn where the one before it ``passes``."""
+        stops: list[Unset | None] = []
+        now: Unset | None = unset
+        for child in step.children:
+            if now is None:
+                break
+            last = child is step.children[-1]
+            after = self.after(child, now, replace(here, caught=here.caught or (passes == FAILURE and not last)))
+            now, stopped = after if passes == SUCCESS else (after.failure, after.success)
+            stops.append(stopped)
+            if stopped is not None and _asks_variables(child):
+                here = replace(here, guarded=True)  # what goes on has been asked for
+        return After(now, _either(stops)) if passes == SUCCESS else After(_either(stops), now)
+
+    def at_once(self, step: Step, unset: Unset, here: Here, *, all_succeed: bool) -> After:
+        """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
+        counted = bool(step.arguments)
+        caught = here.caught or counted or step.kind == "random_selector"
+        found = [
+            self.after(child, unset, replace(here, caught=caught, granted=here.granted | self._beside(step, child)))
+            for child in step.children
+        ]
+        if step.kind == "race":
+            found = [
+                After(_by(f"{_shown(child)} ends first", after.success), after.failure)
+                for child, after in zip(step.children, found, strict=True)
+            ]
+        success = _either(after.success for after in found)
+        if all_succeed and not counted and success is not None:
+            still = [after.success for after in found if after.success is not None]
+            success = {name: way for name, way in success.items() if all(name in each for each in still)}
+        return After(success, _either(after.failure for after in found))
+
+    def _beside(self, step: Step, child: Step) -> frozenset[str]:
+        return frozenset().union(*(self._sets(other) for other in step.children if other is not child))
+
+    def one_of(self, step: Step, unset: Unset, here: Here) -> After:
+        """Follow a switch."""
+        here = replace(here, guarded=here.guarded or _asks_variables(step))
+        cases = [f"{_shown(step)} takes the case '{_case(case)}'" for case in step.cases]
+        found = [
+            After(_by(case, child.success), _by(case, child.failure))
+            for case, child in zip(
+                [*cases, f"{_shown(step)} takes the default"],
+                (self.after(child, unset, here) for child in step.children),
+                strict=False,
+            )
+        ]
+        none = [] if len(step.children) > len(step.cases) else [_by(f"{_shown(step)} has no case for it", unset)]
+        return After(_either(each.success for each in found), _either([*(each.failure for each in found), *none]))
+
+    def for_each(self, step: Step, unset: Unset, here: Here) -> After:
+        """Follow one round of a for_each, and the way around it where its list may be empty."""
+        bound = {name: way for name, way in unset.items() if name not in step.binds}
+        after = self.after(step.children[0], bound, here)
+        among = step.arguments["in"].constant
+        empty = None if isinstance(among, Members) and among.count else _by(f"{_shown(step)} has no member", unset)
+        return After(_either((after.success, empty)), after.failure)
+
+    # --- modifiers ------------------------------------------------------------------------------------------------
+
+    def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
+        guarded = here.guarded or (step.kind in _CUTS and _asks_variables(step))
+        caught = here.caught or step.kind in ("on_failure", "invert", "hold")
+        value = step.arguments["value"]
+        known = value.template is None
+        if step.kind == "if" and known and not value.constant:
+            return After(_by(_cut(step), unset), None)
+        after = self.after(step.children[0], unset, replace(here, guarded=guarded, caught=caught))
+        if step.kind in ("repeat", "retry"):
+            endless = known and value.constant is None
+            return After(
+                *(None if endless and step.kind == word else each for word, each in zip(_LOOPS, after, strict=True))
+            )
+        always = known and step.kind in ("if", "while", "until") and bool(value.constant) == (step.kind != "until")
+        cut = None if always else _by(_cut(step), unset)
+        return _MODIFIERS[step.kind](after, cut) if step.kind in _MODIFIERS else after
+
+
+_LOOPS = ("repeat", "retry")
+"""The loop that goes on after a success, and the one that goes on after a failure."""
+
+_CUTS = {"if": "is false", "while": "is false", "until": "is true", "timeout": "is over", "on_running": "ends it"}
+"""How a modifier keeps its child from its end, in words."""
+
+_MODIFIERS: Mapping[str, Callable[[After, Unset | None], After]] = {
+    **dict.fromkeys(("if", "until"), lambda after, cut: After(_either((after.success, cut)), after.failure)),
+    **dict.fromkeys(("while", "timeout"), lambda after, cut: After(after.success, _either((after.failure, cut)))),
+    "on_running": lambda after, cut: After(_either((after.success, cut)), _either((after.failure, cut))),
+    "invert": lambda after, _: After(after.failure, after.success),
+    "on_failure": lambda after, _: After(_either(after), None),
+    "on_success": lambda after, _: After(None, _either(after)),
+    "cooldown": lambda after, _: After(after.success, _either((after.failure, after.success))),
+    "hold": lambda after, _: After(after.success, None),
+}
+"""What may be unset after a modifier, from what may be after its child, and after the modifier has cut that short."""
+
+
+def _cut(step: Step) -> str:
+    return f"'{step.kind}' (line {step.mark.line}) {_CUTS.get(step.kind, '')}"
+
+
+_Follow = Callable[[_Ways, Step, Unset, Here], After]
+
+WAYS: Mapping[str, _Follow] = {
+    **dict.fromkeys(
+        ("sequence", "reactive_sequence"),
+        lambda ways, step, unset, here: ways.in_order(step, unset, here, passes=SUCCESS),
+    ),
+    **dict.fromkeys(
+        ("selector", "reactive_selector"),
+        lambda ways, step, unset, here: ways.in_order(step, unset, here, passes=FAILURE),
+    ),
+    **dict.fromkeys(
+        ("parallel", "random_sequence"),
+        lambda ways, step, unset, here: ways.at_once(step, unset, here, all_succeed=True),
+    ),
+    **dict.fromkeys(
+        ("race", "random_selector"),
+        lambda ways, step, unset, here: ways.at_once(step, unset, here, all_succeed=False),
+    ),
+    **dict.fromkeys(SWITCHES, _Ways.one_of),
+    FOR_EACH: _Ways.for_each,
+}
+"""How a run goes through each kind of composite."""
+
+
+def _by(event: str, unset: Unset | None) -> Unset | None:
+    """Return what is unset, once ``event`` has happened besides."""
+    return None if unset is None else {name: (*way, event) for name, way in unset.items()}
+
+
+def _either(ways: Iterable[Unset | None]) -> Unset | None:
+    """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
+    found: dict[str, Way] | None = None
+    for unset in ways:
+        if unset is None:
+            continue
+        found = {} if found is None else found
+        for name, way in unset.items():
+            if name not in found or len(way) < len(found[name]):
+                found[name] = way
+    return found
+
+
+def _shown(step: Step) -> str:
+    return f"'{step.name}' (line {step.mark.line})"
+
+
+def _case(case: object) -> str:
+    return str(case).lower() if isinstance(case, bool) else str(case)
+
+
+def _asks_variables(step: Step) -> bool:
+    """Say whether a condition in ``step`` asks for anything but what the robot senses."""
+    asked = (each for each in step.walk() if each.kind in ("if", "while", "until", *SWITCHES))
+    values = (value.template for each in asked for value in each.arguments.values())
+    return any(read.name not in STATE for template in values if template is not None for read in template.reads)
+
+
+def _surely_read(value: Value) -> frozenset[str]:
+    """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
+    formula = value.template
+    if formula is None:
+        return frozenset()
+    parts = (formula,) if isinstance(formula, Expression) else formula.parts
+    trees = [part.tree for part in parts if isinstance(part, Expression)]
+    return frozenset(name for tree in trees for name in _names(tree))
+
+
+def _names(node: ast.expr) -> Iterator[str]:
+    match node:
+        case ast.Name(id=name):
+            if name not in WORDS:
+                yield name
+        case ast.BoolOp(values=[first, *_]) | ast.IfExp(test=first):
+            yield from _names(first)
+        case ast.Call(args=parts):
+            for part in parts:
+                yield from _names(part)
+        case _:
+            for below in ast.iter_child_nodes(node):
+                if isinstance(below, ast.expr):
+                    yield from _names(below)

@@ -1,0 +1,88 @@
+"""Variables that are not set on every way to their readers: found, with the way; and what is left in peace."""
+
+from config.faults import InvalidFileError
+from missions.language.plan import COMPOSITES, FOR_EACH, SWITCHES
+from missions.language.unset import WAYS
+from tests.missions.verify.exploring import plan_of
+
+SHORT = {
+    "TRIED": "FOUND, on_failure: succeed",
+    "FOUND": "find_face: {scans: 2}, as: guest",
+    "GREETED": "say: 'Hello ${guest.id}'",
+    "FLAGGED": "set: {ok: false}}, {sequence: [{FOUND}, {set: {ok: true}}], on_failure: succeed",
+}
+"""What stands for these words in the trees below; the first may hold the second."""
+
+TOO_SOON = {
+    "sequence: [{selector: [{FOUND}, {say: Nobody}]}, {GREETED}]": "not set where 'find_face' (line 4) fails",
+    "sequence: [{TRIED}, {GREETED}]": "not set where 'find_face' (line 4) fails",
+    "sequence: [{race: [{FOUND}, {wait: 5 s}]}, {GREETED}]": "not set where 'wait' (line 4) ends first",
+    "sequence: [{FOUND, if: battery.low}, {GREETED}]": "not set where 'if' (line 4) is false",
+    "sequence: [{FOUND, until: battery.low}, {GREETED}]": "not set where 'until' (line 4) is true",
+    "selector: [{FOUND, timeout: 5 s}, {GREETED}]": "not set where 'find_face' (line 4) fails",
+    "sequence: [{switch: {on: face.count, cases: {0: {say: a}}, default: {set: {n: 1}}}}, {log: '${n}'}]": (
+        "not set where 'switch' (line 4) takes the case '0'"
+    ),
+    "sequence: [{log: '${n}'}, {set: {n: 1}}]\nrepeat: 3": "set only after this",
+    "set: {n: '${n + 1}'}\nuntil: n > 3\nrepeat: forever": "set only after this",
+    "sequence: [{mission: find_person, on_failure: succeed}, {log: '${person.id}'}]": (
+        "not set where 'find_person' (line 4) fails"
+    ),
+    "sequence: [{sequence: [{drive: 1 m}, {set: {n: 1}}], on_failure: succeed}, {log: a, if: n > 1}]": (
+        "not set where 'drive' (line 4) fails"
+    ),
+    "sequence: [{set: {l: [1, 2]}}, {for_each: {in: l, as: k, do: {set: {n: '${k}'}}}}, {log: '${n}'}]": (
+        "not set where 'for_each' (line 4) has no member"
+    ),
+}
+
+IN_PEACE = (
+    "sequence: [{FOUND}, {GREETED}]",
+    "sequence: [{selector: [{FOUND}, {fail: nobody}]}, {GREETED}]",
+    "sequence: [{FOUND, retry: forever, timeout: 5 s}, {GREETED}]",
+    "selector: [{GREETED}, {FOUND}]\nrepeat: 2",  # where it reads too soon, another takes its turn
+    "sequence: [{TRIED}, {selector: [{GREETED}, {say: Hello}]}]",
+    "sequence: [{TRIED}, {GREETED, on_failure: succeed}]",
+    "sequence: [{set: {guest: null}}, {TRIED}, {GREETED, if: guest != null}]",
+    "sequence: [{FLAGGED}, {GREETED, if: ok}]",
+    "sequence: [{FLAGGED}, {fail: nobody, if: not ok}, {GREETED}]",
+    "sequence: [{set: {ok: false}}, {TRIED}, {say: Hi, if: ok and guest.id == 1}]",
+    "parallel: [{FOUND}, {sequence: [{wait: 5 s}, {GREETED}]}]",
+    "sequence: [{parallel: [{FOUND}, {say: Where are you}]}, {GREETED}]",
+    "sequence: [{switch: {on: face.count, cases: {0: {set: {n: 0}}}, default: {set: {n: 1}}}}, {log: '${n}'}]",
+    "sequence: [{switch: {on: face.count, cases: {0: {set: {n: 0}}}}}, {log: '${n}'}]",
+    "sequence: [{for_each: {in: [1, 2], as: k, do: {set: {n: '${k}'}}}}, {log: '${n + k}'}]",
+    "for_each: {in: [1, 2], as: k, number: i, do: {log: '${k + i}'}}",
+    "sequence: [{mission: find_person}, {log: '${person.id}'}]",
+)
+
+
+def said(tree: str) -> str:
+    """What the checker says of a tree, all of it; nothing where it is good."""
+    for word, meant in SHORT.items():
+        tree = tree.replace(word, meant)
+    try:
+        plan_of(tree.replace("FOUND", SHORT["FOUND"]))
+    except InvalidFileError as error:
+        return str(error)
+    return ""
+
+
+def test_what_is_not_set_on_every_way_to_its_reader_is_a_mistake_with_the_way() -> None:
+    wrong = {
+        tree: found for tree, why in TOO_SOON.items() if f"is read here, but it is {why}\n" not in (found := said(tree))
+    }
+    assert wrong == {}
+
+
+def test_what_may_be_set_or_asks_for_it_or_has_a_way_out_is_left_in_peace() -> None:
+    assert {tree: found for tree in IN_PEACE if (found := said(tree))} == {}
+
+
+def test_what_to_write_is_said() -> None:
+    hint = "set it before, such as set: {guest: null}, and ask for it here with if: guest != null"
+    assert hint in said("sequence: [{TRIED}, {GREETED}]")
+
+
+def test_every_composite_has_its_ways() -> None:
+    assert WAYS.keys() == {*COMPOSITES, *SWITCHES, FOR_EACH}
