@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -36,6 +36,10 @@ POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up":
 
 NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+
+
+DOUBT = 60.0
+"""Seconds that a task may have been added ahead of the clock, which is put right by as much now and then."""
 
 
 @click.group()
@@ -150,7 +154,7 @@ def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
         due = 0.0 if at is None else read_at(at, time, zone)
         if every is None:
             return due, ""
-        repetition = read_every(every, due or time, zone)
+        repetition = read_every(every, due or time, zone, at or "")
         return (due if repetition.period else first_time(repetition, due or time, zone)), str(repetition)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
@@ -178,8 +182,9 @@ def _kept(name: str, library: dict[str, Path], path: Path) -> str:
 @AS_JSON
 def list_command(everything: bool, as_json: bool) -> None:
     """List the tasks that wait or run, by priority, then in the order in which they are due."""
+    now = wall_clock()
     with _queue() as (queue, _):
-        tasks = queue.tasks(ended=everything)
+        tasks = [replace(task, due=queue.expected(task, now)) for task in queue.tasks(ended=everything)]
     if as_json:
         click.echo(json.dumps([_as_json(task) for task in tasks], indent=2))
     elif not tasks:
@@ -189,6 +194,11 @@ def list_command(everything: bool, as_json: bool) -> None:
         headings = [name for name in rows[0] if name != "priority" or any(task.priority for task in tasks)]
         cells = [[row[name] for name in headings] for row in rows]
         click.echo(in_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
+    for task in tasks:
+        if not task.ended and task.added > now + DOUBT:
+            said = f"task {task.id} was added at {_clock(task.added)}, to come: the clock was wrong then, or is"
+            cure = f"date; where that is right: mission task cancel {task.id}, and add it anew"
+            click.echo(f"{said} now\n  try: {cure}", err=True)
 
 
 def _row(task: Task) -> Mapping[str, str]:
@@ -197,7 +207,7 @@ def _row(task: Task) -> Mapping[str, str]:
         "task": str(task.id),
         "state": "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " "),
         "priority": str(task.priority),
-        "due": _clock(task.since),
+        "due": _clock(task.since) if task.due else "at once",
         "every": task.every or "-",
         "mission": task.name,
         "params": " ".join(f"{name}={value}" for name, value in task.params.items()) or "-",

@@ -93,6 +93,14 @@ class Queue:
         which = "" if ended else " WHERE state IN ('waiting', 'running')"
         return [_task(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
 
+    def expected(self, task: Task, now: float) -> float:
+        """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
+        if task.state == "waiting" and task.due > now and task.every and task.id != task.series:
+            with suppress(ValueError, OverflowError):  # what an earlier version has let in stays where it is
+                every = read_every(task.every, task.due, self._zone)
+                return min(task.due, self._free(task, every, drawn_in(every, task.due, now, self._zone), now))
+        return task.due
+
     def attempts(self, number: int) -> list[Attempt]:
         """Return the attempts at a task, in order."""
         rows = self._execute("SELECT * FROM attempt WHERE task = ? ORDER BY number", number)
@@ -184,11 +192,8 @@ class Queue:
         """Bring repetitions nearer that are too far ahead, since the clock was put back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
         for task in map(_task, self._execute(sql, now).fetchall()):
-            with suppress(ValueError, OverflowError):  # what an earlier version has let in stays where it is
-                every = read_every(task.every, task.due, self._zone)
-                due = self._free(task, every, drawn_in(every, task.due, now, self._zone), now)
-                if due < task.due:
-                    self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
+            if (due := self.expected(task, now)) < task.due:
+                self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
     def _free(self, task: Task, every: Every, due: float, now: float) -> float:
         """Return the first time from ``due`` on that this repetition has not had yet; the clock may be put back."""

@@ -49,15 +49,17 @@ def wall_clock() -> float:
     return time_of_day().timestamp()
 
 
-def read_every(text: str, begin: float, zone: tzinfo) -> Every:
+def read_every(text: str, begin: float, zone: tzinfo, at: str = "") -> Every:
     """Read "30 min", "day", "monday" or "day 18:00"; without a time of day it is that of ``begin``.
 
+    Or that of ``at``, as ``read_at`` has read it: ``begin`` may be later, where the clocks leave that time out.
     Raises ValueError that says what is wrong.
     """
     word, _, clock = text.strip().lower().partition(" ")
     if word == "day" or word in DAYS:
-        at = _read_time(clock.strip()) if clock else datetime.fromtimestamp(begin, zone).time()
-        return Every(day=None if word == "day" else DAYS.index(word), at=at.replace(second=0, microsecond=0))
+        wanted = clock.strip() or at.strip()[-5:].strip(" T")
+        when = _read_time(wanted) if wanted else datetime.fromtimestamp(begin, zone).time()
+        return Every(day=None if word == "day" else DAYS.index(word), at=when.replace(second=0, microsecond=0))
     try:
         period = in_dimension(text, "duration")
     except ValueError as error:

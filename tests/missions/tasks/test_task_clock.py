@@ -67,6 +67,16 @@ def test_repetitions_that_are_too_far_ahead_come_in_time_where_the_clock_is_put_
     assert queue.attempt("success").state == "done"
 
 
+def test_when_a_repetition_comes_is_known_without_a_server_that_draws_it_in(queue: Shop) -> None:
+    right, years = queue.now, 174 * 365 * 86400.0
+    queue.now += years
+    queue.add(new(due=queue.now, every="1800 s"))
+    queue.attempt("success")
+    (task,) = queue.queue.tasks(ended=False)
+    assert task.due > right + years
+    assert queue.queue.expected(task, right) == right + 1800.0
+
+
 def test_what_is_to_begin_later_is_not_drawn_in(queue: Shop) -> None:
     queue.add(new(due=START + 30 * 86400.0, every="1800 s"))
     queue.queue.claim(queue.now)

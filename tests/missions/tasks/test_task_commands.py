@@ -278,3 +278,13 @@ def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
         assert found == [(number, 1) for number in range(1, 4)]
         assert Outbox(connection).waiting() == 0
     assert {task["state"] for task in user.tasks()} == {"done"}
+
+
+def test_the_list_names_what_was_added_at_a_time_to_come(user: User) -> None:
+    user.add()
+    with closing(open_db(user.state / "tasks.db")) as connection:
+        connection.execute("UPDATE task SET added = 7258118400.0")
+    outcome = user.task("list")
+    assert "at once" in outcome.out
+    assert "task 1 was added at 2200-01-01" in outcome.err
+    assert "mission task cancel 1, and add it anew" in outcome.err

@@ -111,6 +111,28 @@ def test_a_time_that_the_clocks_leave_out_is_the_moment_at_which_they_change() -
     assert read_at("2026-03-29 02:30", START - 300 * 86400, BERLIN) == gap
 
 
+@pytest.mark.parametrize(
+    ("now", "at", "due", "next_due"),
+    [
+        ("2026-03-28 12:00", "02:30", "2026-03-29 03:00", "2026-03-30 02:30"),
+        ("2026-03-28 12:00", "2026-03-29 02:30", "2026-03-29 03:00", "2026-03-30 02:30"),
+        ("2026-03-28 12:00", "2026-03-29T2:30", "2026-03-29 03:00", "2026-03-30 02:30"),
+        ("2026-03-28 12:00", "03:00", "2026-03-29 03:00", "2026-03-30 03:00"),
+        ("2026-10-24 12:00", "02:30", "2026-10-25 02:30", "2026-10-26 02:30"),
+    ],
+)
+def test_the_time_that_was_wanted_stays_also_where_it_is_left_out_the_first_time(
+    now: str, at: str, due: str, next_due: str
+) -> None:
+    first = read_at(at, berlin(now), BERLIN)
+    for text in ("day", "sunday"):
+        every = read_every(text, first, BERLIN, at)
+        assert first_time(every, first, BERLIN) == first == berlin(due)
+        days = 1 if text == "day" else 7
+        week = (datetime.fromisoformat(next_due) + timedelta(days=days - 1)).isoformat()
+        assert next_time(every, first, first, BERLIN) == berlin(week)
+
+
 def test_a_time_that_comes_twice_is_the_first_of_the_two_and_runs_once() -> None:
     every = Every(at=time(2, 30))
     fold = next_time(every, berlin("2026-10-24 02:30"), 0.0, BERLIN)
