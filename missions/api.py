@@ -31,7 +31,7 @@ from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
 from missions.language.claims import Target
-from missions.library import load_mission
+from missions.library import behaviour_files, load_mission
 from missions.order import Order, Simulate
 from missions.runner import PATIENT, Runner
 from missions.vocabulary import vocabulary
@@ -149,7 +149,8 @@ def load(
     parts = Robot() if robot is None else robot
     has = frozenset(part for part, device in _devices(parts).items() if device is not None)
     target = None if robot is None else Target("this robot", has, None if parts.arm_part is None else parts.reach)
-    plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(files))
+    own = behaviour_files(str(path), files)
+    plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(own))
     run = Run(SystemClock(), seed=seed)
     run.settle = Assembled(plan.mission, parts, {}).settle
     stream, answers = Stream(), Answers()

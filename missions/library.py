@@ -10,6 +10,7 @@ from missions.assembly.things import THINGS
 from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
+from missions.vocabulary import found_beside
 
 HERE = Path(__file__).parent
 
@@ -38,6 +39,16 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     if len(short) == 1:
         return short[0]
     return find("missions", name, library=library, folder=beside)
+
+
+def behaviour_files(name: str, given: Iterable[Path] = ()) -> list[Path]:
+    """Return the files of leaves for a mission, by its name or path: those ``given``, then those in its own folder.
+
+    Raises UnknownNameError.
+    """
+    files = list(given)
+    known = {path.resolve() for path in files}
+    return files + [path for path in found_beside(find_mission(name)) if path.resolve() not in known]
 
 
 def load_mission(

@@ -37,7 +37,7 @@ from missions.executive.state import state_of
 from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
-from missions.library import load_mission
+from missions.library import behaviour_files, load_mission
 from missions.order import Order
 from missions.vocabulary import vocabulary
 from perception.api import Frame, Gaze, View
@@ -270,5 +270,5 @@ def load(order: Order, robot: RobotConfig) -> Plan:
         params=order.params,
         complete=True,
         robot=target_of(robot),
-        leaves=vocabulary(order.behaviours),
+        leaves=vocabulary(behaviour_files(order.mission, order.behaviours)),
     )

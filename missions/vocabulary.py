@@ -35,6 +35,9 @@ from missions.language.steps import BESIDE
 GROUP = "missiontree.behaviours"
 """The entry points by which packages offer leaves."""
 
+FOLDER = "behaviours"
+"""The folder beside missions in which their own leaves are."""
+
 TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
 """Words that mean something else in missions."""
 
@@ -60,6 +63,17 @@ class Offer:
             return Mark()
         found = (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name == cls.__name__)
         return next((Mark(node.lineno, node.col_offset + 7, len(node.name)) for node in found), Mark())
+
+
+def found_beside(mission: Path) -> list[Path]:
+    """Return the files of leaves in the folder ``behaviours`` beside a mission's file, in the order of their names.
+
+    Those whose names begin with ``_`` are none, nor is anything in a package of Python.
+    """
+    folder = mission.parent / FOLDER
+    if (folder / "__init__.py").exists():
+        return []
+    return [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
 
 
 def vocabulary(files: Iterable[Path] = ()) -> Mapping[str, type[Leaf]]:

@@ -12,7 +12,7 @@ from rich.table import Table
 from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.catalogue import shown_default, summary, terms
-from missions.cli.options import behaviours_option
+from missions.cli.options import behaviours_option, own_files
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, OTHERS
 from missions.language.steps import BESIDE
@@ -26,7 +26,7 @@ from missions.vocabulary import vocabulary
 @behaviours_option
 def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Say what each behaviour does, its arguments with units and defaults, and what it claims."""
-    leaves = vocabulary(files)
+    leaves = vocabulary(own_files(files))
     if name is not None and name not in leaves:
         known = _known()
         if name in known:

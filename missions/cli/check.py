@@ -1,7 +1,7 @@
 """``mission check``: every mistake in missions, before anything moves."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -13,12 +13,11 @@ from config.faults import Fault, InvalidFileError, Mark, Source
 from config.library import UnknownNameError, find, shipped
 from config.robot import load_robot
 from missions.assembly.target import target_of
-from missions.cli.options import behaviours_option, files_of, params_option
+from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
 from missions.language.claims import Target
 from missions.language.plan import Plan
 from missions.library import TESTS, load_mission, shipped_missions
 from missions.order import DEFAULT_ROBOT
-from missions.vocabulary import vocabulary
 
 
 @click.command()
@@ -32,10 +31,10 @@ def command(
 ) -> int:
     """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
     robots = [find("robots", robot)] if robot is not None else _usual_first()
-    leaves = vocabulary(files)
+    leaves = leaves_for(files)
     found: list[Fault] = []
     for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
-        said, faults = _checked(name, params, robots, leaves)
+        said, faults = _checked(name, params, robots, leaves, files)
         found += faults
         if not as_json:
             click.echo(said, err=bool(faults))
@@ -50,7 +49,8 @@ def _checked(
     name: str,
     params: dict[str, str],
     robots: Sequence[Path],
-    leaves: Mapping[str, type[Leaf]],
+    leaves: Callable[[str], Mapping[str, type[Leaf]]],
+    files: Sequence[Path],
 ) -> tuple[str, Sequence[Fault]]:
     """Check one mission for the first of ``robots``, or one file of tests; return what to tell, and its mistakes.
 
@@ -61,12 +61,13 @@ def _checked(
         if Path(name).name.endswith(TESTS):
             from missions.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
 
-            cases = len(load_suite(Path(name)))
+            cases = len(load_suite(Path(name), files))
             return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", []
+        own = leaves(name)
         try:
-            plan = load_mission(name, params=params, robot=_target(robots[0]), leaves=leaves)
+            plan = load_mission(name, params=params, robot=_target(robots[0]), leaves=own)
         except InvalidFileError as error:
-            found = _otherwise(name, params, robots[1:], leaves)
+            found = _otherwise(name, params, robots[1:], own)
             if found is None:
                 raise
             plan, able = found

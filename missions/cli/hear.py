@@ -17,13 +17,12 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.hearing import Hearing, hearing, microphone
-from missions.cli.options import behaviours_option, params_option
+from missions.cli.options import behaviours_option, leaves_for, params_option
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
-from missions.vocabulary import vocabulary
 from perception.api import Words
 from perception.hearing.engines import Sphinx, Vosk
 from perception.hearing.grammar import fault_of
@@ -93,7 +92,7 @@ def _wanted(
     if (mission is None) == (phrases is None):
         raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
     if mission is not None:
-        found = phrases_of(load_mission(mission, params=params, complete=True, leaves=vocabulary(files)).tree)
+        found = phrases_of(load_mission(mission, params=params, complete=True, leaves=leaves_for(files)(mission)).tree)
         if not found:
             raise click.UsageError(f"mission '{mission}' does not listen for anything")
         return found

@@ -1,7 +1,7 @@
 """What several subcommands share: options of the form NAME=VALUE, times and sizes with a unit."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from shlex import quote
@@ -9,8 +9,10 @@ from typing import Any, ClassVar
 
 import click
 
+from behaviours.leaf import Leaf
 from config.units import in_dimension
-from missions.library import TESTS
+from missions.library import TESTS, behaviour_files
+from missions.vocabulary import found_beside, vocabulary
 
 
 class Seconds(click.ParamType[float]):
@@ -115,6 +117,37 @@ def params_option(command: Any) -> Any:
         callback=pairs('patience="5 s"'),
         help='Set one of the mission\'s params, such as patience="5 s". Repeat it for more.',
     )(command)
+
+
+def leaves_for(given: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
+    """Return what gives the leaves for a mission by its name or path: ours, those ``given``, those in its own folder.
+
+    Each set of files is run once. Those that nobody has given are told on stderr: to read a mission is to run them.
+    Raises InvalidFileError, as what it gives does; that raises UnknownNameError too.
+    """
+    known = {tuple(given): vocabulary(given)}
+
+    def leaves(name: str) -> Mapping[str, type[Leaf]]:
+        files = tuple(behaviour_files(name, given))
+        if files not in known:
+            tell_found(files, given)
+            known[files] = vocabulary(files)
+        return known[files]
+
+    return leaves
+
+
+def own_files(given: Sequence[Path]) -> list[Path]:
+    """Return the files of behaviours that missions of this folder are made of: those ``given``, and those in it."""
+    files = [*given, *(path for path in found_beside(Path("mission.yaml")) if path not in given)]
+    tell_found(files, given)
+    return files
+
+
+def tell_found(files: Sequence[Path], given: Sequence[Path]) -> None:
+    """Tell on stderr which files of behaviours are run that nobody has given."""
+    if found := [str(path) for path in files if path not in given]:
+        click.echo(f"behaviours of this folder: {', '.join(found)}", err=True)
 
 
 def behaviours_option(command: Any) -> Any:

@@ -17,6 +17,7 @@ from missions.cli.film import Film
 from missions.cli.heeded import GONE, heeded
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
+from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
@@ -25,6 +26,7 @@ from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
+from missions.library import behaviour_files
 from missions.order import Order
 from missions.runner import Runner, end_process
 from missions.view.terminal import unviewable
@@ -79,6 +81,7 @@ def run(
         attempt_all({"last words": say}, LAST_WORDS_TIME)
         end_process(result)
 
+    tell_found(behaviour_files(order.mission, order.behaviours), order.behaviours)
     # Reads and checks everything; nothing has been opened or written yet.
     wish = outputs.record
     recording = None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up)

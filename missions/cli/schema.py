@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from missions.cli.options import behaviours_option
+from missions.cli.options import behaviours_option, own_files
 from missions.cli.outputs import writing
 from missions.pictures import tree_json
 from missions.schema.mission import known_things, mission_schema
@@ -24,7 +24,7 @@ def command(output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> N
 
     # yaml-language-server: $schema=mission.schema.json
     """
-    schema = tree_json.schema() if of_tree else mission_schema(vocabulary(files), known_things())
+    schema = tree_json.schema() if of_tree else mission_schema(vocabulary(own_files(files)), known_things())
     text = json.dumps(schema, indent=1, ensure_ascii=False)
     if output is None:
         click.echo(text)

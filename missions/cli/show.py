@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from missions.cli.options import SECONDS, behaviours_option, params_option
+from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
 from missions.cli.outputs import writing
 from missions.library import load_mission
 from missions.pictures.compare import compare
@@ -17,7 +17,6 @@ from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
 from missions.pictures.side_by_side import side_by_side
 from missions.pictures.states import now_of
 from missions.recording.read import open_record
-from missions.vocabulary import vocabulary
 
 RECORD = ".mcap"
 """What the name of a record ends in; all other names are missions."""
@@ -88,7 +87,7 @@ def _is_record(name: str) -> bool:
 def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: float | None) -> Drawing:
     """Return the drawing of a mission or of a record; of that, at ``time`` if it is given."""
     if not _is_record(name):
-        return drawing_of(load_mission(name, params=params, leaves=vocabulary(files)))
+        return drawing_of(load_mission(name, params=params, leaves=leaves_for(files)(name)))
     record = open_record(Path(name))
     drawing = record.drawing()
     if time is None:

@@ -12,8 +12,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
+from missions.cli.options import behaviours_option, tell_found
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
+from missions.library import behaviour_files
 from missions.testing import report
 from missions.testing.coverage import coverage, lines_of
 from missions.testing.coverage_page import page
@@ -42,6 +44,7 @@ from missions.testing.suite import Case, load_suite
     help="Write what was tried as a page, with the missions' lines marked.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for other programs.")
+@behaviours_option
 @click.option("-x", "--fail-fast", is_flag=True, help="Begin nothing new after the first failure.")
 def command(
     names: tuple[str, ...],
@@ -51,6 +54,7 @@ def command(
     tell_coverage: bool,
     page_file: Path | None,
     as_json: bool,
+    files: tuple[Path, ...],
     fail_fast: bool,
 ) -> int:
     """Play test files, in simulated time: files, folders, or missions by name.
@@ -58,7 +62,7 @@ def command(
     Without any, those here and below; where there are none, those of the missions that ship with MissionTree.
     Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
     """
-    cases = _chosen(names, words)
+    cases = _chosen(names, words, files)
     clock = SystemClock()
     with _progress(len(cases)) as told:
         verdicts = _played(cases, jobs or cores(), fail_fast, told)
@@ -76,18 +80,20 @@ def command(
     return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
 
 
-def _chosen(names: Sequence[str], words: str) -> list[Case]:
-    """Return the cases to be played. Raises InvalidFileError with the mistakes of all files."""
+def _chosen(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
+    """Return the cases to be played; ``own`` are files of behaviours. Raises InvalidFileError with all mistakes."""
     files = dict.fromkeys(path for name in names for path in named_tests(name)) if names else all_tests()
     cases: list[Case] = []
     faults: list[Fault] = []
     for path in files:
         try:
-            cases += load_suite(path)
+            cases += load_suite(path, own)
         except InvalidFileError as error:
             faults += error.faults
     if faults:
         raise InvalidFileError(faults)
+    for mission in dict.fromkeys(case.mission for case in cases):
+        tell_found(behaviour_files(mission, own), own)
     chosen = [case for case in cases if words.lower() in f"{case.source.name}: {case.title}".lower()]
     if not chosen:
         raise click.UsageError(f"-k: none of {len(cases)} cases has '{words}' in its file or title")

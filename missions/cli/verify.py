@@ -1,7 +1,7 @@
 """``mission verify``: every run of a mission that leaves, conditions and time can lead to, up to a bound."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
@@ -11,11 +11,10 @@ from config.faults import InvalidFileError
 from config.library import UnknownNameError
 from config.units import written
 from drivers.clock import SystemClock
-from missions.cli.options import SECONDS, behaviours_option, files_of, params_option
+from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
 from missions.library import load_mission, shipped_missions
 from missions.verify.verdicts import PROVED, Report
 from missions.verify.verify import BOUND, LIMIT, verify
-from missions.vocabulary import vocabulary
 
 
 @click.command()
@@ -47,7 +46,7 @@ def command(
     Takes names, files or folders; all that ship with MissionTree when none is given. Exits with 0 when all is proved,
     with 1 when something is refuted or not decided, and with 2 for a mission that `mission check` refuses.
     """
-    leaves = vocabulary(files)
+    leaves = leaves_for(files)
     code = 0
     reports: list[Report] = []
     for name in [file for each in names for file in files_of(each, tests=False)] or list(shipped_missions()):
@@ -65,11 +64,11 @@ def command(
 
 
 def _verified(
-    name: str, params: dict[str, str], leaves: Mapping[str, type[Leaf]], bound: int, limit: float
+    name: str, params: dict[str, str], leaves: Callable[[str], Mapping[str, type[Leaf]]], bound: int, limit: float
 ) -> Report | None:
     """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
     try:
-        plan = load_mission(name, params=params, leaves=leaves)
+        plan = load_mission(name, params=params, leaves=leaves(name))
     except InvalidFileError as error:
         click.echo(str(error), err=True)
     except UnknownNameError as error:

@@ -17,14 +17,14 @@ from missions.language.values import Value
 RobotFor = Callable[[Node], Robot]
 """Gives a leaf the robot that it sees: one that knows in whose name a command is sent."""
 
-Substitute = Callable[[Step, Leaf], Leaf]
-"""Given a leaf's step and the leaf itself, returns what is to stand in its place."""
+Substitute = Callable[[Step, Leaf | None], Leaf | None]
+"""Given a step, and its leaf where it is one, returns what is to stand in its place; None: it is built as it is."""
 
 Scope = dict[str, object]
 
 
-def as_it_is(step: Step, leaf: Leaf) -> Leaf:
-    """Put nothing in a leaf's place."""
+def as_it_is(step: Step, leaf: Leaf | None) -> Leaf | None:
+    """Put nothing in the place of anything."""
     del step
     return leaf
 
@@ -51,8 +51,15 @@ class Builder:
     def build(self, step: Step, key: str, scope: Scope) -> Node:
         """Build a step and all below it; ``scope`` are the variables of its mission."""
         inner = dict(self._lasting) if step.kind == MISSION else scope
+        whole = None if step.leaf is not None or step.kind in MODIFIERS else self._substitute(step, None)
+        if whole is not None:
+            whole.keep_as = step.keep_as
+            return self._placed(whole, step, key, scope)
         children = [self.build(child, f"{key}.{place}", inner) for place, child in enumerate(step.children, start=1)]
-        node = self._node(step, children, inner)
+        return self._placed(self._node(step, children, inner), step, key, scope)
+
+    def _placed(self, node: Node, step: Step, key: str, scope: Scope) -> Node:
+        """Tell a node where it stands, and give it what it needs to run."""
         node.key, node.kind, node.line, node.file = key, step.kind, step.mark.line, step.source.name
         node.run, node.scope = self._run, scope
         if isinstance(node, Leaf):
@@ -61,7 +68,8 @@ class Builder:
 
     def _node(self, step: Step, children: list[Node], inner: Scope) -> Node:
         if step.leaf is not None:
-            return _leaf(self._substitute(step, step.leaf(step.name)), step, inner)
+            leaf = step.leaf(step.name)
+            return _leaf(self._substitute(step, leaf) or leaf, step, inner)
         if step.kind in MODIFIERS:
             return MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
         if step.kind == FOR_EACH:

@@ -25,6 +25,7 @@ BESIDE = ("name", "as", "with", "returns", *COUNTS)
 ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """What stands only beside one behaviour."""
 
+LISTED = "`mission behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
 MISSING = "a behaviour is missing here"
 
 
@@ -149,7 +150,7 @@ def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
     else:
         hint = _as_mission(notes, key.text, alone=alone)
         hint = hint or word_meant(key.text, notes.leaves, composites, beside, alone=alone)
-        hint = hint or "`mission behaviours` lists what there is"
+        hint = hint or LISTED
     notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint, sure=True)
 
 

@@ -16,6 +16,7 @@ from config.world import WorldConfig
 from missions.assembly import parts
 from missions.language.plan import Plan
 from missions.language.values import shown
+from missions.library import behaviour_files
 from missions.models import YUNET, folder
 from missions.moves.sheet import KINDS as SHEETS
 from missions.order import DEFAULT_WORLD, Order
@@ -45,7 +46,7 @@ def contents_of(
     ``files`` are those that were read for it, as ``config.reading.files_read`` has them; ``started`` is the time of day
     at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced.
     """
-    names = dict(_named(files, {path.resolve() for path in order.behaviours}))
+    names = dict(_named(files, {path.resolve() for path in behaviour_files(order.mission, order.behaviours)}))
     mission = Path(plan.source.name).resolve()
     chosen = plan.tree.parts & config.parts
     simulation = order.simulation

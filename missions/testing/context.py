@@ -17,7 +17,7 @@ from missions.assembly.assemble import with_carriers
 from missions.assembly.target import target_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import Plan, Step
-from missions.library import find_mission, load_mission
+from missions.library import behaviour_files, find_mission, load_mission
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
 from missions.vocabulary import vocabulary
@@ -75,9 +75,12 @@ class Context:
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, fields: Fields, folder: Path) -> "Context":
-        """Read the keys at the top of a test file. Raises InvalidFileError where the leaves cannot be read."""
-        files = []
+    def read(cls, fields: Fields, folder: Path, behaviours: Sequence[Path] = ()) -> "Context":
+        """Read the keys at the top of a test file, with more ``behaviours`` than it names.
+
+        Raises InvalidFileError where the leaves cannot be read.
+        """
+        files = list(behaviours)
         for node in fields.items("behaviours"):
             if isinstance(node, Scalar) and node.value is not None:
                 files.append(folder / node.text)
@@ -88,6 +91,7 @@ class Context:
             mission = str(_mission(name, folder)) if name else ""
         except UnknownNameError as error:
             fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
+        files = behaviour_files(mission, files) if mission else files
         return cls(folder, mission, tuple(files), vocabulary(files))
 
     def setting(self, fields: Fields) -> Setting:

@@ -1,6 +1,7 @@
 """What a case is given: leaves that are mocked, and what goes wrong with the robot."""
 
 import re
+from collections.abc import Collection
 from collections.abc import Mapping as Named
 
 from behaviours.hearing import Listening
@@ -9,10 +10,12 @@ from config.fields import Fields
 from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.arguments import default_value
+from missions.language.modifiers import MODIFIERS
 from missions.language.phrases import own_phrases
+from missions.language.plan import Step
 from missions.testing.context import Setting
 from missions.testing.mishaps import JOINT, Mishap, read_mishap
-from missions.testing.mocks import RESULT_OF_FACE, MockSpec
+from missions.testing.mocks import RESULT_OF_FACE, MockSpec, fits
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
 from perception.api import Face
@@ -73,44 +76,82 @@ def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpe
 
 def _hears(key: Scalar, setting: Setting) -> bool:
     """Say whether what is mocked keeps a phrase."""
-    return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in setting.steps(key.text))
+    return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in _mocked(key, setting))
 
 
 def _phrase(fields: Fields, key: Scalar, setting: Setting) -> str:
     """Read the phrase that a mock has heard: one of those that the mission listens for there."""
     said, node = fields.text("result", ""), fields.node_of("result")
-    known = [phrase for step in setting.steps(key.text) for phrase in own_phrases(step).values()]
+    known = [phrase for step in _mocked(key, setting) for phrase in own_phrases(step).values()]
     if said and node is not None and said not in known:
         hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
         fields.fault(node.mark, f"'{key.text}' cannot hear {seen(said)}", hint)
     return said
 
 
+def _mocked(key: Scalar, setting: Setting) -> list[Step]:
+    """Return the steps for which a mock stands."""
+    return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if fits(key.text, step)]
+
+
 def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
-    """Note a name that means no leaf of the mission."""
-    if setting.plan is None or any(step.leaf is not None for step in setting.steps(key.text)):
+    """Note a name that means nothing of the mission which can be mocked."""
+    if setting.plan is None or _mocked(key, setting):
         return
-    leaves = {word for step in setting.plan.tree.walk() if step.leaf is not None for word in (step.kind, step.name)}
+    steps = [step for step in setting.plan.tree.walk() if step.kind not in MODIFIERS]
+    known = {name for step in steps for name in (step.kind, step.name, step.text) if name and fits(name, step)}
     message = f"mission '{setting.plan.mission}' has no behaviour {seen(key.text)}"
+    hint = did_you_mean(key.text, known) or f"mocked can be: {', '.join(sorted(known))}"
     if setting.steps(key.text):
-        message = f"{seen(key.text)} is no single behaviour, and only those can be mocked"
-    hint = did_you_mean(key.text, leaves) or f"mocked can be: {', '.join(sorted(leaves))}"
+        message = f"{seen(key.text)} is no name of one behaviour"
+        hint = f"give it a name of its own in the mission (name: ...), and mock that; {hint}"
     fields.fault(key.mark, message, hint)
 
 
 def _result(told: Fields, key: Scalar, setting: Setting) -> Named[str, object]:
-    """Read what ``as`` keeps, by name; the values of a face are those of a face."""
-    faces = any(step.leaf is not None and step.leaf.keeps is Face for step in setting.steps(key.text))
+    """Read what ``as`` keeps, by name; the values of a face are those of a face, and a mission's what it returns."""
+    steps = _mocked(key, setting)
+    if steps and all(step.leaf is None for step in steps):
+        return _returned(told, key, {name for step in steps for name in step.returns})
+    if any(step.leaf is not None and step.leaf.keeps is Face for step in steps):
+        return _of_face(told)
+    return {name.text: _plain(told, name, value) for name, value in told.entries()}
+
+
+def _returned(told: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
+    """Read what a mission returns, where a mapping stands for a face."""
     found: dict[str, object] = {}
     for name, value in told.entries():
-        if faces and name.text not in RESULT_OF_FACE:
+        if name.text not in returns:
+            hint = one_of(name.text, returns) or "it returns nothing"
+            told.fault(name.mark, f"'{key.text}' returns no {seen(name.text)}", hint)
+        elif isinstance(value, Mapping):
+            found[name.text] = _of_face(Fields(told.source, value, told.faults, what="a face"))
+        else:
+            found[name.text] = _plain(told, name, value)
+    return found
+
+
+def _of_face(told: Fields) -> dict[str, object]:
+    """Read what is known of a face."""
+    found: dict[str, object] = {}
+    for name, value in told.entries():
+        if name.text not in RESULT_OF_FACE:
             told.fault(name.mark, f"a face has no {seen(name.text)}", one_of(name.text, RESULT_OF_FACE))
-        elif not isinstance(value, Scalar):
-            told.fault(value.mark, f"'{name.text}' needs one value")
-        elif faces and name.text == "name":
+        elif isinstance(value, Scalar) and name.text == "name":
             found[name.text] = value.text
-        elif faces and (not isinstance(default_value(value), int | float) or isinstance(value.value, bool)):
+        elif isinstance(value, Scalar) and (
+            not isinstance(default_value(value), int | float) or isinstance(value.value, bool)
+        ):
             told.fault(value.mark, f"'{name.text}' of a face needs a number, got {seen(value.text)}")
         else:
-            found[name.text] = default_value(value)
+            found[name.text] = _plain(told, name, value)
     return found
+
+
+def _plain(told: Fields, name: Scalar, value: Node) -> object:
+    """Read one value."""
+    if isinstance(value, Scalar):
+        return default_value(value)
+    told.fault(value.mark, f"'{name.text}' needs one value")
+    return None

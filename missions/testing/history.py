@@ -123,19 +123,18 @@ class History:
 
     def nodes(self, root: Node, tree: Step) -> tuple[NodeRecord, ...]:
         """Return what became of every node of the tree, in the order of the file; ``tree`` is its plan."""
-        ways = dict(_ends(tree, root.key))
         return tuple(
             NodeRecord(
-                node.file,
-                node.line,
-                node.key,
-                node.kind,
-                node.name,
-                dict(self._statuses.get(node.key, {})),
-                tuple(self._reasons.get(node.key, {})),
-                ways.get(node.key, ()),
+                step.source.name,
+                step.mark.line,
+                key,
+                step.kind,
+                step.name,
+                dict(self._statuses.get(key, {})),
+                tuple(self._reasons.get(key, {})),
+                CERTAIN.get(step.kind) or tuple(sorted(ends(step))),
             )
-            for node in _in_order(root)
+            for key, step in _keyed(tree, root.key)  # by the plan: below a mock no node was built
         )
 
     def _node(self, event: NodeChanged) -> None:
@@ -212,14 +211,8 @@ def _moves(velocity: Velocity) -> bool:
     return max(abs(velocity.linear), abs(velocity.angular)) > STANDSTILL
 
 
-def _in_order(node: Node) -> list[Node]:
-    """Return a node and all below it, parents first, which is the order of the file."""
-    below = [child for child in node.children if isinstance(child, Node)]
-    return [node, *(each for child in below for each in _in_order(child))]
-
-
-def _ends(step: Step, key: str) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield how each step can end, by the key that the builder gives its node."""
-    yield key, CERTAIN.get(step.kind) or tuple(sorted(ends(step)))
+def _keyed(step: Step, key: str) -> Iterator[tuple[str, Step]]:
+    """Yield each step, those above first, with the key that the builder gives its node."""
+    yield key, step
     for place, child in enumerate(step.children, start=1):
-        yield from _ends(child, f"{key}.{place}")
+        yield from _keyed(child, f"{key}.{place}")

@@ -1,15 +1,20 @@
-"""Mocks: stand-ins for leaves that follow a script, whatever the robot and the world do."""
+"""Mocks: stand-ins for leaves, missions and composites that follow a script, whatever the robot and the world do."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any
 
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from missions.language.plan import Step
+from missions.language.modifiers import MODIFIERS
+from missions.language.plan import MISSION, Step
 from missions.testing.script import Script, Turn
 from perception.api import Box, Face
+
+ANY = frozenset("*?")
+"""The signs of a pattern."""
 
 RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in {"box", "stamp"})
 """What a test file can say of a face that a mock keeps; the rest is made up."""
@@ -17,9 +22,10 @@ RESULT_OF_FACE = tuple(name for name in Face.__dataclass_fields__ if name not in
 
 @dataclass(frozen=True, slots=True)
 class MockSpec:
-    """What a test file says of a mock: the word or the name of the leaves that it stands for, and what it does.
+    """What a test file says of a mock: what it stands for (see ``fits``), and what it does.
 
-    ``result`` is what ``as`` keeps, None where the file says nothing: quantities in SI units, by name, or a phrase.
+    ``result`` is what ``as`` keeps, or what a mission returns: quantities in SI units, by name, or a phrase. None where
+    the file says nothing.
     """
 
     target: str
@@ -68,20 +74,34 @@ class Mock(Leaf):
         return SUCCESS
 
 
-class Cast:
-    """Puts mocks in the place of leaves while a tree is built. The first of ``specs`` that fits a leaf is taken.
+def fits(target: str, step: Step) -> bool:
+    """Say whether a mock for ``target`` stands for this step.
 
-    All leaves that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
+    A leaf goes by its word or its name, a sub-mission by its own name or the one beside it, a composite by the name
+    beside it; ``*`` and ``?`` in the target stand for any letters, in leaves and sub-missions.
+    """
+    if step.kind in MODIFIERS:
+        return False
+    if step.leaf is None and step.kind != MISSION:
+        return step.name != step.kind and target == step.name
+    names = (step.name, step.text if step.kind == MISSION else step.kind)
+    return target in names or any(fnmatchcase(name, target) for name in names if ANY.intersection(target))
+
+
+class Cast:
+    """Puts mocks in the place of leaves, missions and composites while a tree is built; the first that fits is taken.
+
+    All that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
         self._roles = [(spec, Turns(spec.script)) for spec in specs]
 
-    def __call__(self, step: Step, leaf: Leaf) -> Leaf:
-        """Return what is to stand in the place of ``leaf``: a mock, or the leaf itself."""
+    def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
+        """Return what is to stand in the place of ``leaf``, or of a step that is none: a mock, or itself."""
         for spec, turns in self._roles:
-            if spec.target in (step.kind, step.name):
-                return _mock(leaf, turns, spec.result)
+            if fits(spec.target, step):
+                return _of_step(step, turns, spec.result) if leaf is None else _mock(leaf, turns, spec.result)
         return leaf
 
 
@@ -96,14 +116,29 @@ def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | str | None) -> 
     return mock
 
 
+def _of_step(step: Step, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
+    """Return a mock in the place of a mission or a composite, with all that is below it."""
+    made: Any = type("MockTree", (Mock,), {"word": step.kind, "drives": step.claims})
+    mock: Mock = made(step.name)
+    returned = told if isinstance(told, Mapping) else {}
+
+    def outcome() -> object:
+        results = {name: _face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()}
+        if step.keep_as is None:
+            mock.scope.update(results)
+            mock.run.stored = True
+        return results
+
+    mock.follow(turns, outcome)
+    return mock
+
+
 def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
-    if leaf.keeps is not Face or isinstance(told, str):
-        return told
-    values: dict[str, Any] = {
-        **dict.fromkeys(RESULT_OF_FACE, 0.0),
-        "id": 1,
-        "distance": 1.5,
-        "name": "",
-        **(told or {}),
-    }
+    return told if leaf.keeps is not Face or isinstance(told, str) else _face(mock, told or {})
+
+
+def _face(mock: Mock, told: Mapping[str, object]) -> Face:
+    """Return a face seen now, of which this is known; the rest is made up."""
+    made_up = {**dict.fromkeys(RESULT_OF_FACE, 0.0), "id": 1, "distance": 1.5, "name": ""}
+    values: dict[str, Any] = {**made_up, **told}
     return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

@@ -53,20 +53,22 @@ class Case:
         return f"{self.place}: {self.title}"
 
 
-def load_suite(path: Path) -> tuple[Case, ...]:
-    """Read and check a test file, and the mission that it tests.
+def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
+    """Read and check a test file, and the mission that it tests, with more files of ``behaviours`` than it names.
 
     Raises InvalidFileError with every mistake in it, or in the mission.
     """
-    return read_suite(read_fields(path, what="a test file", name=shown_path(path)), path.parent)
+    return read_suite(read_fields(path, what="a test file", name=shown_path(path)), path.parent, behaviours)
 
 
-def read_suite(fields: Fields, folder: Path, *, judged: bool = True) -> tuple[Case, ...]:
+def read_suite(
+    fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, judged: bool = True
+) -> tuple[Case, ...]:
     """Read the cases of a test file, whose names are relative to ``folder``; ``judged`` asks what each expects.
 
     Raises InvalidFileError with every mistake in it, or in the mission.
     """
-    context = Context.read(fields, folder)
+    context = Context.read(fields, folder, behaviours)
     shared = fields.node_of("with")
     if shared is not None and not isinstance(shared, Mapping):
         fields.fault(shared.mark, "'with' needs what all cases have in common", "such as {world: living_room}")

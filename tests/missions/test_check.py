@@ -21,6 +21,7 @@ from missions.language.document import MAX_DEPTH, check_plan, load_plan
 from missions.language.modifiers import MODIFIERS
 from missions.language.notes import STATE
 from missions.language.plan import COMPOSITES, Plan, Step
+from missions.language.steps import LISTED
 from missions.language.values import Value
 from missions.library import load_mission
 from perception.api import Thing
@@ -195,7 +196,6 @@ def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
 
 # What is wrong
 
-LISTED = "`mission behaviours` lists what there is"
 NAMES = "known are: n, patience, x, base, battery, face, head, range"
 WITHOUT_DASH = "write it under the behaviour above, without a dash"
 INDENT = "indent it, to stand beside the behaviour above"

@@ -39,6 +39,76 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+FETCH = {
+    "look.yaml": "mission: look\ntree: {sequence: [{find_face: }, {say: There!}]}\n",
+    "fetch.yaml": """mission: fetch
+tree:
+  sequence:
+    - mission: look.yaml
+      returns: {found: 1 + 1}
+    - sequence: [{drive: 1 m}, {turn: 90 deg}]
+      name: bring it
+    - say: ${found}
+""",
+    "fetch.test.yaml": """tests: fetch
+with: {eyes: truth}
+cases:
+  - case: nothing of it moves
+    given:
+      - look: {does: succeeds, result: {found: 7}}
+      - bring it: runs for 1 s, then succeeds
+    expect: {result: success, said: '7', after: 1 s, never_ran: drive}
+  - case: it cannot be brought
+    given:
+      - 'l??k': succeeds
+      - bring it: fails because "too heavy"
+    expect: {result: failure, reason: too heavy, ran: [look, bring it]}
+""",
+}
+
+
+def test_missions_and_composites_are_mocked_as_a_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, FETCH)
+    outcome = command(capsys, "test", "fetch.test.yaml", "-j", "1", "--coverage")
+    assert outcome.code == SUCCESS, outcome.out + outcome.err
+    assert "fetch.yaml:6: drive: never reached" in outcome.out
+    text = FETCH["fetch.test.yaml"].replace("found: 7", "fnd: 7").replace("bring it: fails", "sequence: fails")
+    write(tmp_path, {"fetch.test.yaml": text})
+    wrong = command(capsys, "test", "fetch.test.yaml").err
+    assert "'look' returns no 'fnd'" in wrong
+    assert "'sequence' is no name of one behaviour" in wrong
+    assert "mocked can be: bring it, drive, find_face, look, say, turn" in wrong
+
+
+def test_behaviours_are_taken_from_the_option_and_from_the_folder_beside_the_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    blink = "from behaviours.basics import Succeed\n\n\nclass Blink(Succeed):\n    'Blink.'\n\n    word = 'blink'\n"
+    write(tmp_path, {"eyes.py": blink, "eye.yaml": "mission: eye\ntree: blink\n"})
+    write(tmp_path, {"eye.test.yaml": "tests: eye\ncases: [{case: it blinks, expect: {result: success}}]\n"})
+    outcome = command(capsys, "test", "eye.test.yaml")
+    assert outcome.code == USAGE
+    assert "your own go into behaviours/NAME.py beside the mission" in outcome.err
+    assert command(capsys, "test", "eye.test.yaml", "-j", "1", "--behaviours", "eyes.py").code == SUCCESS
+    Path("behaviours").mkdir()
+    Path("eyes.py").rename("behaviours/eyes.py")
+    write(tmp_path / "behaviours", {"_not_this.py": "1 / 0\n"})
+    for words in (("test", "eye.test.yaml", "-j", "1"), ("check", "eye.yaml", "eye.test.yaml"), ("run", "eye.yaml")):
+        outcome = command(capsys, *words)
+        assert outcome.code == SUCCESS, outcome.err
+        assert "behaviours of this folder: behaviours/eyes.py" in outcome.err, words
+    for line in ("show eye.yaml", "verify eye.yaml", "behaviours blink", "schema"):
+        outcome = command(capsys, *line.split())
+        assert outcome.code == SUCCESS, outcome.err
+        assert "behaviours/eyes.py" in outcome.err, line
+    Path("behaviours/__init__.py").touch()
+    assert command(capsys, "check", "eye.yaml").code == USAGE, "a package of Python is no folder of behaviours"
+
+
 def read(xml: bytes) -> ET.Element:
     """Read a report."""
     return ET.fromstring(xml)  # noqa: S314 - we have written it ourselves

@@ -10,7 +10,7 @@ from behaviours.sight import FindFace
 from config.faults import Fault, Mark, Source
 from config.marked import Scalar
 from missions.language.plan import Step
-from missions.testing.mocks import Cast, MockSpec
+from missions.testing.mocks import Cast, MockSpec, fits
 from missions.testing.phrases import Phrase
 from missions.testing.recorders import Bench
 from missions.testing.script import read_script
@@ -33,8 +33,15 @@ def step(leaf: type[Leaf], name: str = "") -> Step:
     return Step(leaf.word, name or leaf.word, Mark(), Source("a", ""), leaf=leaf)
 
 
+def cast_for(cast: Cast, for_step: Step, leaf: Leaf) -> Leaf:
+    """Return what stands in the place of a leaf."""
+    found = cast(for_step, leaf)
+    assert found is not None
+    return found
+
+
 def mocked(bench: Bench, text: str, leaf: type[Leaf] = Gesture, result: dict[str, object] | None = None) -> Leaf:
-    stand_in = Cast([spec(leaf.word, text, result)])(step(leaf), leaf(leaf.word))
+    stand_in = cast_for(Cast([spec(leaf.word, text, result)]), step(leaf), leaf(leaf.word))
     assert type(stand_in) is not leaf
     return bench.put(stand_in)
 
@@ -64,13 +71,13 @@ def test_a_turn_that_was_halted_is_over(bench: Bench) -> None:
 
 def test_all_leaves_that_a_mock_stands_for_share_its_script(bench: Bench) -> None:
     cast = Cast([spec("gesture", "fails, then succeeds")])
-    first, second = (bench.put(cast(step(Gesture), Gesture("gesture"))) for _ in range(2))
+    first, second = (bench.put(cast_for(cast, step(Gesture), Gesture("gesture"))) for _ in range(2))
     assert (bench.tick(first), bench.tick(second)) == (FAILURE, SUCCESS)
 
 
 def test_a_mock_may_be_for_one_leaf_by_its_name(bench: Bench) -> None:
     cast = Cast([spec("wave", "fails")])
-    assert bench.tick(bench.put(cast(step(Gesture, "wave"), Gesture("wave")))) is FAILURE
+    assert bench.tick(bench.put(cast_for(cast, step(Gesture, "wave"), Gesture("wave")))) is FAILURE
     other = Gesture("bow")
     assert cast(step(Gesture, "bow"), other) is other
 
@@ -111,3 +118,22 @@ def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "wait: duration: 'x' is not set"
     assert mocked(bench, "succeeds", Set).open_ended
+
+
+def test_a_pattern_stands_for_leaves_and_missions_and_a_name_for_composites() -> None:
+    mission = Step("mission", "look for them", Mark(), Source("a", ""), text="find_person")
+    named, plain = (Step("sequence", name, Mark(), Source("a", "")) for name in ("greet them", "sequence"))
+    timed = Step("timeout", "greet them", Mark(), Source("a", ""), (named,))
+    stands = {
+        "find_*": [step(FindFace), mission],
+        "look*": [mission],
+        "find_person": [mission],
+        "look for them": [mission],
+        "mission": [],
+        "greet them": [named],
+        "greet*": [],
+        "sequence": [],
+        "*": [step(FindFace), mission],
+    }
+    every = [step(FindFace), mission, named, plain, timed]
+    assert {target: [each for each in every if fits(target, each)] for target in stands} == stands

@@ -129,7 +129,7 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("    expect: {returns: {don: 2}}\n"), "5:24: the mission returns no 'don'"),
         (one_case("    expect: {base: still}\n"), "5:20: 'base' cannot be 'still'"),
         (one_case("    given: [{nodd: fails}]\n"), "5:14: mission 'nod' has no behaviour 'nodd'"),
-        (one_case("    given: [{sequence: fails}]\n"), "5:14: 'sequence' is no single behaviour"),
+        (one_case("    given: [{sequence: fails}]\n"), "5:14: 'sequence' is no name of one behaviour"),
         (one_case("    given: [{nod: }]\n"), "5:19: what 'nod' does instead is missing"),
         (one_case("    given: [{nod: {does: fails, till: noon}}]\n"), "5:33: a mock has no key 'till'"),
         (one_case("    given: [arm unplugged]\n"), "5:13: mission 'nod' does not use an arm"),
