@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.catalogue import shown_default, summary, terms
+from missions.cli.console import console, echo
 from missions.cli.options import behaviours_option, own_files
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, OTHERS
@@ -51,7 +51,7 @@ def _known() -> Mapping[str, str]:
 
 
 def _list(leaves: Mapping[str, type[Leaf]]) -> None:
-    console = Console()
+    shown = console(highlight=True)
     for title, rows in (
         ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
         ("Composites, each with a list of behaviours", {word: (text, "") for word, text in COMPOSITES.items()}),
@@ -62,12 +62,12 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
         table = Table("", "", "claims" if title == "Behaviours" else "", title=title, title_justify="left", box=None)
         for word, (text, claims) in rows.items():
             table.add_row(f"[bold]{word}[/bold]", text, claims)
-        console.print(table)
-    console.print("\n`mission behaviours NAME` tells all about one.")
+        shown.print(table)
+    shown.print("\n`mission behaviours NAME` tells all about one.")
 
 
 def _describe(leaf: type[Leaf]) -> None:
-    click.secho(leaf.word, bold=True)
+    echo(leaf.word, "bold")
     for line in (inspect.getdoc(leaf) or "").splitlines():
         click.echo(f"  {line}")
     click.echo(f"\n  claims: {', '.join(sorted(leaf.drives)) or 'nothing'}")

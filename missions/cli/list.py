@@ -11,6 +11,7 @@ from config.library import shipped
 from config.object import load_object
 from config.robot import load_robot
 from config.world import load_world
+from missions.cli.console import echo
 from missions.library import load_mission, shipped_missions
 
 KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
@@ -21,7 +22,7 @@ KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 def command(kind: str | None) -> None:
     """List what ships with MissionTree, by name, with a line on each."""
     for each in KINDS if kind is None else (kind,):
-        click.secho(each, bold=True)
+        echo(each, "bold")
         for name, summary in _entries(each):
             click.echo(f"  {name:<28} {summary}")
 

@@ -6,12 +6,12 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from py_trees.common import Status
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
+from missions.cli.console import console
 from missions.executive.events import (
     CommandSent,
     Ended,
@@ -47,7 +47,7 @@ class Watcher:
 
     def __init__(self, out: TextIO) -> None:
         self._leaves: dict[str, Leaf] = {}
-        self._console = Console(file=out, highlight=False, soft_wrap=True)
+        self._console = console(out, soft_wrap=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True) if out.isatty() else None
         self._drawn = -REFRESH
         self._started: dict[str, float] = {}

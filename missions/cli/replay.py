@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 from rich.live import Live
 
 from drivers.clock import SystemClock
+from missions.cli.console import console
 from missions.cli.keys import Keys, interruptible
 from missions.cli.movie import Movie, check_place
 from missions.cli.options import SECONDS, behaviours_option
@@ -99,16 +99,16 @@ def _play(record: Record, at: float, speed: float) -> int:
         for line in lines(record, at):
             click.echo(line)
         return SUCCESS
-    player, screen, console, clock = Player(record, at=at, speed=speed), Screen(record), Console(), SystemClock()
+    player, screen, shown_on, clock = Player(record, at=at, speed=speed), Screen(record), console(), SystemClock()
     with (
         interruptible(),
         Keys(sys.stdin.fileno()) as keys,
-        Live(console=console, screen=True, auto_refresh=False) as live,
+        Live(console=shown_on, screen=True, auto_refresh=False) as live,
     ):
         shown = clock.now()
         going_on = True
         while going_on:
-            live.update(screen.draw(player, console.size.height), refresh=True)
+            live.update(screen.draw(player, shown_on.size.height), refresh=True)
             key = keys.read(REFRESH)
             before, shown = shown, clock.now()
             player.go_on(shown - before)

@@ -1,6 +1,5 @@
 """The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
 
-import io
 import os
 import sys
 from collections.abc import Callable
@@ -9,6 +8,8 @@ from importlib import import_module
 from pathlib import Path
 
 import click
+
+from missions.printable import printable_streams
 
 SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
@@ -102,10 +103,9 @@ def main() -> None:
             os.set_inheritable(number, True)
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
     sys.stderr = sys.stderr or sys.stdout
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that has no sign for what we print is no reason to stop
-    sys.exit(guarded(lambda: mission.main(standalone_mode=False)))
+    with printable_streams():
+        code = guarded(lambda: mission.main(standalone_mode=False))
+    sys.exit(code)
 
 
 def guarded(work: Callable[[], object]) -> int:

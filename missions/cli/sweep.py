@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from config.units import in_dimension
 from drivers.clock import SystemClock
+from missions.cli.console import console
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
@@ -187,7 +187,7 @@ def _workers(sweep: Sweep, seeds: range, jobs: int, dask: str | None) -> tuple[G
 @contextmanager
 def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
     """Show on a terminal how far the sweep is, and how many runs have succeeded."""
-    console = Console(stderr=True)
+    shown = console(sys.stderr)
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
@@ -195,7 +195,7 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task("", total=runs, good=0)
 
         def told(rows: Sequence[Row]) -> None:

@@ -7,11 +7,11 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
+from missions.cli.console import console, echo
 from missions.cli.options import behaviours_option, tell_found
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
@@ -114,21 +114,21 @@ def _played(cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[V
 def _tell(verdicts: Sequence[Verdict]) -> None:
     for verdict in verdicts:
         if verdict.passed:
-            click.echo(f"{click.style('passed', fg='green')}  {verdict.case}")
+            echo("passed", "green", f"  {verdict.case}")
     for verdict in verdicts:
         if not verdict.passed:
-            click.echo(f"\n{click.style('FAILED', fg='red')}  {report.failure(verdict)}\n")
+            echo("\nFAILED", "red", f"  {report.failure(verdict)}\n")
 
 
 @contextmanager
 def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
     """Show a bar on a terminal, and give what is to be told of each verdict; without a terminal nothing is shown."""
-    console = Console(file=sys.stderr)
-    if not console.is_terminal:
+    shown = console(sys.stderr)
+    if not shown.is_terminal:
         yield lambda _: None
         return
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=shown, transient=True) as progress:
         task = progress.add_task("cases", total=count, failed="")
         failed: list[Verdict] = []
 

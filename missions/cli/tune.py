@@ -1,11 +1,11 @@
 """``mission tune``: find better numbers for a controller by trying it in simulation."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from behaviours.tracking.rules import RuleBases
@@ -13,6 +13,7 @@ from config.controller import parse_controller, renamed, rewritten
 from config.faults import Source
 from config.library import find
 from config.marked import read_source
+from missions.cli.console import console
 from missions.cli.controller import read
 from missions.cli.outputs import writing
 from missions.controllers.bench import bench, table
@@ -89,7 +90,7 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
 @contextmanager
 def _progress(evaluations: int) -> Iterator[Callable[[float], None]]:
     """Show on a terminal how many variants were tried, and the least cost so far."""
-    console = Console(stderr=True)
+    shown = console(sys.stderr)
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
@@ -97,7 +98,7 @@ def _progress(evaluations: int) -> Iterator[Callable[[float], None]]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
         task = progress.add_task("", total=evaluations, least=float("inf"))
 
         def told(cost: float) -> None:

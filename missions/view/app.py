@@ -16,6 +16,7 @@ from textual.widgets import Input, RichLog, Static, Tree
 from drivers.clock import Clock
 from missions.pictures.drawing import Box
 from missions.pictures.tree_json import from_json
+from missions.printable import all_printable
 from missions.view import panels
 from missions.view.node_tree import Message, NodeTree
 from missions.view.panels import Scene
@@ -99,7 +100,7 @@ class ViewApp(App[None]):
     async def _read(self) -> None:
         with suppress(ConnectionError):  # so it ends where an order is on its way to a run that is over
             while line := await self._messages.readline():
-                self.take(json.loads(line))
+                self.take(all_printable(json.loads(line)))
         self.exit()
 
     def take(self, message: Message) -> None:

@@ -4,10 +4,10 @@ import json
 from dataclasses import asdict
 
 import click
-from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from missions.cli.console import console
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus, pause
 from missions.cli.servo.reading import Felt, feel, table_of
@@ -38,8 +38,7 @@ def monitor(target: Target, joints: tuple[str, ...], once: bool, as_json: bool, 
 def _show(bench: Bench, names: tuple[str, ...], period: float, *, as_json: bool) -> None:
     """Show round after round, until somebody interrupts."""
     chosen = bench.chosen(names)
-    console = Console(highlight=False)
-    with Live(console=console, auto_refresh=False) as live:
+    with Live(console=console(), auto_refresh=False) as live:
         while True:
             begun = bench.clock.now()
             felt = feel(bench.bus, chosen)

@@ -69,6 +69,19 @@ def write(
     return path
 
 
+def hostile_items() -> list[Item]:
+    """Return what happened, with escapes in every text."""
+    return [
+        NodeChanged(0.05, 1, "1", ESCAPES, ESCAPES, 3, "running", ""),
+        NodeChanged(0.1, 1, "1.1", ESCAPES, ESCAPES, 3, "failure", ESCAPES),
+        VariableSet(0.1, 1, ESCAPES, ESCAPES, ESCAPES),
+        FaultRaised(0.1, ESCAPES, ESCAPES, ESCAPES, ESCAPES),
+        Logged(0.2, ESCAPES, ESCAPES),
+        *moments(),
+        Ended(4.0, ESCAPES, "failure", ESCAPES, 4.0, 80),
+    ]
+
+
 def raw(topic: str, data: object) -> Message:
     return Message(topic, 1.0, data if isinstance(data, bytes) else json.dumps(data).encode())
 
@@ -117,17 +130,8 @@ def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     )  # fmt: skip
     yield "escapes in its head", {"head": texts, "files": {**FILES, ESCAPES: b""}}
     yield "escapes as mocks", {"head": replace(HEAD, mocks=(ESCAPES,))}
-    told: list[Item] = [
-        NodeChanged(0.05, 1, "1", ESCAPES, ESCAPES, 3, "running", ""),
-        NodeChanged(0.1, 1, "1.1", ESCAPES, ESCAPES, 3, "failure", ESCAPES),
-        VariableSet(0.1, 1, ESCAPES, ESCAPES, ESCAPES),
-        FaultRaised(0.1, ESCAPES, ESCAPES, ESCAPES, ESCAPES),
-        Logged(0.2, ESCAPES, ESCAPES),
-        *moments(),
-        Ended(4.0, ESCAPES, "failure", ESCAPES, 4.0, 80),
-    ]
     tree = json.dumps(to_json(TREE)).replace("look_for", json.dumps(ESCAPES)[1:-1]).encode()
-    yield "escapes in what happened", {"what": told, "tree": tree}
+    yield "escapes in what happened", {"what": hostile_items(), "tree": tree}
     deep = b"[" * 100_000 + b"]" * 100_000
     for topic in ("/nodes", "/moments", "/percepts", "/camera", "/variables", "/lost", "/state/base"):
         yield f"deep JSON in {topic}", {"raw": [raw(topic, deep)]}
