@@ -41,7 +41,7 @@ class MotionSense:
 
     def measure(self, frame: Frame) -> Scene:
         """Return what the next frame shows as a whole, ``motion`` with it: 0 for the first one."""
-        picture = _small(frame.image)
+        picture = small(frame.image)
         before, self._before = self._before, picture
         same_size = before is not None and before.shape == picture.shape
         motion = changed(before, picture) if before is not None and same_size else 0.0
@@ -53,11 +53,11 @@ def changed(before: Grey, after: Grey) -> float:
 
     Both are of the same shape (height, width).
     """
-    shift = _shift(before, after)
-    return 0.0 if shift is None else _differing(before, after, shift)
+    moved = shift(before, after)
+    return 0.0 if moved is None else _differing(before, after, moved)
 
 
-def _shift(before: Grey, after: Grey) -> tuple[float, float] | None:
+def shift(before: Grey, after: Grey) -> tuple[float, float] | None:
     """Return by how many spots the picture has moved to the right and down; None where that cannot be told."""
     height, width = after.shape
     window = cv2.createHanningWindow((width, height), cv2.CV_32F)
@@ -93,7 +93,8 @@ def _brighter(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> fl
     return float(np.median((now + 1.0) / (then + 1.0)))
 
 
-def _small(image: Image) -> Grey:
+def small(image: Image) -> Grey:
+    """Return a picture shrunk to ``WIDTH`` pixels across, in grey levels."""
     height, width = image.shape[:2]
     if width <= WIDTH:
         return grey(image)

@@ -6,6 +6,7 @@ from threading import Event, Thread
 from typing import Protocol
 
 from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View
+from perception.delay import Delay, Exposures
 from perception.geometry import Pinhole
 from perception.scene import measure
 from perception.senses import Senses
@@ -81,9 +82,9 @@ class Vision(NewestView):
 
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
     ``centre`` and ``distortion`` are the camera's, as ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
-    to measure the effort. From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after
-    each frame, then ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an
-    error.
+    to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
+    From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
+    ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an error.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Vision(NewestView):
         distortion: tuple[float, ...] = (),
         senses: Senses,
         now: Callable[[], float],
+        delay: Delay | None = None,
         changed: Callable[[], None] = unheard,
         on_view: Callable[[View], None] = unseen,
         on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
@@ -103,6 +105,7 @@ class Vision(NewestView):
         self._gaze = gaze
         self._lens = field_of_view, centre, distortion
         self._senses = senses
+        self._exposures = None if delay is None else Exposures(gaze, delay)
         self._now = now
         self._changed = changed
         self._on_view = on_view
@@ -138,7 +141,10 @@ class Vision(NewestView):
     def _search(self, frame: Frame) -> None:
         began = self._now()
         height, width = frame.image.shape[:2]
-        camera, gaze, senses = Pinhole(width, height, *self._lens), self._gaze(frame.stamp), self._senses
+        camera, senses = Pinhole(width, height, *self._lens), self._senses
+        if self._exposures is not None:
+            frame = self._exposures.exposed(frame, camera)
+        gaze = self._gaze(frame.stamp)
         view = View(
             looked=frame.stamp,
             faces=() if senses.faces is None else senses.faces.sense(frame, camera, gaze),

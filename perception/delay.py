@@ -1,0 +1,153 @@
+"""How late a camera stamps its pictures, found from how the background shifts while the head or the base turns.
+
+Webcams stamp a picture tens of milliseconds after its exposure, and each model by another time. Between two pictures
+the background shifts by as much as the camera turned, whatever people do in front of it. For each delay that may be,
+the recorded poses of head and base say how far the camera turned between the two exposures. The likeliest delay is the
+one under which both agree over all pairs of pictures so far: a grid filter after Bayes. What servos lag behind their
+recorded pose counts as delay, too: it has the same effect, and the same cure.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import radians
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Frame, Gaze, Image
+from perception.change import shift, small
+from perception.geometry import Pinhole
+from perception.light import Grey
+
+Floats = npt.NDArray[np.float64]
+
+GRID: Floats = np.arange(-0.1, 0.2501, 0.01)
+"""The delays that may be, in seconds; shape (36,), dtype float64. Below 0 a picture is stamped before its exposure."""
+
+BELIEVED = 0.06
+"""Seconds, one sigma: how far a delay may be from what it was believed to be."""
+
+MEASURED = radians(0.15)
+"""Radians, one sigma: how exactly the shift of a background tells a turn."""
+
+SCALE = 0.03
+"""One sigma, as a share of a turn: what the angle of view and the speed of the servos may be wrong by."""
+
+LEAST_TURN = radians(0.4)
+"""Radians: from a pair of pictures between which all delays mean nearly the same turn, nothing can be learnt."""
+
+LONGEST_PAIR = 0.3
+"""Seconds between two pictures at most: after more, they show too little of the same."""
+
+OUTLIER = 9.0
+"""A squared difference, in sigmas, counts no more than this: somebody walked by close in front of the camera."""
+
+MEMORY = 400
+"""Pairs of pictures after which evidence has faded to a third, so that a delay that changes is learnt anew."""
+
+
+class Delay:
+    """How many ``seconds`` after its exposure a picture is stamped; ``spread`` says how surely (one sigma).
+
+    ``pairs`` counts the pairs of pictures from which it was learnt. ``told`` is what it was believed to be before.
+    """
+
+    def __init__(self, told: float = 0.0) -> None:
+        self._cost = ((GRID - told) / BELIEVED) ** 2
+        self.pairs = 0
+        self.seconds, self.spread = told, BELIEVED
+
+    def learn(self, turned: float, turns: Floats) -> None:
+        """Take in a pair of pictures: the background says ``turned``, each delay of ``GRID`` means one of ``turns``.
+
+        All in radians; ``turns`` has the shape of ``GRID``.
+        """
+        if float(np.ptp(turns)) < LEAST_TURN:
+            return
+        most = max(abs(turned), float(np.abs(turns).max()))
+        variance = MEASURED**2 + (SCALE * most) ** 2
+        self._cost += np.minimum((turns - turned) ** 2 / variance, OUTLIER)
+        self._cost *= 1 - 1 / MEMORY
+        self.pairs += 1
+        weights = np.exp((self._cost.min() - self._cost) / 2)
+        weights /= weights.sum()
+        self.seconds = float(weights @ GRID)
+        self.spread = float(np.sqrt(weights @ (GRID - self.seconds) ** 2 + (GRID[1] - GRID[0]) ** 2 / 12))
+
+
+@dataclass(frozen=True, slots=True)
+class Exposed:
+    """A picture with the time of its exposure, in seconds on the run's clock: a ``perception.api.Frame``."""
+
+    image: Image
+    stamp: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What is kept of a picture: its stamp, where the camera looked under each delay, and the picture, if wanted."""
+
+    stamp: float
+    yaws: Floats
+    picture: Grey | None
+
+
+class Exposures:
+    """Gives each frame the time of its exposure, and learns ``delay`` while the camera turns.
+
+    ``gaze(time)`` tells where the camera looked; None where that is not known.
+    """
+
+    def __init__(self, gaze: Callable[[float], Gaze | None], delay: Delay) -> None:
+        self.delay = delay
+        self._gaze = gaze
+        self._before: _Seen | None = None
+        self._last = -np.inf
+
+    def exposed(self, frame: Frame, camera: Pinhole) -> Frame:
+        """Return ``frame`` with the time of its exposure, later than that of the frame before it."""
+        self._learn(frame, camera)
+        stamp = max(frame.stamp - self.delay.seconds, float(np.nextafter(self._last, np.inf)))
+        self._last = max(self._last, stamp)
+        return Exposed(frame.image, stamp)
+
+    def _learn(self, frame: Frame, camera: Pinhole) -> None:
+        before, self._before = self._before, None
+        yaws = self._yaws(frame.stamp)
+        if yaws is None:
+            return
+        turning = float(np.ptp(yaws)) >= LEAST_TURN or (before is not None and before.picture is not None)
+        self._before = now = _Seen(frame.stamp, yaws, level(frame.image, camera) if turning else None)
+        if before is None or before.picture is None or now.picture is None:
+            return
+        if frame.stamp - before.stamp > LONGEST_PAIR or before.picture.shape != now.picture.shape:
+            return
+        moved = shift(before.picture, now.picture)
+        if moved is not None:
+            # What moves to the right in a picture was turned away from to the left.
+            self.delay.learn(moved[0] * camera.field_of_view / now.picture.shape[1], yaws - before.yaws)
+
+    def _yaws(self, stamp: float) -> Floats | None:
+        found = [self._gaze(stamp - delay) for delay in GRID]
+        return None if None in found else np.array([gaze.yaw for gaze in found if gaze is not None])
+
+
+def level(image: Image, camera: Pinhole) -> Grey:
+    """Return a small picture in grey levels in which each column is as many degrees wide as the next.
+
+    In it a turn of the camera shifts everything alike; a lens shows more pixels of a degree at the sides of a picture.
+    """
+    picture = small(image)
+    return cast(Grey, cv2.remap(picture, *_columns(camera, *picture.shape), cv2.INTER_LINEAR))
+
+
+@lru_cache(maxsize=4)
+def _columns(camera: Pinhole, height: int, width: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return from where (x, y) each pixel of a levelled picture is taken; two arrays of shape (height, width)."""
+    angles = (0.5 - (np.arange(width) + 0.5) / width) * camera.field_of_view
+    across = np.array([camera.pixel(float(angle), 0.0)[0] for angle in angles]) * width / camera.width - 0.5
+    down = np.arange(height, dtype=np.float32)[:, None]
+    return np.tile(across.astype(np.float32), (height, 1)), np.tile(down, (1, width))

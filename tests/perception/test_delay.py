@@ -1,0 +1,93 @@
+"""How late a camera stamps its pictures: learnt from the background, whatever people do in front of it."""
+
+from collections.abc import Callable
+from math import cos, radians, sin
+
+import numpy as np
+import pytest
+
+from drivers.sim.render import Renderer
+from drivers.sim.viewpoint import Viewpoint
+from drivers.sim.world import World
+from perception.api import Gaze, Image
+from perception.change import shift
+from perception.delay import BELIEVED, GRID, Delay, Exposed, Exposures, level
+from tests.perception.rendered import CAMERA, LENS
+
+PERIOD = 0.05
+"""Seconds between two pictures."""
+
+Path = Callable[[float], float]
+
+
+def swing(time: float) -> float:
+    """A head that looks to and fro by 15 degrees, as when it searches."""
+    return radians(15) * sin(2.0 * time)
+
+
+@pytest.fixture(scope="module")
+def room() -> Renderer:
+    return Renderer(World(), LENS)
+
+
+def learnt(room: Renderer, late: float, *, path: Path = swing, seconds: float = 3.0, told: float = 0.0) -> Exposures:
+    """Let a camera on a head that moves along ``path`` stamp its pictures ``late`` seconds after their exposure."""
+    exposures = Exposures(lambda time: Gaze(path(time), 0.0), Delay(told))
+    for n in range(int(seconds / PERIOD)):
+        time = 10.0 + n * PERIOD
+        image = room.draw(Viewpoint(0.3, 0.2, 0.7, path(time), 0.0), time)
+        exposures.exposed(Exposed(image, time + late), CAMERA)
+    return exposures
+
+
+def test_the_delay_is_known_within_10_ms_after_3_s_of_looking_about(room: Renderer) -> None:
+    for late in (-0.05, 0.0, 0.03, 0.06, 0.15):
+        delay = learnt(room, late).delay
+        assert delay.seconds == pytest.approx(late, abs=0.01)
+        assert delay.spread < 0.015
+
+
+def test_a_camera_that_stands_still_teaches_nothing_and_costs_no_look_at_its_pictures(room: Renderer) -> None:
+    exposures = learnt(room, 0.05, path=lambda _: 0.2, told=0.02)
+    assert (exposures.delay.seconds, exposures.delay.spread, exposures.delay.pairs) == (0.02, BELIEVED, 0)
+
+
+def test_pictures_get_the_time_of_their_exposure_and_never_go_back(room: Renderer) -> None:
+    exposures = learnt(room, 0.06)
+    image = room.draw(Viewpoint(0.3, 0.2, 0.7, 0.0, 0.0), 0.0)
+    first = exposures.exposed(Exposed(image, 20.06), CAMERA)
+    assert first.stamp == pytest.approx(20.0, abs=0.01)
+    assert first.image is image
+    assert exposures.exposed(Exposed(image, 20.06), CAMERA).stamp > first.stamp
+
+
+def test_where_the_camera_looked_is_not_known_nothing_is_learnt_and_nothing_lost() -> None:
+    exposures = Exposures(lambda _: None, Delay(0.04))
+    image: Image = np.zeros((480, 640, 3), np.uint8)
+    assert exposures.exposed(Exposed(image, 1.0), CAMERA).stamp == pytest.approx(0.96)
+
+
+def test_a_background_tells_turns_to_a_quarter_of_a_degree(room: Renderer) -> None:
+    for turn in (1, 3, 6, 9, -6):
+        pictures = [room.draw(Viewpoint(0.3, 0.2, 0.7, radians(yaw), 0.0), 0.0) for yaw in (20, 20 + turn)]
+        moved = shift(*(level(picture, CAMERA) for picture in pictures))
+        assert moved is not None
+        assert moved[0] * 60 / 160 == pytest.approx(turn, abs=0.3)
+
+
+def test_pairs_that_disagree_with_every_delay_count_little() -> None:
+    delay = Delay()
+    for n in range(60):
+        turns = np.array([swing(1 + n * PERIOD - late) - swing(1 + (n - 1) * PERIOD - late) for late in GRID])
+        true = swing(1 + n * PERIOD - 0.05) - swing(1 + (n - 1) * PERIOD - 0.05)
+        delay.learn(true if n % 4 else -true, turns)  # a quarter of them: somebody walked by close in front
+    assert delay.seconds == pytest.approx(0.05, abs=0.01)
+
+
+def test_a_delay_that_changes_is_learnt_anew() -> None:
+    delay = Delay()
+    for n in range(1600):
+        late = 0.02 if n < 400 else 0.08
+        turns = np.array([cos(n * PERIOD - each) - cos((n - 1) * PERIOD - each) for each in GRID]) * radians(40)
+        delay.learn((cos(n * PERIOD - late) - cos((n - 1) * PERIOD - late)) * radians(40), turns)
+    assert delay.seconds == pytest.approx(0.08, abs=0.01)
