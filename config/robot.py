@@ -69,7 +69,8 @@ class CameraConfig:
     ``centre`` is where the optical axis meets the picture, as shares of its sides; ``distortion`` is empty, or k1, k2,
     p1, p2, k3 as calibration finds them. ``detector`` of faces is ``haar`` or ``yunet``, ``model`` the file of the
     latter, empty for where `mission models fetch` puts it. ``markers`` are what other robots wear. ``identity`` says
-    how people are recognised.
+    how people are recognised. ``delay`` is how many seconds after its exposure a picture is stamped, as far as that is
+    known; it is learnt from there on.
     """
 
     source: str
@@ -83,6 +84,7 @@ class CameraConfig:
     model: str = ""
     markers: MarkersConfig | None = None
     identity: IdentityConfig = field(default_factory=IdentityConfig)
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +160,7 @@ def _camera(fields: Fields | None) -> CameraConfig | None:
         model=fields.text("model", ""),
         markers=_markers(fields.section("markers")),
         identity=read_identity(fields.section("identity")),
+        delay=fields.quantity("delay", "duration", 0.0, low=-0.1, high=0.25),
     )
     fields.done()
     return camera

@@ -8,7 +8,8 @@ lag. The base turns by the head's pan: the head leads, the base follows. A base 
 import math
 from dataclasses import dataclass
 
-from behaviours.tracking.ahead import Ahead, Turning
+from behaviours.tracking.ahead import Ahead
+from behaviours.tracking.lag import Lag, Turning
 from behaviours.tracking.offset import Expected, Shown, View
 from behaviours.tracking.rules import EDGE, ERROR, PAN, RATE, Law, RuleBases
 from drivers.api import HeadLimits, HeadPose
@@ -24,9 +25,6 @@ PAUSE = 0.5
 
 HEAD_LAG = 0.01
 """Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
-
-BASE_LAG = 0.01
-"""Seconds, on the average, until a base's driver passes a command on: it does so 50 times a second."""
 
 TURN_ACCELERATION = 3.5
 """rad/s^2: how quickly a base changes its turn, unless told otherwise; the 200 degrees/s^2 of the robot files."""
@@ -44,8 +42,8 @@ class Follower:
     """Follows one target. Call ``step`` at every tick for as long as there is one.
 
     ``limits`` are the head's, None for a robot without one; ``max_turn`` in rad/s, 0 for a robot without a base.
-    ``lag`` is how many seconds the base takes to begin what it is told, ``acceleration`` (rad/s^2) how quickly it then
-    changes its turn.
+    ``lag`` is what is known of how long the base takes to begin what it is told, and learns more of it; without one it
+    is learnt from nothing. ``acceleration`` (rad/s^2) is how quickly the base then changes its turn.
     """
 
     def __init__(
@@ -54,15 +52,16 @@ class Follower:
         *,
         limits: HeadLimits | None,
         max_turn: float,
-        lag: float = 0.0,
+        lag: Lag | None = None,
         acceleration: float = TURN_ACCELERATION,
     ) -> None:
         self._rules = rules
         self._limits = limits
         self._max_turn = max_turn
-        self._lag = lag + BASE_LAG
-        self._ahead = Ahead(lag=self._lag, acceleration=acceleration)
-        self._view: View = Expected()
+        self._lag = Lag(0.0, acceleration) if lag is None else lag
+        self._ahead = Ahead(self._lag, acceleration=acceleration)
+        self._able = acceleration if limits is None else limits.acceleration
+        self._view: View = Expected(self._able)
         self._by_edge = any(law is not None and EDGE in law.inputs for law in (rules.pan, rules.base, rules.turn))
         self._goal = HeadPose(0.0, 0.0)
         self._last = -math.inf
@@ -79,6 +78,7 @@ class Follower:
             raise ValueError(
                 f"follow: not finite: target at {yaw}, {pitch}; base at {base.heading}, turning {base.rate}"
             )
+        self._lag.learn(base)
         elapsed = now - self._last
         if elapsed > PAUSE:
             self._begin(head)
@@ -92,22 +92,23 @@ class Follower:
         else:
             turn = self._look(now, target, base, span, known, self._limits)
         turn = min(max(turn, -self._max_turn), self._max_turn)
-        self._ahead.tell(now, turn)
+        self._lag.tell(now, turn)
         return Command(self._goal, turn)
 
     def _begin(self, head: HeadPose) -> None:
         """Start afresh from where the head looks."""
         self._goal = HeadPose(0.0, 0.0) if self._limits is None else self._limits.clamp(head)
-        self._ahead.forget()
-        self._view = Expected() if self._rules.predict else Shown()
+        self._lag.forget()
+        self._view = Expected(self._able) if self._rules.predict else Shown()
 
     def _turn(self, now: float, target: Percept, base: Turning, span: float, known: dict[str, float]) -> float:
         """Return how fast a base without a head should turn."""
         # A turn rate is in force until the next one: what counts is the middle of that time.
-        time = now + self._lag + span / 2
-        off = self._view.off(target, time=time, base=self._ahead.at(time, base), aim=self._goal)
+        time = now + self._lag.seconds + span / 2
+        there = self._ahead.at(time, base)
+        off = self._view.off(target, time=time, base=there, aim=self._goal)
         # The rate is the target's own: the base is to take it up, not to take itself for a target.
-        rate = target.yaw_rate if self._rules.predict else off.left_rate
+        rate = off.left_rate + (there.rate if self._rules.predict else 0.0)
         return _asked(self._rules.turn, {**known, ERROR: off.left, RATE: rate})
 
     def _look(

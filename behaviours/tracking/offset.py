@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from behaviours.tracking.ahead import Turning
+from behaviours.tracking.foresight import Foresight
+from behaviours.tracking.lag import Turning
 from drivers.api import HeadPose
 from perception.api import Percept
 
@@ -31,14 +32,26 @@ class View(Protocol):
 
 
 class Expected:
-    """Where a target will be if it goes on as it did. The rates are its own, as seen from the base as it turns."""
+    """Where a target will be, as far as that can be foreseen. The rates are its own, as seen from a base that turns.
+
+    ``acceleration`` (rad/s^2) is what head or base are able to.
+    """
+
+    def __init__(self, acceleration: float) -> None:
+        self._acceleration = acceleration
+        self._id: int | None = None
+        self._yaw = self._pitch = Foresight(acceleration)
 
     def off(self, target: Percept, *, time: float, base: Turning, aim: HeadPose) -> Offset:
         """Return how far it will be from the aim."""
-        yaw, pitch = target.predict(time)
+        if target.id != self._id:
+            self._id, self._yaw, self._pitch = target.id, Foresight(self._acceleration), Foresight(self._acceleration)
+        ahead = time - target.stamp
+        yaw, yaw_rate = self._yaw.foretell(target.stamp, target.yaw, target.yaw_rate, ahead)
+        pitch, pitch_rate = self._pitch.foretell(target.stamp, target.pitch, target.pitch_rate, ahead)
         # The remainder takes the shorter way round to a target behind.
         bearing = math.remainder(yaw - base.heading, math.tau)
-        return Offset(bearing - aim.pan, pitch - aim.tilt, target.yaw_rate - base.rate, target.pitch_rate)
+        return Offset(bearing - aim.pan, pitch - aim.tilt, yaw_rate - base.rate, pitch_rate)
 
 
 class Shown:

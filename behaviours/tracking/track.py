@@ -8,18 +8,21 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.tracking.ahead import Turning
-from behaviours.tracking.follow import Follower
+from behaviours.tracking.follow import TURN_ACCELERATION, Follower
+from behaviours.tracking.lag import Lag, Turning
 from behaviours.tracking.rules import RuleBases
 from drivers.api import COMMAND_LIFE, HeadPose, Velocity
 from perception.api import Percept
+
+COAST = 0.6
+"""Seconds without news of the target for which head and base go on turning after it; nothing drives on that long."""
 
 
 class Track(Leaf):
     """Follows one percept. A subclass says which: ``percepts``, largest first, and ``noun``, what it calls them.
 
     Once it follows one it stays with that, by its id, for as long as it is in view; then with one that may be it. What
-    was not seen for a moment goes on as it did, for as long as a command is good; then head and base wait.
+    was not seen for a moment is taken to go on as it did; then head and base wait.
     """
 
     ends = frozenset({"failure"})
@@ -30,9 +33,12 @@ class Track(Leaf):
     max_turn: float = argument(
         "turn rate", "how fast the base may turn; 0 deg/s keeps it still", default=math.radians(110), low=0.0
     )
-    lag: float = argument("duration", "what the base takes to begin what it is told", default=0.1, low=0.0, high=0.5)
+    lag: float = argument(
+        "duration", "what the base takes to begin what it is told, until that is learnt", default=0.1, low=0.0, high=0.5
+    )
     noun: ClassVar[str] = ""
     _follower: Follower | None = None
+    _lag: Lag | None = None
     _target: Percept | None = None
     _seen_at = 0.0
 
@@ -40,7 +46,9 @@ class Track(Leaf):
         self._target = self.begins_with()
         self._seen_at = self.run.now()
         limits = None if self.robot.head_part is None else self.robot.head.limits
-        self._follower = Follower(self.controller, limits=limits, max_turn=self.max_turn, lag=self.lag)
+        if self._lag is None:
+            self._lag = Lag(self.lag, TURN_ACCELERATION)
+        self._follower = Follower(self.controller, limits=limits, max_turn=self.max_turn, lag=self._lag)
 
     def update(self) -> Status:
         trouble = self.trouble()
@@ -49,15 +57,17 @@ class Track(Leaf):
         now = self.run.now()
         target = self._choose([percept for percept in self.percepts() if now - percept.stamp <= self.patience])
         if target is not None:
-            self._target, self._seen_at = target, max(self._seen_at, target.stamp)
+            if self._target is None or target.stamp > self._target.stamp:
+                self._seen_at = now
+            self._target = target
         unseen = now - self._seen_at
         if unseen > self.patience:
             return self.fail(f"no {self.noun} for {self.patience:g} s")
-        if self._target is None or self._follower is None or unseen > COMMAND_LIFE:
+        if self._target is None or self._follower is None or unseen > COAST:
             self._drive(0.0, 0.0)
             return self.wait(f"no {self.noun} for {unseen:.1f} s")
         self.result = self._target
-        return self._follow(now, self._target, self._follower)
+        return self._follow(now, self._target, self._follower, drives=unseen <= COMMAND_LIFE)
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
@@ -102,13 +112,13 @@ class Track(Leaf):
             return same
         return next((percept for percept in percepts if self.may_be(percept, target)), None)
 
-    def _follow(self, now: float, target: Percept, follower: Follower) -> Status:
+    def _follow(self, now: float, target: Percept, follower: Follower, *, drives: bool) -> Status:
         head = None if self.robot.head_part is None else self.robot.head
         looks = None if head is None else head.pose().value
         command = follower.step(now, target, head=looks or HeadPose(0.0, 0.0), base=self._base(now))
         if head is not None:
             head.look(command.head)
-        self._drive(self.forward(target, command.head.pan), command.turn)
+        self._drive(self.forward(target, command.head.pan) if drives else 0.0, command.turn)
         off = math.degrees(max(abs(target.bearing), abs(target.drop)))
         return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
 

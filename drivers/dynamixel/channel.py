@@ -155,8 +155,7 @@ class Channel:
                 sent = self._clock.now()
                 line.send(frame)
                 self._sent.append(request)
-                # Only now: who was held up before the request had left would take the reply for late.
-                leaving = max(self._clock.now(), self._used_until) + len(frame) * 10 / self._baud
+                leaving = max(sent, self._used_until) + len(frame) * 10 / self._baud
                 if not wanted:
                     self._use(sent, leaving)
                     return {}

@@ -19,11 +19,13 @@ from missions.assembly.face import LivelyScreen, screen
 from missions.assembly.gallery import recogniser
 from missions.assembly.hearing import Hearing, hearing, microphone
 from missions.assembly.interests import Interests
+from missions.assembly.lags import believed
 from missions.assembly.simulated_hearing import TextHearing, simulated_hearing
 from missions.assembly.simulation import Simulation
 from missions.teleop.beside import Beside
 from missions.teleop.pad import pad_at
 from perception.api import Frame, Gaze, View
+from perception.delay import Delay
 from perception.eyes import Eyes, Vision, unwatched
 
 PATIENCE = 0.005
@@ -77,7 +79,7 @@ def assemble(
         simulation = Simulation(config, chosen, clock, world=wishes.world, answered=audience.answered, seed=wishes.seed)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
     devices: dict[str, Device] = {}
-    base = head = arm = ranger = sight = eyes = None
+    base = head = arm = ranger = sight = eyes = delay = None
     if config.base is not None and "base" in chosen:
         port = ports.get("base", config.base.port)
         devices["base"] = base = parts.base(
@@ -102,7 +104,8 @@ def assemble(
     devices |= {device.name: device for device in (voice, hears, face) if device is not None}
     if config.camera is not None and "camera" in chosen:
         devices["camera"] = camera = _camera(config.camera, clock, simulation, wishes, audience.report)
-        sight = _vision(config.camera, camera, clock, lambda stamp: gaze(stamp, base, head), wishes, audience)
+        delay = Delay(config.camera.delay if simulation is not None else believed(config.name, config.camera.delay))
+        sight = _vision(config.camera, camera, clock, lambda stamp: gaze(stamp, base, head), delay, wishes, audience)
         eyes = Eyes(camera, sight)
     if wishes.pad is not None and base is not None:
         devices["pad"] = Beside(base, partial(pad_at, wishes.pad, clock), clock, report=audience.report)
@@ -118,7 +121,7 @@ def assemble(
         eye=parts.eye(config),
         groups={} if config.arm is None else config.arm.groups,
     )
-    return Assembled(config.name, robot, devices, eyes, simulation)
+    return Assembled(config.name, robot, devices, eyes, simulation, delay)
 
 
 def _vision(
@@ -126,6 +129,7 @@ def _vision(
     camera: Camera,
     clock: Clock,
     looked: Callable[[float], Gaze | None],
+    delay: Delay,
     wishes: Wishes,
     audience: Audience,
 ) -> Vision:
@@ -147,6 +151,7 @@ def _vision(
             camera=config if world is None or wishes.camera is not None else None,
             drawn=() if world is None else world.people,
         ),
+        delay=delay,
     )
 
 
@@ -169,7 +174,7 @@ def _head(
     report: Report,
 ) -> Head:
     if isinstance(config, HeadConfig):
-        port, boot = ports.get("head", config.port), None if booted else config.boot
+        port, boot = ports.get("head", config.port), 0.0 if booted else config.boot
         return parts.head(config, clock, port=port, boot=boot, report=report)
     if arm is None:
         raise BadRequest("head: it is two joints of an arm that is not there", hint="add the arm to the parts")

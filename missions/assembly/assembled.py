@@ -8,7 +8,9 @@ from typing import Protocol
 from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.api import Device, Health, Source
+from missions.assembly.lags import keep
 from missions.assembly.simulation import Simulation
+from perception.delay import Delay
 
 
 class Looking(Protocol):
@@ -33,7 +35,7 @@ class Assembled:
     """Everything that a run opens and must close.
 
     ``devices`` are the parts by name, in the order in which they open. ``settle`` and ``close`` do their work on every
-    part, whatever goes wrong with another.
+    part, whatever goes wrong with another. ``delay`` is what was learnt of its camera.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Assembled:
     devices: Mapping[str, Device]
     eyes: Looking | None = None
     simulation: Simulation | None = None
+    delay: Delay | None = None
 
     def open(self) -> None:
         """Start everything; returns at once, hardware or not."""
@@ -94,6 +97,8 @@ class Assembled:
         steps += [(name, device.close) for name, device in self.devices.items() if name == "camera"]
         if self.simulation is not None:
             steps.append(("simulation", self.simulation.close))
+        if self.delay is not None and self.simulation is None:
+            steps.append(("what was learnt of the camera", partial(keep, self.name, self.delay)))
         for name, step in steps:
             try:
                 step()

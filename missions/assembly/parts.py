@@ -14,7 +14,6 @@ from drivers.api import Away, Camera, Joints, Manner, Notice, Reflexes, Report, 
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.memory import Memory
 from drivers.camera.choose import open_source
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
@@ -27,9 +26,9 @@ from drivers.link import Link
 from drivers.rplidar.driver import GATHER, RPLidar
 from drivers.voice.choose import Wish, make_voice
 from missions.assembly.interests import Interests
-from missions.folders import state_folder
 from perception.api import Face, Frame, Gaze, View
 from perception.change import MotionSense
+from perception.delay import Delay
 from perception.eyes import Vision, unwatched
 from perception.finder import FaceDetector, FaceFinder
 from perception.identity import NamedFaces, Recogniser
@@ -85,16 +84,9 @@ def place(config: RangeConfig) -> tuple[float, float, float]:
     return (*config.position[:2], config.yaw)
 
 
-def head(config: HeadConfig, clock: Clock, *, port: str, boot: float | None, report: Report) -> ArduinoHead:
-    """Return the driver of a Rodney head; ``boot`` as the robot file says, None for a virtual one."""
-    board = Board(
-        Link("head", port, config.baud, report=report),
-        clock,
-        boot_delay=boot or 0.0,
-        report=report,
-        away=away(config.away),
-        remembered=None if boot is None else Memory(state_folder(), port),
-    )
+def head(config: HeadConfig, clock: Clock, *, port: str, boot: float, report: Report) -> ArduinoHead:
+    """Return the driver of a Rodney head; ``boot`` as the robot file says, 0 for a virtual one."""
+    board = Board(Link("head", port, config.baud, report=report), clock, boot_delay=boot, report=report)
     return ArduinoHead(
         board,
         clock,
@@ -107,7 +99,7 @@ def head(config: HeadConfig, clock: Clock, *, port: str, boot: float | None, rep
 
 def axis(config: ServoConfig) -> ServoAxis:
     """Return one servo of the head."""
-    return ServoAxis(config.index, config.lower, config.upper, flip=config.flip, trim=config.trim, start=config.start)
+    return ServoAxis(config.index, config.lower, config.upper, flip=config.flip, trim=config.trim)
 
 
 def neck(config: NeckConfig, joints: Joints, clock: Clock, *, report: Report) -> DynamixelHead:
@@ -180,10 +172,12 @@ def vision(
     seen: Callable[[View], None],
     watched: Callable[[Frame, Gaze | None], None] = unwatched,
     recogniser: Recogniser | None = None,
+    delay: Delay | None = None,
 ) -> Vision:
     """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
 
-    ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces.
+    ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces. ``delay``
+    is how late it stamps its pictures, to be learnt.
     """
     faces: Sense[Face] = FaceSense(FaceFinder(detector), Tracker())
     senses = Senses(
@@ -199,6 +193,7 @@ def vision(
         distortion=() if lens is None else lens.distortion,
         senses=senses,
         now=clock.now,
+        delay=delay,
         on_view=seen,
         on_frame=watched,
         on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),

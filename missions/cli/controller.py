@@ -7,11 +7,16 @@ from pathlib import Path
 import click
 
 from behaviours.tracking.rules import RuleBases
+from behaviours.tracking.track_face import TrackFace
 from config.controller import ControllerConfig, load_controller
 from config.library import find, shipped
 from missions.cli.outputs import writing
-from missions.controllers.bench import CONTROLLERS, bench, table
+from missions.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
+from missions.controllers.scenario import DELAYS
 from missions.controllers.words import lines_about
+
+LAG = TrackFace.lag
+"""Seconds that a base is believed to take until that is learnt, as missions have it."""
 
 NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
 
@@ -57,13 +62,24 @@ def show(name: str, output: Path | None) -> None:
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
-def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int) -> None:
+@click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
+@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="How many, with --delays.")
+def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, seeds: int) -> None:
     """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
 
     In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
-    head has: with the head alone, with the base alone that carries the camera, and with both.
+    head has: with the head alone, with the base alone that carries the camera, and with both. --delays takes minutes;
+    an example: mission controller bench face pd --delays --seeds 1
     """
-    rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in names or CONTROLLERS}
+    chosen = names or (COMPARED if delays else CONTROLLERS)
+    rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in chosen}
+    if delays:
+        rules["standing"] = STANDING
+        rows = [row for number in range(seeds) for row in bench(rules, scenarios=DELAYS, seed=seed + number, lag=LAG)]
+        lines = json.dumps([row.as_dict() for row in rows], indent=2).splitlines() if as_json else summary(rows)
+        for line in lines:
+            click.echo(line)
+        return
     rows = list(bench(rules, seed=seed))
     if as_json:
         click.echo(json.dumps([row.as_dict() for row in rows], indent=2))

@@ -3,11 +3,10 @@
 import json
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from math import degrees, radians
-from types import MappingProxyType
+from math import degrees, radians, sin
 from typing import Any
 
 import click
@@ -21,31 +20,25 @@ from config.trims import check_keepable, keep_trims
 from config.world import load_world
 from drivers.api import Head, HeadPose, unheard, unreported
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.vigil import Life
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.pantilt import AHEAD, Trimmable
 from missions.assembly.assemble import Audience, Wishes, assemble
+from missions.assembly.interests import Interests
+from missions.assembly.lags import ENOUGH
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
 from missions.order import DEFAULT_ROBOT
 from missions.runner import CONNECT_TIME
-
-STARTED: Mapping[Life, str] = MappingProxyType(
-    {
-        Life.ANEW: "opening its port has started its board anew: that is where its sketch puts the head",
-        Life.FORGOTTEN: "its board does not tell: that is where it was left, or else where its sketch puts the head",
-    }
-)
-"""How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
+from perception.delay import Delay
 
 PAUSE = 0.02
 """Seconds between two looks at the head."""
 
-NEAREST = radians(0.51)
-"""As near as a servo of whole degrees comes to any goal."""
+SWING, PACE = radians(15), 2.5
+"""How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
 
 PATIENCE = 15.0
 """Seconds for any turn of a head."""
@@ -59,6 +52,7 @@ class Bench:
     trimmer: Trimmable
     config: HeadConfig | NeckConfig
     clock: Clock
+    delay: Delay | None = None
 
     def look(self, target: HeadPose) -> int:
         """Look there, wait until the head does, and say it; return the exit code."""
@@ -72,7 +66,7 @@ class Bench:
 
     def arrives(self, goal: HeadPose) -> bool:
         """Wait until the head is at ``goal``; say whether it has got there."""
-        arrival, start = Arrival(NEAREST), self.clock.now()
+        arrival, start = Arrival(), self.clock.now()
         while not arrival(self.head.pose(), goal, self.clock.now()):
             if arrival.stuck or self.clock.now() - start > PATIENCE:
                 return False
@@ -104,7 +98,7 @@ def robot_options(command: Any) -> Any:
 
 @click.group()
 def command() -> None:
-    """The head by hand. Opening the port resets most boards: a Rodney head then stands where its sketch puts it.
+    """The head by hand. Opening a Rodney head resets its board: the head goes to its start first.
 
     Simulated unless a robot is named, as with `mission run`.
     """
@@ -132,10 +126,9 @@ def center(robot: str | None, simulate: bool, port: str | None) -> int:
 @robot_options
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
 def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) -> int:
-    """Say where the head looks, how far it turns, and how it is trimmed. Turns nothing."""
-    with opened(robot, simulate=simulate, port=port, stay=True) as bench:
-        if isinstance(bench.head, ArduinoHead) and (began := STARTED.get(bench.head.board.began or Life.FORGOTTEN)):
-            click.echo(began, err=True)
+    """Say where the head looks, how far it turns, and how it is trimmed."""
+    with opened(robot, simulate=simulate, port=port) as bench:
+        bench.arrives(bench.head.limits.clamp(AHEAD))  # where every head goes when it is opened
         axes = bench.where()
         rates = bench.head.board.wheels().value if isinstance(bench.head, ArduinoHead) else None
         if as_json:
@@ -181,6 +174,42 @@ def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None,
     return SUCCESS
 
 
+@command.command()
+@robot_options
+@click.option(
+    "--seconds", type=click.FloatRange(2, 60), default=6.0, show_default=True, help="How long it looks about."
+)
+def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:
+    """Find how late the camera stamps its pictures: the head looks to and fro, and the background tells.
+
+    Runs learn it by themselves while the head turns, and keep it; this does it at once, before the first of them.
+    """
+    with opened(robot, simulate=simulate, port=port, camera=True) as bench:
+        if bench.delay is None:
+            raise click.UsageError("this robot has no camera on its head, so there is nothing to find out")
+        _look_about(bench, seconds)
+        delay = bench.delay
+    if delay.pairs < ENOUGH:
+        click.echo(f"only {delay.pairs} pairs of pictures told something; {ENOUGH} are needed", err=True)
+        click.echo("  try: more light, a view with edges in it, --seconds 20", err=True)
+        return FAILURE
+    late, spread = 1000 * delay.seconds, 1000 * delay.spread
+    click.echo(
+        f"pictures are stamped {late:.0f} ms after their exposure (one sigma {spread:.0f} ms, {delay.pairs} pairs)"
+    )
+    return SUCCESS
+
+
+def _look_about(bench: Bench, seconds: float) -> None:
+    """Let the head look to and fro for some seconds, and then ahead."""
+    limits, start = bench.head.limits, bench.clock.now()
+    click.echo(f"the head looks to both sides for {seconds:g} s")
+    while (since := bench.clock.now() - start) < seconds:
+        bench.head.look(limits.clamp(HeadPose(SWING * sin(PACE * since), AHEAD.tilt)))
+        pause()
+    bench.arrives(bench.head.look(limits.clamp(AHEAD)))
+
+
 def _set(bench: Bench, pan: float | None, tilt: float | None) -> tuple[float, float]:
     """Set the trims (degrees), and wait until the head is straight by them."""
     trims = bench.trimmer.trim(pan=None if pan is None else radians(pan), tilt=None if tilt is None else radians(tilt))
@@ -206,10 +235,9 @@ def _sign(axis: ServoConfig | NeckJointConfig) -> int:
 
 
 @contextmanager
-def opened(name: str | None, *, simulate: bool, port: str | None, stay: bool = False) -> Iterator[Bench]:
-    """Open the head of a robot and wait until it is there; close it at the end, whatever comes.
+def opened(name: str | None, *, simulate: bool, port: str | None, camera: bool = False) -> Iterator[Bench]:
+    """Open the head of a robot, with its ``camera`` if wanted, and wait until it is there; close it whatever comes.
 
-    It goes to its start first, unless it is to ``stay``.
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
@@ -220,16 +248,16 @@ def opened(name: str | None, *, simulate: bool, port: str | None, stay: bool = F
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
     part = "head" if isinstance(config.head, HeadConfig) else "arm"
     wishes = Wishes(
-        world=load_world(find("worlds", "empty")) if virtual else None, ports={} if port is None else {part: port}
+        world=load_world(find("worlds", "empty")) if virtual else None,
+        ports={} if port is None else {part: port},
+        interests=Interests(faces=False),
     )
     clock = SystemClock()
     audience = Audience(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
-    robot = assemble(config, frozenset({"head"}), clock, wishes, audience)
+    robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]
     if not isinstance(trimmer, Trimmable):
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")
-    if stay:
-        trimmer.stay()
     with interruptible(), closing(robot):
         robot.open()
         while not (head.health().online and head.pose().good):
@@ -237,7 +265,7 @@ def opened(name: str | None, *, simulate: bool, port: str | None, stay: bool = F
                 health = head.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
-        yield Bench(head, trimmer, config.head, clock)
+        yield Bench(head, trimmer, config.head, clock, robot.delay)
 
 
 def pause() -> None:

@@ -3,10 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from math import radians
+from math import pi, radians, sin
 
 STEP = radians(25)
 WALK = radians(20)  # per second
+RUN = radians(60)
+SWING = radians(10)
+
+ASIDE, STAYS, STILL = radians(12), 0.75, 1.0
+"""While a robot learns, a face is this far to a side (radians), for so many seconds each; in the end it stands."""
+
+LEARNING = STILL + 4 * STAYS
+"""Seconds that a robot has to learn its delays: three with something to learn from."""
 
 
 class Body(StrEnum):
@@ -24,6 +32,11 @@ class Scenario:
     What it does can be foreseen up to ``surprise`` seconds: whether the robot has centred it counts up to then. The
     camera takes 20 pictures a second; a share ``drops`` of them gets lost, the others are known ``latency`` seconds
     later. ``settled`` is the time from which on the error counts as that of a robot that follows.
+
+    What the robot is not told: its camera stamps pictures ``stamped`` seconds after their exposure, their latency
+    varies by ``jitter`` seconds to both sides, its base begins what it is told ``base_lag`` seconds later. Before time
+    0 it has ``learning`` seconds, of which the face jumps to and fro in all but the last. ``other`` is the path of a
+    second face.
     """
 
     name: str
@@ -33,6 +46,20 @@ class Scenario:
     seconds: float = 6.0
     surprise: float = 6.0
     settled: float = 2.0
+    stamped: float = 0.0
+    jitter: float = 0.0
+    base_lag: float = 0.0
+    learning: float = 0.0
+    other: Callable[[float], float] | None = None
+
+    def bearing(self, time: float) -> float:
+        """Return the bearing of the face at ``time``, also while the robot learns."""
+        if time >= 0.0:
+            return self.path(time)
+        since = time + self.learning
+        if since < 0.0 or time > -STILL:
+            return 0.0
+        return ASIDE if since % (2 * STAYS) < STAYS else -ASIDE
 
 
 def stands(time: float) -> float:
@@ -51,6 +78,25 @@ def turns_around(time: float) -> float:
     return WALK * (time if time < 3.0 else 6.0 - time)
 
 
+def runs(time: float) -> float:
+    """Return the bearing of a face that goes by three times as fast, and stops when it is well aside."""
+    return RUN * min(time, 1.5)
+
+
+def comes_across(time: float) -> float:
+    """Return the bearing of a face that crosses the way of one that walks by, a second after time 0."""
+    return WALK * (2.0 - time)
+
+
+def swings(period: float) -> Callable[[float], float]:
+    """Return the path of a face that sways by 10 degrees to both sides, once in ``period`` seconds."""
+
+    def path(time: float) -> float:
+        return SWING * sin(2 * pi * time / period)
+
+    return path
+
+
 SCENARIOS = (
     Scenario("step of 25 deg", stands),
     Scenario("walk at 20 deg/s", walks),
@@ -60,3 +106,30 @@ SCENARIOS = (
     Scenario("walk, 200 ms late", walks, latency=0.2),
 )
 """What is benched: all with 100 ms from a picture to what it shows, unless they say otherwise."""
+
+DELAYS = (
+    *(
+        Scenario(
+            f"stamps {1000 * late:+.0f} ms", stands, latency=max(0.1, late + 0.01), stamped=late, learning=LEARNING
+        )
+        for late in (-0.05, 0.0, 0.02, 0.05, 0.15)
+    ),
+    *(Scenario(f"base {1000 * lag:.0f} ms", stands, base_lag=lag, learning=LEARNING) for lag in (0.1, 0.2, 0.3)),
+    *(
+        Scenario(f"{name}, {1000 * late:.0f} ms late", path, latency=late, learning=LEARNING)
+        for name, path in (("step", stands), ("walk", walks))
+        for late in (0.0, 0.2, 0.3)
+    ),
+    *(
+        Scenario(f"{name}, jitter 80 ms", path, jitter=0.08, learning=LEARNING)
+        for name, path in (("step", stands), ("walk", walks))
+    ),
+    *(Scenario(f"walk, {100 * lost:.0f} % dropped", walks, drops=lost, learning=LEARNING) for lost in (0.2, 0.5)),
+    Scenario("run at 60 deg/s", runs, learning=LEARNING, surprise=1.5, settled=0.7, seconds=4.0),
+    *(
+        Scenario(f"swing in {period:g} s", swings(period), learning=LEARNING, seconds=9.0, settled=3.0, surprise=0.0)
+        for period in (0.25, 0.5, 1.0, 2.0)
+    ),
+    Scenario("two cross", walks, other=comes_across, learning=LEARNING),
+)
+"""What is benched by `--delays`: what no robot is told, and what no prediction can know."""

@@ -34,7 +34,7 @@ class Score:
     @property
     def ratio(self) -> float | None:
         """How many times the bound it took to centre the face."""
-        return None if self.centred is None else self.centred / self.bound
+        return self.centred / self.bound if self.centred is not None and self.bound > 0 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,21 +68,21 @@ def score(trace: Trace, scenario: Scenario, body: Body) -> Score:
     early = [error for time, error in foreseen if time < scenario.settled]
     late = [error**2 for time, error in samples if time >= scenario.settled]
     return Score(
-        centred=None if trace.lost or outside >= scenario.surprise - STAYING else outside,
-        bound=bound(scenario, ability(body)),
-        overshoot=max(0.0, -min(early)),
+        centred=None if trace.lost or not foreseen or outside >= scenario.surprise - STAYING else outside,
+        bound=bound(scenario, ability(body), lag=scenario.base_lag if body is Body.BASE else 0.0),
+        overshoot=max(0.0, -min(early, default=0.0)),
         rms=None if trace.lost or not late else sqrt(sum(late) / len(late)),
         lost=trace.lost,
     )
 
 
-def bound(scenario: Scenario, can: Ability) -> float:
+def bound(scenario: Scenario, can: Ability, lag: float = 0.0) -> float:
     """Return the earliest time in seconds from which on the error can stay within ``CENTRED``.
 
-    That is of the time-optimal motion: nothing for the time of the latency, then as hard as it can until it must brake
-    to come to go with the face at the far edge of what counts as centred.
+    That is of the time-optimal motion: nothing for the time of the latency and of a base's ``lag``, then as hard as it
+    can until it must brake to come to go with the face at the far edge of what counts as centred.
     """
-    time = outside = scenario.latency
+    time = outside = scenario.latency + lag
     angle = speed = 0.0
     while time < scenario.surprise:
         target = scenario.path(time)

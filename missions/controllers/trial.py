@@ -1,5 +1,6 @@
 """One trial of a controller: the leaf that follows faces, on the twins of a robot, in simulated time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import radians
@@ -22,6 +23,7 @@ from drivers.sim.wheels import Wheels
 from missions.controllers.scenario import Body, Scenario
 from missions.controllers.sight import FilteredSight
 from perception.api import Box, Gaze
+from perception.delay import Delay
 
 START = 2.0
 """Seconds that the robot has to look where it is to begin."""
@@ -54,7 +56,7 @@ class Trace:
 class Trial:
     """A robot that follows a face with ``rules``, by ``body``, in a ``scenario``. Equal seeds make equal traces.
 
-    ``lag`` (seconds) is what the base takes to begin what it is told, ``known_lag`` what the behaviour believes of it.
+    ``lag`` (seconds) is what the behaviour believes that the base takes to begin what it is told.
     """
 
     def __init__(
@@ -65,7 +67,6 @@ class Trial:
         *,
         seed: int = 0,
         lag: float = 0.0,
-        known_lag: float = 0.0,
     ) -> None:
         self._scenario = scenario
         self._timeline = Timeline()
@@ -73,13 +74,14 @@ class Trial:
         self._random = Random(f"{scenario.name} {body} {seed}")  # noqa: S311 - noise is no secret
         self._begin = -radians(60) if body is Body.HEAD else 0.0  # a head walks from one side to the other
         self._head = None if body is Body.BASE else self._make_head()
-        self._base = None if body is Body.HEAD else self._make_base(lag)
-        self._sight = FilteredSight(self._random)
+        self._base = None if body is Body.HEAD else self._make_base(scenario.base_lag)
+        self._sight = FilteredSight(self._random, self._believed)
+        self._arrived = 0.0
         self._leaf = TrackFace("track_face")
         self._leaf.run = Run(self._clock)
         self._leaf.robot = Robot(base_part=self._base, head_part=self._head, sight_part=self._sight)
         self._leaf.controller = rules
-        self._leaf.lag = known_lag
+        self._leaf.lag = lag
         self._trace = Trace()
 
     def _make_head(self) -> HeadTwin:
@@ -113,14 +115,19 @@ class Trial:
         timeline.every(PERIOD, self._tick)
         timeline.every(PERIOD, self._expose, start=START + PHASE)
         timeline.every(LOOK, self._look)
-        timeline.run(START + self._scenario.seconds, lambda: self._trace.lost)
+        timeline.run(START + self._scenario.learning + self._scenario.seconds, lambda: self._trace.lost)
         for twin in twins:
             twin.close()
         return self._trace
 
+    @property
+    def delay(self) -> Delay:
+        """What was learnt of how late the camera stamps its pictures."""
+        return self._sight.delay
+
     def _time(self) -> float:
-        """Return the time of the scenario: it begins with the first picture."""
-        return self._clock.now() - START - PHASE
+        """Return the time of the scenario: it begins with the first picture, or when the robot has learnt."""
+        return self._clock.now() - START - PHASE - self._scenario.learning
 
     def _gaze(self) -> float:
         """Return where the camera truly looks, in radians."""
@@ -128,8 +135,14 @@ class Trial:
         pan = 0.0 if self._head is None else self._head.true_pose(now).pan
         return pan + (0.0 if self._base is None else self._base.true_pose(now).heading)
 
+    def _believed(self, time: float) -> Gaze:
+        """Return where the robot believes that the camera looked at a time."""
+        pose = None if self._head is None else self._head.pose_at(time)
+        heading = 0.0 if self._base is None else self._base.heading_at(time) or 0.0
+        return Gaze(heading + (pose.pan if pose else 0.0), pose.tilt if pose else 0.0)
+
     def _bearing(self) -> float:
-        return self._begin + self._scenario.path(max(0.0, self._time())) - self._gaze()
+        return self._begin + self._scenario.bearing(self._time()) - self._gaze()
 
     def _tick(self) -> None:
         self._leaf.run.tick += 1
@@ -137,15 +150,18 @@ class Trial:
             self._trace.lost = True
 
     def _expose(self) -> None:
-        box = self._sight.measure(self._bearing())
-        if box is not None and self._random.random() >= self._scenario.drops:
-            stamp = self._clock.now()
-            self._timeline.at(stamp + self._scenario.latency, partial(self._understand, stamp, box))
+        scenario, now, bearings = self._scenario, self._clock.now(), [self._bearing()]
+        if scenario.other is not None and self._time() >= 0:
+            bearings.append(self._begin + scenario.other(self._time()) - self._gaze())
+        boxes = [box for box in map(self._sight.measure, bearings) if box is not None]
+        if not boxes or self._random.random() < scenario.drops:
+            return
+        late = scenario.latency + (self._random.uniform(-1, 1) * scenario.jitter if scenario.jitter else 0.0)
+        self._arrived = max(now + max(late, 0.0), self._arrived)  # no picture overtakes another
+        self._timeline.at(self._arrived, partial(self._understand, now + scenario.stamped, boxes, self._gaze()))
 
-    def _understand(self, stamp: float, box: Box) -> None:
-        pose = None if self._head is None else self._head.pose_at(stamp)
-        heading = 0.0 if self._base is None else self._base.heading_at(stamp) or 0.0
-        self._sight.see(stamp, box, Gaze(heading + (pose.pan if pose else 0.0), pose.tilt if pose else 0.0))
+    def _understand(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:
+        self._sight.see(stamp, boxes, looked)
         self._tick()
 
     def _look(self) -> None:

@@ -4,19 +4,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.ahead import LONGEST, Ahead, Turning
+from behaviours.tracking.ahead import LONGEST, Ahead
+from behaviours.tracking.lag import Lag, Turning
+
+
+def foretelling(lag: float, acceleration: float) -> tuple[Ahead, Lag]:
+    known = Lag(lag, acceleration)
+    return Ahead(known, acceleration=acceleration), known
 
 
 def test_a_base_that_was_told_nothing_goes_on_as_it_does() -> None:
-    ahead = Ahead(lag=0.1, acceleration=2.0)
+    ahead, _ = foretelling(0.1, 2.0)
     assert ahead.at(1.5, Turning(0.5, 1.0, 1.0)).heading == pytest.approx(1.0)
     before = ahead.at(0.9, Turning(0.5, 1.0, 1.0))
     assert (before.heading, before.rate) == pytest.approx((0.4, 1.0))
 
 
 def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
-    ahead = Ahead(lag=0.2, acceleration=2.0)
-    ahead.tell(1.0, 1.0)
+    ahead, lag = foretelling(0.2, 2.0)
+    lag.tell(1.0, 1.0)
     still = Turning(0.0, 0.0, 1.0)
     assert ahead.at(1.2, still) == Turning(0.0, 0.0, 1.2)
     found = ahead.at(1.5, still)  # 0.3 s at 2 rad/s^2
@@ -26,21 +32,21 @@ def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
 
 
 def test_the_newest_that_has_begun_is_in_force() -> None:
-    ahead = Ahead(lag=0.1, acceleration=1000.0)
+    ahead, lag = foretelling(0.1, 1000.0)
     for n in range(100):
-        ahead.tell(n * 0.05, n / 100)
+        lag.tell(n * 0.05, n / 100)
     assert ahead.at(4.92, Turning(0.0, 0.0, 4.9)).rate == pytest.approx(0.96)  # told at 4.8
 
 
 def test_what_somebody_else_commands_is_forgotten() -> None:
-    ahead = Ahead(lag=0.0, acceleration=9.0)
-    ahead.tell(1.0, 1.0)
-    ahead.forget()
+    ahead, lag = foretelling(0.0, 9.0)
+    lag.tell(1.0, 1.0)
+    lag.forget()
     assert ahead.at(1.5, Turning(0.0, 0.0, 1.0)) == Turning(0.0, 0.0, 1.5)
 
 
 def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
-    ahead = Ahead(lag=0.0, acceleration=1.0)
+    ahead, _ = foretelling(0.0, 1.0)
     assert ahead.at(100.0, Turning(0.0, 1.0, 0.0)).heading == pytest.approx(LONGEST)
 
 
@@ -53,15 +59,51 @@ def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
 def test_it_never_turns_faster_than_told_nor_changes_faster_than_it_can(
     told: list[tuple[float, float]], rate: float, time: float, acceleration: float
 ) -> None:
-    ahead = Ahead(lag=0.1, acceleration=acceleration)
+    ahead, lag = foretelling(0.1, acceleration)
     for when, turn in sorted(told):
-        ahead.tell(when, turn)
+        lag.tell(when, turn)
     found = ahead.at(time, Turning(0.0, rate, 0.0))
     assert abs(found.rate - rate) <= acceleration * time + 1e-9
     limits = [rate, *(turn for _, turn in told)]
     assert min(limits) - 1e-9 <= found.rate <= max(limits) + 1e-9
     assert abs(found.heading) <= max(map(abs, limits)) * time + 1e-9
-    mirrored = Ahead(lag=0.1, acceleration=acceleration)
+    mirrored, other = foretelling(0.1, acceleration)
     for when, turn in sorted(told):
-        mirrored.tell(when, -turn)
+        other.tell(when, -turn)
     assert mirrored.at(time, Turning(0.0, -rate, 0.0)).heading == pytest.approx(-found.heading)
+
+
+# --- how long it takes to begin --------------------------------------------------------------------------------------
+
+
+def reports(true: float, *, hindered: bool = False) -> Lag:
+    """Let a base with a lag of ``true`` seconds be told to turn to and fro, and report 50 times a second for 3 s."""
+    lag, acceleration = Lag(0.1, 3.5), 3.5
+    heading = rate = 0.0
+    told = [(n * 0.05, 0.8 if n % 20 < 10 else -0.8) for n in range(60)]
+    for n in range(150):
+        now = n * 0.02
+        for when, turn in told:
+            if now - 0.02 < when <= now:
+                lag.tell(when, turn)
+        goal = next((turn for when, turn in reversed(told) if when <= now - true), 0.0)
+        rate += max(-acceleration * 0.02, min(acceleration * 0.02, goal - rate))
+        heading += rate * 0.02
+        lag.learn(Turning(heading, 0.0 if hindered and 40 < n < 60 else rate, now))
+    return lag
+
+
+def test_the_lag_of_a_base_is_learnt_within_3_s_also_where_something_holds_the_base_for_a_while() -> None:
+    for true in (0.0, 0.1, 0.2, 0.3):
+        for hindered in (False, True):
+            found = reports(true, hindered=hindered)
+            assert found.seconds == pytest.approx(true, abs=0.03), (true, hindered)
+            assert found.spread < 0.02
+
+
+def test_a_base_that_does_not_turn_teaches_nothing() -> None:
+    lag = Lag(0.15, 3.5)
+    for n in range(100):
+        lag.tell(n * 0.02, 0.0)
+        lag.learn(Turning(0.0, 0.0, n * 0.02))
+    assert lag.seconds == 0.15

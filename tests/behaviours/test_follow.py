@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.ahead import Turning
-from behaviours.tracking.follow import BASE_LAG, HEAD_LAG, LONGEST_STEP, PAUSE, Command, Follower
+from behaviours.tracking.follow import HEAD_LAG, LONGEST_STEP, PAUSE, Command, Follower
 from behaviours.tracking.fuzzy import Controller
+from behaviours.tracking.lag import Lag, Turning
 from behaviours.tracking.rules import RuleBases
 from config.controller import load_controller
 from config.library import shipped
@@ -230,13 +230,13 @@ def test_a_base_without_a_head_turns_to_the_face_faster_the_farther_off(rules: R
 
 def test_a_base_goes_along_with_a_face_that_it_has_centred(base: Follower) -> None:
     face = face_at(1.0, 30, yaw_rate=20)
-    heading = 30 + 20 * (BASE_LAG + LONGEST_STEP / 2)
-    turn = base.step(1.0, face, head=CENTRE, base=Turning(radians(heading), radians(20), 1.0 + BASE_LAG + 0.05)).turn
+    heading = 30 + 20 * (LONGEST_STEP / 2)
+    turn = base.step(1.0, face, head=CENTRE, base=Turning(radians(heading), radians(20), 1.0 + 0.05)).turn
     assert turn == pytest.approx(radians(20), abs=radians(0.5))
 
 
 def test_a_base_that_is_slow_to_begin_is_told_nothing_twice(rules: RuleBases) -> None:
-    quick, slow = (Follower(rules, limits=None, max_turn=MAX_TURN, lag=lag) for lag in (0.0, 0.3))
+    quick, slow = (Follower(rules, limits=None, max_turn=MAX_TURN, lag=Lag(lag, 3.5)) for lag in (0.0, 0.3))
     asked = [[step(each, n * 0.05, face_at(n * 0.05, 15)).turn for n in range(12)] for each in (quick, slow)]
     # What it was told and has not begun yet will turn it: the one that knows so asks for less and less.
     assert asked[0][-1] == pytest.approx(asked[0][2], rel=0.3)

@@ -7,6 +7,7 @@ import pytest
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
 from behaviours.tracking.follow import RuleBases
+from behaviours.tracking.track import COAST
 from behaviours.tracking.track_face import TrackFace
 from config.controller import load_controller
 from config.library import shipped
@@ -163,7 +164,7 @@ def test_a_face_missed_for_a_moment_is_followed_on_and_then_the_base_stands(rule
     assert bench.tick(leaf, after=0.8 * COMMAND_LIFE) is RUNNING
     assert bench.base.commands[-1] != Velocity(0.0, 0.0)
     told = len(looks(bench))
-    assert bench.tick(leaf, after=0.2) is RUNNING
+    assert bench.tick(leaf, after=COAST) is RUNNING
     assert bench.base.commands[-1] == Velocity(0.0, 0.0)
     assert len(looks(bench)) == told
 

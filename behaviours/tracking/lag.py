@@ -1,0 +1,105 @@
+"""How long a base takes to begin what it is told, learnt from how it turned.
+
+For each lag that may be, the base is reckoned to approach what it was told that long ago, by its ramps. The likeliest
+lag is the one under which this agrees with the turn rates that the base reported: a grid filter after Bayes.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+GRID = tuple(step * 0.02 for step in range(26))
+"""The lags that may be, in seconds."""
+
+BELIEVED = 0.1
+"""Seconds, one sigma: how far a lag may be from what it was believed to be."""
+
+MEASURED = 0.1
+"""rad/s, one sigma: how exactly a reported turn rate agrees with a reckoned one."""
+
+LEAST = 0.05
+"""rad/s: where all lags mean nearly the same turn rate, nothing can be learnt."""
+
+OUTLIER = 9.0
+"""A squared difference, in sigmas, counts no more than this: a person, a reflex or a wall has moved the base."""
+
+WEIGHT = 0.3
+"""What a report counts: those that follow each other within 20 ms do not err independently."""
+
+MEMORY = 500
+"""Reports after which evidence has faded to a third."""
+
+LONGEST = 1.0
+"""Seconds for which is kept what a base was told."""
+
+LONGEST_GAP = 0.3
+"""Seconds between two reports: after more, the reckoning begins afresh."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """How the base stood, and turned, at ``stamp``: ``heading`` in radians (odometry frame), ``rate`` in rad/s."""
+
+    heading: float
+    rate: float
+    stamp: float
+
+
+class Lag:
+    """What a base was told, and how many ``seconds`` it takes to begin it; ``spread`` says how surely (one sigma).
+
+    ``acceleration`` (rad/s^2) is how quickly the base changes its turn. ``told`` is what the lag was believed to be.
+    """
+
+    def __init__(self, told: float, acceleration: float) -> None:
+        self.seconds, self.spread = told, BELIEVED
+        self._acceleration = acceleration
+        self._costs = [((lag - told) / BELIEVED) ** 2 for lag in GRID]
+        self._rates = [0.0] * len(GRID)
+        self._told: deque[tuple[float, float]] = deque()
+        self._known: Turning | None = None
+
+    def tell(self, now: float, rate: float) -> None:
+        """The base was told at ``now`` to turn at ``rate`` rad/s from then on."""
+        self._told.append((now, rate))
+        while len(self._told) > 1 and self._told[1][0] <= now - LONGEST:
+            self._told.popleft()
+
+    def forget(self) -> None:
+        """Somebody else has told it other things since: what it does next is not known."""
+        self._told.clear()
+        self._known = None
+
+    def told(self, time: float, otherwise: float) -> float:
+        """Return the turn rate that was the newest told at ``time``; ``otherwise`` before any was."""
+        return next((rate for when, rate in reversed(self._told) if when <= time), otherwise)
+
+    def learn(self, known: Turning) -> None:
+        """Take in how the base turned at a time."""
+        before = self._known
+        if before is not None and known.stamp <= before.stamp:
+            return
+        self._known = known
+        span = 0.0 if before is None else known.stamp - before.stamp
+        if not 0 < span <= LONGEST_GAP or not self._told or self._told[0][0] > known.stamp - span - GRID[-1]:
+            self._rates = [known.rate] * len(GRID)
+            return
+        most = self._acceleration * span
+        for number, lag in enumerate(GRID):
+            rate = self._rates[number]
+            change = self.told(known.stamp - lag - span / 2, rate) - rate
+            self._rates[number] = rate + math.copysign(min(abs(change), most), change)
+        if max(self._rates) - min(self._rates) >= LEAST:
+            self._weigh(known.rate)
+
+    def _weigh(self, reported: float) -> None:
+        """Count for each lag how far its turn rate is from the one that was reported."""
+        for number, rate in enumerate(self._rates):
+            off = min(((rate - reported) / MEASURED) ** 2, OUTLIER)
+            self._costs[number] = self._costs[number] * (1 - 1 / MEMORY) + WEIGHT * off
+        least = min(self._costs)
+        weights = [math.exp((least - cost) / 2) for cost in self._costs]
+        pairs = list(zip(weights, GRID, strict=True))
+        self.seconds = sum(weight * lag for weight, lag in pairs) / sum(weights)
+        variance = sum(weight * (lag - self.seconds) ** 2 for weight, lag in pairs) / sum(weights)
+        self.spread = math.sqrt(variance + GRID[1] ** 2 / 12)

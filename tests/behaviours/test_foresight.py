@@ -1,0 +1,75 @@
+"""Foresight: what a target does is foretold as well as it could be so far, and no wilder."""
+
+from collections.abc import Callable
+from math import cos, degrees, pi, radians, sin, sqrt
+
+import pytest
+
+from behaviours.tracking.foresight import Foresight
+
+AHEAD = 0.15
+ABLE = 7.0
+
+
+def error(path: Callable[[float], float], rate: Callable[[float], float], *, seconds: float = 6.0) -> float:
+    """Return by how much (degrees RMS) a target is foretold wrongly in the last two seconds."""
+    foresight, off = Foresight(ABLE), []
+    for n in range(int(seconds * 20)):
+        time = n / 20
+        angle, _ = foresight.foretell(time, path(time), rate(time), AHEAD)
+        if time > seconds - 2:
+            off.append((angle - path(time + AHEAD)) ** 2)
+    return degrees(sqrt(sum(off) / len(off)))
+
+
+def test_a_walk_is_foretold_as_it_is() -> None:
+    foresight = Foresight(ABLE)
+    for n in range(40):
+        found = foresight.foretell(n / 20, 0.3 * n / 20, 0.3, AHEAD)
+        assert found == pytest.approx((0.3 * (n / 20 + AHEAD), 0.3), abs=radians(0.5))
+
+
+def test_a_swing_that_a_head_can_follow_is_learnt_and_a_walk_would_overshoot_it() -> None:
+    amplitude, omega = radians(10), pi  # once in 2 s
+    found = error(lambda t: amplitude * sin(omega * t), lambda t: amplitude * omega * cos(omega * t))
+    straight = degrees(amplitude) / sqrt(2) * (omega * AHEAD) ** 2 / 2
+    assert found < 0.6 * straight
+
+
+def test_a_swing_too_fast_for_anything_is_not_followed() -> None:
+    amplitude, omega = radians(10), 8 * pi  # once in 0.25 s
+    foresight = Foresight(ABLE)
+    angles = [
+        foresight.foretell(n / 20, amplitude * sin(omega * n / 20), amplitude * omega * cos(omega * n / 20), AHEAD)[0]
+        for n in range(120)
+    ]
+    assert max(map(abs, angles[80:])) < radians(3)
+
+
+def test_noise_of_the_rate_is_smoothed_where_somebody_walks_evenly() -> None:
+    noise = [radians(8) * (-1) ** n for n in range(200)]
+    found = error(lambda t: 0.35 * t, lambda t: 0.35 + noise[round(t * 20)])
+    assert found < degrees(radians(8) * AHEAD) * 0.7
+
+
+def test_a_jump_says_nothing_about_how_targets_move() -> None:
+    foresight = Foresight(ABLE)
+    for n in range(60):
+        angle = foresight.foretell(n / 20, 0.0 if n < 40 else 0.4, 0.0, AHEAD)[0]
+    assert angle == pytest.approx(0.4, abs=radians(0.5))
+
+
+def test_the_same_picture_seen_twice_counts_once() -> None:
+    once, twice = Foresight(ABLE), Foresight(ABLE)
+    for n in range(60):
+        seen = (n / 20, 0.2 * sin(n / 5), 0.4 * cos(n / 5), AHEAD)
+        first = once.foretell(*seen)
+        twice.foretell(*seen)
+        assert twice.foretell(*seen) == first
+
+
+def test_after_a_long_absence_it_begins_afresh() -> None:
+    foresight = Foresight(ABLE)
+    for n in range(60):
+        foresight.foretell(n / 20, 0.2 * sin(n), 0.0, AHEAD)
+    assert foresight.foretell(60.0, 1.0, 0.1, AHEAD) == pytest.approx((1.0 + 0.1 * AHEAD, 0.1), abs=radians(0.5))
