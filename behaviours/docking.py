@@ -22,6 +22,7 @@ class Dock(Motion):
 
     word = "dock"
     stores = "how full the battery is (percent)"
+    keeps = float
     speed: float = argument("speed", "how fast until it is near", default=0.1, low=0.02, high=0.3)
     _homing: Homing | None = None
     _docked_since: float | None = None

@@ -48,6 +48,7 @@ class _Looking(Leaf):
     needs = frozenset({"head"})
     drives = frozenset({"head"})
     stores = "where the head looks: pan, tilt"
+    keeps = HeadPose
     _arrival: Arrival
 
     def initialise(self) -> None:

@@ -23,6 +23,7 @@ class Listening(Leaf):
 
     needs = frozenset({"microphone"})
     stores = "the phrase, as the mission writes it"
+    keeps = str
     phrases: Mapping[str, str]  # as the mission writes them, by how they are listened for
 
     def heard(self, since: float) -> Words | None:

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from behaviours.joint_motion import positions
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.reach import Reach, degrees
-from drivers.api import JointState
+from drivers.api import Angle, JointState
 
 
 class JointAt(Leaf):
@@ -21,6 +21,7 @@ class JointAt(Leaf):
     needs = frozenset({"arm"})
     instant = True
     stores = "where the joint is, in radians"
+    keeps = Angle
     joint: str = argument("joint", "which one")
     angle: float = argument("angle", "where")
     tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=0.0)
@@ -47,6 +48,7 @@ class _AnyJoint(Leaf):
     needs = frozenset({"arm"})
     instant = True
     stores = "the joints of which it is so, as a list"
+    keeps = list[str]
     joints: tuple[str, ...]
 
     def misfits(self, reach: Reach) -> list[str]:

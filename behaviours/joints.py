@@ -8,6 +8,7 @@ from py_trees.common import Status
 from behaviours.joint_motion import LONGEST_STEP, off, positions
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument
 from behaviours.reach import Reach, degrees
+from drivers.api import Duration
 
 CONFIRMED = 2.0
 """Seconds within which joints report that they are stiff or limp: several rounds, even of the slow registers."""
@@ -27,6 +28,7 @@ class MoveJoints(Leaf):
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
     stores = "how long it took, in seconds"
+    keeps = Duration
     to: Mapping[str, float] = argument("angle", "where each joint is to go", by_joint=True)
     speed: float | None = argument(
         "turn rate", "how fast; else each as fast as the robot file allows", default=None, low=math.radians(1)

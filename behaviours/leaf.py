@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -31,7 +31,8 @@ class Leaf(Node):
     ``voice``), ``needs`` the parts without which it is of no use, ``uses`` those that it makes use of where the robot
     has them (``range``); of one that needs the ``camera``, ``senses`` say what it looks for (``faces``, ``names`` of
     people, ``things``, ``markers``, ``motion``). ``stores`` says what ``as: NAME`` keeps, ``keeps``
-    of which type that always is, where the checker is to know its members; the subclass puts it into ``result``: it is
+    of which type that always is, as an annotation says it (``Face``, ``drivers.api.Length``), so that the checker knows
+    its members and its dimension; the subclass puts it into ``result``, in SI units: it is
     kept when the leaf succeeds, and while it runs as soon as there is one. An
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
@@ -49,7 +50,7 @@ class Leaf(Node):
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
     drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
-    keeps: ClassVar[type | None] = None
+    keeps: ClassVar[Any] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
@@ -59,6 +60,7 @@ class Leaf(Node):
     robot: Robot
     result: object = None
     keep_as: str | None = None
+    as_kept: Callable[[object], object] | None = None
     computed: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
     _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
@@ -177,9 +179,10 @@ class Leaf(Node):
         return status
 
     def _keep(self, name: str) -> None:
-        """Store the result, and say so if it is a new one."""
-        if self.scope.get(name) is not self.result or name not in self.scope:
-            self.scope[name] = self.result
+        """Store the result, with its dimension where it has one, and say so if it is a new one."""
+        result = self.result if self.as_kept is None else self.as_kept(self.result)
+        if self.scope.get(name) is not result or name not in self.scope:
+            self.scope[name] = result
             self.run.stored = True
 
     def _enter_and_update(self) -> Status:

@@ -11,7 +11,7 @@ from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
 from behaviours.played import Played
 from behaviours.playing import Playing
 from behaviours.reach import Reach
-from behaviours.tracking_error import Sample, Tracking
+from behaviours.tracking_error import JointError, Sample, Tracking
 from drivers.api import Gesture as Movement
 from drivers.api import JointState, Reading
 from drivers.errors import BadRequest
@@ -27,6 +27,7 @@ class Play(Played):
 
     word = "play"
     stores = "how well it was followed, by joint: rms, worst (radians), at (seconds), readings"
+    keeps = Mapping[str, JointError]
     move: Movement = argument("move", "which one: a name, or a file: .yaml, .csv, .xls, .xlsx or .ods", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.05, high=2.0)
     run_in = RUN_IN
@@ -91,6 +92,7 @@ class RecordMove(Leaf):
     word = "record_move"
     needs = frozenset({"arm"})
     stores = "the path of the file"
+    keeps = str
     move: NewMove = argument("new move", "a name, for NAME.yaml in the current folder, or a path", principal=True)
     joints: tuple[str, ...] = argument("joints", "which; else all", default=())
     duration: float | None = argument("duration", "how long; else until it is halted", default=None, low=0.1)

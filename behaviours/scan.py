@@ -27,6 +27,7 @@ class Scan(Leaf):
     needs = frozenset({"head"})
     drives = frozenset({"head"})
     stores = "where the head looks: pan, tilt"
+    keeps = HeadPose
     pan: tuple[float, float] = argument(
         "angle", "from right (negative) to left", default=(-math.pi / 2, math.pi / 2), span=True
     )

@@ -76,6 +76,7 @@ class FacesAtLeast(Faces):
 
     word = "faces_at_least"
     stores = "the faces, as a list, the largest first"
+    keeps = list[Face]
     instant = True
     number: int = argument("count", "how many", principal=True, low=1)
     within: float = argument("duration", "how long ago still counts", default=LATELY, low=0.01)

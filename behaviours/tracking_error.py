@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from drivers.api import Angle, Duration
+
 
 @dataclass(frozen=True, slots=True)
 class Sample:
@@ -27,9 +29,9 @@ class JointError:
     ``at`` is when that was, in seconds after the motion began; ``readings`` how often it was measured.
     """
 
-    rms: float
-    worst: float
-    at: float
+    rms: Angle
+    worst: Angle
+    at: Duration
     readings: int
 
 

@@ -19,7 +19,6 @@ from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
 from config.mending import mend, plain_blanks
 from config.reading import note_read, read_regular
 from config.syntax import events, forbidden_character, problem_line, syntax_fault
-from config.units import Bare
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
@@ -282,7 +281,7 @@ def plain(text: str) -> Plain:
     if not _NUMBER.fullmatch(text):
         return text
     digits = text.replace("_", "")
-    number = Bare(digits)
+    number = float(digits)
     if not math.isfinite(number):  # nobody means that: it stays a word, which is no number where one is needed
         return text
     return int(digits) if digits.lstrip("-+").isdigit() else number

@@ -41,22 +41,24 @@ _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _WRITTEN = re.compile(rf"({_NUMBER})\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
 
 
-class Bare(float):
-    """A number that stands in a file without a unit: never taken for a quantity, as one that was calculated may be."""
-
-
 class Quantity(float):
-    """A number in SI units that remembers its dimension and how it was written."""
+    """A number in SI units that remembers its dimension, and how it was written where somebody has."""
 
+    __slots__ = ("_text", "dimension")
     dimension: str
-    text: str
+    _text: str
 
-    def __new__(cls, value: float, dimension: str, text: str) -> Self:
+    def __new__(cls, value: float, dimension: str, text: str = "") -> Self:
         """Make a quantity of ``value`` SI units."""
         quantity = super().__new__(cls, value)
         quantity.dimension = dimension
-        quantity.text = text
+        quantity._text = text
         return quantity
+
+    @property
+    def text(self) -> str:
+        """How it was written, or how it would be."""
+        return self._text or written(self, self.dimension)
 
     def __str__(self) -> str:
         return self.text
@@ -65,7 +67,7 @@ class Quantity(float):
         return format(float(self), spec) if spec else self.text
 
     def __reduce__(self) -> tuple[type, tuple[float, str, str]]:
-        return Quantity, (float(self), self.dimension, self.text)
+        return Quantity, (float(self), self.dimension, self._text)
 
 
 _MEANT = {
@@ -101,6 +103,11 @@ def quantity(text: str) -> Quantity | None:
     return Quantity(value, dimension, text.strip()) if math.isfinite(value) else None
 
 
+def is_unit(word: str) -> bool:
+    """True for a unit, and for what people write for one."""
+    return word in _DIMENSION_OF or word.lower() in _MEANT
+
+
 def in_dimension(value: object, dimension: str) -> float:
     """Return ``value`` (a text such as "30 deg", or a Quantity) in SI units of ``dimension``.
 
@@ -111,7 +118,8 @@ def in_dimension(value: object, dimension: str) -> float:
     if found is None:
         raise ValueError(f"needs {example}{_what_is_wrong(value, dimension)}")
     if found.dimension != dimension:
-        raise ValueError(f"needs {example}, got {article(found.dimension)}: {seen(found.text)}")
+        got = article(found.dimension) if found.dimension in UNITS else "a quantity"
+        raise ValueError(f"needs {example}, got {got}: {seen(found.text)}")
     if not math.isfinite(found):
         raise ValueError(f"needs {example}: {seen(found.text)} is not finite")
     return float(found)
@@ -135,8 +143,11 @@ def _what_is_wrong(value: object, dimension: str) -> str:
 
 
 def written(value: float, dimension: str) -> str:
-    """Write an SI value as people do: angles in degrees, the rest in its first unit ("0.5 m")."""
-    unit, factor = next(iter(UNITS[dimension].items()))
+    """Write an SI value as people do: angles in degrees, the rest in its first unit ("0.5 m").
+
+    A dimension without a name is its own unit ("2 m^2").
+    """
+    unit, factor = next(iter(UNITS.get(dimension, {dimension: 1.0}).items()))
     return f"{round(value / factor, 4) + 0.0:g} {unit}"
 
 

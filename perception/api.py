@@ -6,13 +6,20 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]
 """A picture: shape (height, width, 3), dtype uint8, channels blue, green, red."""
+
+
+Angle = Annotated[float, "angle"]
+Length = Annotated[float, "length"]
+Duration = Annotated[float, "duration"]
+TurnRate = Annotated[float, "turn rate"]
+# What a member measures, in SI units: a mission cannot add one to another.
 
 
 class Frame(Protocol):
@@ -87,15 +94,15 @@ class Percept:
     """
 
     id: int
-    stamp: float
+    stamp: Duration
     box: Box
-    bearing: float
-    drop: float
-    yaw: float
-    pitch: float
-    yaw_rate: float
-    pitch_rate: float
-    distance: float
+    bearing: Angle
+    drop: Angle
+    yaw: Angle
+    pitch: Angle
+    yaw_rate: TurnRate
+    pitch_rate: TurnRate
+    distance: Length
 
     def predict(self, time: float) -> tuple[float, float]:
         """Return (yaw, pitch) at ``time``, if it goes on as it did."""
@@ -127,7 +134,7 @@ class Thing(Percept):
     name: str
     colour: str
     shape: str
-    size: float | None = None
+    size: Length | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +147,7 @@ class Marker(Percept):
 
     number: int
     name: str
-    heading: float
+    heading: Angle
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from behaviours.driving.motion import CRAWL, TURN_CRAWL, Motion
 from behaviours.leaf import argument
-from drivers.api import BaseState, Pose2D, Velocity
+from drivers.api import Angle, BaseState, Pose2D, Velocity
 
 
 class Arc(Motion):
@@ -19,6 +19,7 @@ class Arc(Motion):
 
     word = "arc"
     stores = "how far round it went, by the gyro (rad)"
+    keeps = Angle
     radius: float = argument("length", "of the circle", low=0.05, high=10.0)
     angle: float = argument("angle", "how far round; positive is to the left", default=math.tau)
     speed: float = argument("speed", "how fast along the circle", default=0.2, low=0.01, high=0.7)

@@ -7,7 +7,7 @@ from py_trees.common import Status
 from behaviours.driving.motion import CRAWL, Way
 from behaviours.driving.spin import Spin
 from behaviours.leaf import SUCCESS, argument
-from drivers.api import BaseState, Pose2D, Velocity
+from drivers.api import BaseState, Length, Pose2D, Velocity
 
 TURN_SPEED = math.radians(60)
 """rad/s at which it turns at most."""
@@ -32,6 +32,7 @@ class GoTo(Spin):
 
     word = "go_to"
     stores = "how far from the place it stands, by odometry (m)"
+    keeps = Length
     x: float = argument("length", "metres ahead of where the base started: what `base.x` will be")
     y: float = argument("length", "metres to the left of where it started: what `base.y` will be")
     heading: float | None = argument(

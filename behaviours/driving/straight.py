@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from behaviours.driving.motion import CRAWL, Motion, Way
 from behaviours.leaf import argument
-from drivers.api import BaseState, Pose2D, Velocity
+from drivers.api import BaseState, Length, Pose2D, Velocity
 
 STEERING = 2.0
 """rad/s for each radian off the line: a degree is turned back within about a second."""
@@ -25,6 +25,7 @@ class Drive(Motion):
 
     word = "drive"
     stores = "how far it went, by odometry (m; negative backwards)"
+    keeps = Length
     distance: float = argument("length", "how far; negative is backwards", principal=True)
     speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
     _direction = 1.0

@@ -7,7 +7,7 @@ from py_trees.common import Status
 from behaviours.driving.motion import Way
 from behaviours.driving.spin import Spin
 from behaviours.leaf import argument
-from drivers.api import BaseState, Pose2D
+from drivers.api import Angle, BaseState, Pose2D
 
 
 class Turn(Spin):
@@ -20,6 +20,7 @@ class Turn(Spin):
 
     word = "turn"
     stores = "how far it turned, by the gyro (rad)"
+    keeps = Angle
     angle: float = argument("angle", "how far; positive is to the left", principal=True)
     speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1), high=math.pi)
     _direction = 1.0

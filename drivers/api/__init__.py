@@ -16,6 +16,7 @@ from drivers.api.camera import Camera, CameraFrame, Image
 from drivers.api.device import Away, Device, Health, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
+from drivers.api.measures import Angle, Duration, Length
 from drivers.api.microphone import SOUND_RATE, Microphone, Samples, Sound
 from drivers.api.ranging import Angles, Ranger, Ranges, RangeScan, wrapped
 from drivers.api.screen import Mood, Screen, Shown
@@ -29,6 +30,7 @@ __all__ = [
     "HEAD_ACCELERATION",
     "SOUND_RATE",
     "STILL",
+    "Angle",
     "Angles",
     "Away",
     "Base",
@@ -40,6 +42,7 @@ __all__ = [
     "Device",
     "DockBeam",
     "DockSignals",
+    "Duration",
     "Gesture",
     "Head",
     "HeadLimits",
@@ -51,6 +54,7 @@ __all__ = [
     "Joints",
     "Keyframe",
     "Lamp",
+    "Length",
     "Manner",
     "Microphone",
     "Mood",

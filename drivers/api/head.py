@@ -5,14 +5,15 @@ from math import sqrt
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.measures import Angle
 
 
 @dataclass(frozen=True, slots=True)
 class HeadPose:
     """Where the head looks, in radians: ``pan`` about z, positive left; ``tilt`` about y, positive down."""
 
-    pan: float
-    tilt: float
+    pan: Angle
+    tilt: Angle
 
 
 HEAD_ACCELERATION = 7.0

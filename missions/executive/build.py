@@ -1,16 +1,20 @@
 """From a checked plan to the nodes that are ticked."""
 
 from collections.abc import Callable
+from functools import partial
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
+from config.units import UNITS
 from missions.executive.composites import COMPOSITES, Composite, Parallel, adopt
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MODIFIERS
 from missions.executive.submission import Submission
 from missions.executive.switch import SWITCHES
+from missions.language.expressions import of_kind
+from missions.language.kinds import kind_of_type
 from missions.language.plan import FOR_EACH, MISSION, Plan, Step
 from missions.language.values import Value
 
@@ -93,6 +97,9 @@ def _composite(step: Step) -> Composite:
 def _leaf(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
     """Set the arguments that are known now; leave the rest to be filled each time that the leaf starts."""
     leaf.keep_as = step.keep_as
+    kind = None if step.leaf is None else kind_of_type(step.leaf.keeps)
+    if isinstance(kind, str) and kind in UNITS:
+        leaf.as_kept = partial(of_kind, kind=kind)
     if leaf.open_ended:
         leaf.computed = {name: _resolver(value, scope) for name, value in step.arguments.items()}
         return leaf

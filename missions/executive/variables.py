@@ -5,16 +5,17 @@ from copy import copy
 
 from behaviours.node import Node
 from behaviours.run import Run
+from config.units import Quantity
 from missions.executive.events import Stream, VariableSet
 from missions.executive.submission import Submission
-from missions.language.notes import STATE
+from missions.language.kinds import STATE
 
 Variables = dict[str, object]
 
 _CHANGEABLE = frozenset({list, dict, set})
 """Kinds of values that may be others by the time they are told."""
 
-_SIMPLE = frozenset({bool, int, float, str})
+_SIMPLE = frozenset({bool, int, float, str, Quantity})
 """Kinds of values that say the same when they are equal. With others, only one and the same is surely no news."""
 
 
@@ -55,4 +56,6 @@ def _news(variables: Variables, told: Variables) -> Iterator[tuple[str, object]]
 
 
 def _same(one: object, other: object) -> bool:
+    if isinstance(one, Quantity) and isinstance(other, Quantity) and one.dimension != other.dimension:
+        return False
     return one is other or (type(one) is type(other) and type(one) in _SIMPLE and one == other)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 from py_trees.common import Status
 
@@ -14,11 +13,12 @@ from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from missions.language.faces import KIND as FACE
 from missions.language.faces import as_face, read_face
+from missions.language.finding import finder
+from missions.language.misread import check_text
 from missions.language.modifiers import outdent
 from missions.language.notes import Notes
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
-from missions.language.plan import MISSION
 from missions.language.values import Convert, Value, in_si, shown, whole
 
 NAMES = ("text", "joint", "joints", "choice", "file")
@@ -79,8 +79,9 @@ def _read_open(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | None) -
     if not isinstance(node, Mapping) or not node.entries:
         notes.fault(key.mark, f"'{leaf.word}' needs names and values", f"write {leaf.word}: {{count: 1}}")
         return {}
-    for name, _ in node.entries:
+    for name, given in node.entries:
         notes.new_name(name, "a variable")
+        check_text(notes, name, given)
     anything = Argument("", "value", "")
     return {name.text: read_argument(notes, anything, given, f"'{name.text}'") for name, given in node.entries}
 
@@ -97,7 +98,7 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
         return read_face(notes, node, what)
     convert = converter(notes, argument)
     if isinstance(node, Scalar):
-        return notes.value(_as_meant(notes, argument, node), what, convert)
+        return notes.value(_as_meant(notes, argument, node), what, convert, argument.kind)
     if argument.kind == "outcomes" and isinstance(node, Listing):
         return notes.constant(node, [_scalar(item) for item in node.items], what, convert)
     if argument.kind == "joints" and isinstance(node, Listing):
@@ -113,7 +114,7 @@ def _as_meant(notes: Notes, argument: Argument, node: Scalar) -> Scalar:
     """Return ``node`` with the value that it has for this argument: a text is a text even where it looks like 007."""
     if node.value is None:
         return node
-    if argument.kind in NAMES or argument.kind in notes.things:
+    if argument.kind in (*NAMES, *UNITS) or argument.kind in notes.things:
         return replace(node, value=node.text)
     return replace(node, value=default_value(node)) if argument.kind == "value" else node
 
@@ -166,13 +167,7 @@ def converter(notes: Notes, argument: Argument) -> Convert:
     kind = argument.kind
     if kind in UNITS:
         return partial(_measure, argument)
-    if kind == "file":
-        return partial(_file, notes.things.get(kind, Path), Path(notes.source.name).parent)
-    if kind in notes.things:
-        return partial(_find, notes.things[kind])
-    if kind == MISSION:
-        return partial(_mission, notes)
-    return partial(_PLAIN.get(kind, _name), argument)
+    return finder(notes, kind) or partial(_PLAIN.get(kind, _name), argument)
 
 
 def _measure(argument: Argument, value: object) -> float:
@@ -180,19 +175,6 @@ def _measure(argument: Argument, value: object) -> float:
     if not argument.low <= si <= argument.high:
         raise ValueError(_bounds(argument, lambda bound: written(bound, argument.kind)))
     return si
-
-
-def _find(lookup: Callable[[str], object], value: object) -> object:
-    return lookup(shown(value))
-
-
-def _mission(notes: Notes, value: object) -> Path:
-    return notes.words.find_mission(shown(value), Path(notes.source.name).parent)
-
-
-def _file(lookup: Callable[[str], object], folder: Path, value: object) -> object:
-    """Return the file at a path that goes from the mission's folder."""
-    return lookup(str(folder / shown(value)))
 
 
 def _text(argument: Argument, value: object) -> str:

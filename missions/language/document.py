@@ -18,6 +18,7 @@ from missions.language.params import Param, take_params
 from missions.language.phrases import check_phrases
 from missions.language.plan import Plan, Step
 from missions.language.steps import read_step
+from missions.language.variables import check_kinds
 
 MAX_DEPTH = 100
 """Steps from the root of a tree to its deepest leaf."""
@@ -84,10 +85,11 @@ def _check(
         check_claims(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)
-        if not notes.faults:  # these need a whole tree
+        if body is not None and not notes.faults:  # these need a whole tree
             if robot is not None:
                 check_reach(notes, tree, robot)
                 check_phrases(notes, tree, robot)
+            check_kinds(notes, tree, body.returns)
             check_answers(notes, tree)
             check_names(notes, tree)
             check_flow(notes, tree)

@@ -5,7 +5,6 @@ anything but the plain functions below, or touch an attribute that starts with a
 """
 
 import ast
-import keyword
 import re
 import warnings
 from collections.abc import Mapping
@@ -13,34 +12,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from config.faults import one_of
-from config.units import Bare, seen
+from config.units import UNITS, Quantity, seen
+from missions.language.kinds import STATE, dimensions_of
 from missions.language.members import members_in
 from missions.language.operators import (
     BINARY,
     COMPARE,
     FUNCTIONS,
     UNARY,
-    calculate,
     combine,
     compare,
     listing,
     member_at,
     out_of_range,
+    signed,
 )
-
-WORDS = {"true": True, "false": False, "null": None, "none": None}
-"""Constants, as YAML writes them."""
-
-RESERVED = frozenset(
-    ["and", "async", "await", "else", "False", "for", "if", "in", "is", "lambda", "None", "not", "or", "True", "yield"]
-)
-"""Words that an expression cannot have as names: Python has a meaning for them within one."""
-
-NAMES = "|".join(word for word in keyword.kwlist if word not in RESERVED)
-OR_QUOTED = re.compile(rf"""("(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|\b({NAMES})\b""")
-
-BOLD_A = 0x1D41A
-"""MATHEMATICAL BOLD SMALL A; the rest of the alphabet follows it."""
+from missions.language.spelling import WORDS, Literals, as_python, characters, cure
 
 MAX_LENGTH = 1000
 """Characters of an expression."""
@@ -84,11 +71,18 @@ class Expression:
     text: str
     tree: ast.expr
     reads: tuple[Read, ...]
+    python: str
+    column: int
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names that it reads, without members: ``battery`` for ``battery.percent``, in order, each once."""
         return tuple(dict.fromkeys(read.name for read in self.reads))
+
+    def place(self, node: ast.expr) -> tuple[int, int]:
+        """Return the column of a part of it, in the text that ``parse`` was given, and its length."""
+        start, end = characters(self.python, node)
+        return self.column + start, end - start
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
         """Return its value, with the names of ``scope``. Raises ExpressionError, never anything else."""
@@ -115,48 +109,30 @@ def parse(text: str, column: int = 0) -> Expression:
         raise ExpressionError("an empty expression", column)
     if len(stripped) > MAX_LENGTH:
         raise ExpressionError(f"an expression of more than {MAX_LENGTH} characters", column)
-    python = OR_QUOTED.sub(_as_name, stripped)
+    python, literals = as_python(stripped)
     try:
         with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
             tree = ast.parse(python, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        cure, place = _cure(stripped), 0
+        hint, place = cure(stripped), 0
         if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
             place = min((error.offset or len(stripped)) - 1, len(stripped) - 1)
-            cure = cure or ("; something is missing at its end" if error.offset == 0 else "")
-        raise ExpressionError(f"{seen(stripped)} is not an expression{cure}", column + max(0, place)) from None
+            hint = hint or ("; something is missing at its end" if error.offset == 0 else "")
+        raise ExpressionError(f"{seen(stripped)} is not an expression{hint}", column + max(0, place)) from None
     try:
+        tree = Literals(python, literals).visit(tree)
         _check(tree)
-        return Expression(stripped, tree, _reads(python, tree, column))
+        return Expression(stripped, tree, _reads(python, tree, column), python, column)
     except _NotAllowedError as error:
-        start, end = _characters(python, error.node)
+        start, end = characters(python, error.node)
         raise ExpressionError(str(error), column + start, end - start) from None
     except RecursionError:
         raise ExpressionError("an expression nested too deep", column) from None
 
 
-def _as_name(found: re.Match[str]) -> str:
-    """Return a word of Python's, such as ``from``, as a name of as many characters that the parser takes for it.
-
-    Python knows its own words by their plain letters, and takes a bold one for a plain one in names alone (NFKC,
-    reference manual 2.3).
-    """
-    quoted, word = found.groups()
-    return str(quoted) if word is None else chr(BOLD_A + ord(word[0]) - ord("a")) + word[1:]
-
-
-def _cure(text: str) -> str:
-    """Say what to write for what other languages, and people, write."""
-    if re.search(r"\d\s*%\s*($|and|or|\))", text):
-        return "; write 20 for 20 %, where something counts in percent, such as battery.percent"
-    if "${" in text:
-        return "; write it without '${' and '}'"
-    for sign, word in (("&&", "and"), ("||", "or")):
-        if sign in text:
-            return f"; write '{word}' for '{sign}'"
-    if re.search(r"(?<![=!<>])=(?!=)", text):
-        return "; compare with '=='"
-    return "; write 'not' for '!'" if re.search("!(?!=)", text) else ""
+def calculates(formula: Expression) -> bool:
+    """Say whether an expression is more than a name or a member of one."""
+    return not isinstance(formula.tree, ast.Name | ast.Attribute | ast.Constant)
 
 
 def _reads(text: str, tree: ast.expr, column: int) -> tuple[Read, ...]:
@@ -168,7 +144,7 @@ def _reads(text: str, tree: ast.expr, column: int) -> tuple[Read, ...]:
     for node in nodes:
         if isinstance(node, ast.Name) and id(node) not in called and node.id not in WORDS:
             member = members.get(id(node))
-            start, end = _characters(text, member or node)
+            start, end = characters(text, member or node)
             name = member.attr if member else ""
             found.append(Read(node.id, name, column + start, end - start, id(node) in compared))
     return tuple(sorted(found, key=lambda read: read.column))
@@ -180,13 +156,6 @@ def _operands(node: ast.Compare) -> list[ast.expr]:
         return []
     sides = [node.left, *node.comparators]
     return [*sides, *(item for side in sides if isinstance(side, ast.List | ast.Tuple) for item in side.elts)]
-
-
-def _characters(text: str, node: ast.expr) -> tuple[int, int]:
-    """Return where in its line a node begins and ends, in characters: Python's parser counts bytes of UTF-8."""
-    data = text.encode()
-    end = len(data) if node.end_col_offset is None else node.end_col_offset
-    return len(data[: node.col_offset].decode()), len(data[:end].decode())
 
 
 class _NotAllowedError(Exception):
@@ -233,7 +202,7 @@ def _check(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for each for
 def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, PLR0912 - see _check
     match node:
         case ast.Constant(value=value):
-            return Bare(value) if isinstance(value, float) else value
+            return value
         case ast.Name(id=name):
             return _named(name, scope)
         case ast.BoolOp(op=ast.And(), values=parts):
@@ -245,7 +214,7 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
         case ast.UnaryOp(op=ast.Not(), operand=part):
             return not _value(part, scope)
         case ast.UnaryOp(op=op, operand=part):
-            return calculate(UNARY[type(op)], _value(part, scope))
+            return signed(op, _value(part, scope))
         case ast.BinOp(left=left, op=op, right=right):
             return combine(op, _value(left, scope), _value(right, scope))
         case ast.Compare(left=left, ops=ops, comparators=others):
@@ -253,8 +222,12 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
             return all(compare(op, a, b) for op, a, b in zip(ops, values, values[1:], strict=False))
         case ast.IfExp(test=test, body=body, orelse=orelse):
             return _value(body if _value(test, scope) else orelse, scope)
+        case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE:
+            return of_kind(_member(_named(part, scope), name), STATE[part].get(name))
         case ast.Attribute(value=value, attr=name):
-            return _member(_value(value, scope), name)
+            owner = _value(value, scope)
+            found = _member(owner, name)
+            return of_kind(found, _dimension(owner, name))
         case ast.Subscript(value=value, slice=place):
             return member_at(_value(value, scope), _value(place, scope))
         case ast.Call(func=ast.Name(id=name), args=parts):
@@ -268,6 +241,18 @@ def _named(name: str, scope: Mapping[str, object]) -> object:
     if name in WORDS:
         return WORDS[name]
     raise ExpressionError(f"'{name}' is not set")
+
+
+def of_kind(found: object, kind: object) -> object:
+    """Return what is of a kind: as a quantity, where that is a dimension."""
+    if isinstance(kind, str) and kind in UNITS and isinstance(found, int | float):
+        return found if isinstance(found, bool | Quantity) else Quantity(found, kind)
+    return found
+
+
+def _dimension(owner: object, name: str) -> str | None:
+    kind: type = type(owner)
+    return dimensions_of(kind).get(name)
 
 
 def _member(owner: object, name: str) -> object:

@@ -2,6 +2,7 @@
 
 import ast
 
+from behaviours.leaf import Leaf
 from config.marked import Scalar
 from config.units import seen
 from missions.language.expressions import Expression
@@ -24,7 +25,7 @@ def read_face(notes: Notes, node: Scalar, what: str) -> Value:
         return Value()
     found = notes.value(node, what, as_face)
     kept = notes.kept.get(_variable(found.template))
-    if kept is not None and kept.keeps is not None and not issubclass(kept.keeps, Face):
+    if kept is not None and kept.keeps is not None and not _is_face(kept):
         notes.fault(node.mark, f"{what} needs a face kept by 'as', got what '{kept.word}' keeps", _how(notes))
         return Value()
     return found
@@ -45,7 +46,11 @@ def _variable(formula: Template | Expression | None) -> str:
     return ""
 
 
+def _is_face(leaf: type[Leaf]) -> bool:
+    return isinstance(leaf.keeps, type) and issubclass(leaf.keeps, Face)
+
+
 def _how(notes: Notes) -> str:
     """Say what to write: a variable that holds a face, where there is one."""
-    faces = [name for name, leaf in notes.kept.items() if leaf.keeps is not None and issubclass(leaf.keeps, Face)]
+    faces = [name for name, leaf in notes.kept.items() if _is_face(leaf)]
     return f'write "${{{faces[0]}}}"' if faces else 'keep one with as: person, beside find_face, and write "${person}"'

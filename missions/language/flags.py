@@ -3,7 +3,8 @@
 import ast
 from collections.abc import Mapping
 
-from missions.language.expressions import WORDS, Expression
+from missions.language.expressions import Expression
+from missions.language.spelling import WORDS
 from missions.language.values import Value
 
 FLAGS = frozenset(

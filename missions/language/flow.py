@@ -1,6 +1,7 @@
 """Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake."""
 
-from missions.language.notes import STATE, Notes
+from missions.language.kinds import STATE
+from missions.language.notes import Notes
 from missions.language.plan import FOR_EACH, MISSION, Step
 from missions.language.unset import unset_reads
 from missions.language.values import Value

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from config.marked import Node, Scalar
 from config.units import seen
@@ -41,7 +41,9 @@ def _duration(notes: Notes, word: str, node: Scalar) -> Value:
             raise ValueError("must be longer than 0 s")
         return seconds
 
-    return notes.value(node, f"'{word}'", positive)
+    return notes.value(
+        node if node.value is None else replace(node, value=node.text), f"'{word}'", positive, "duration"
+    )
 
 
 def _count(notes: Notes, word: str, node: Scalar) -> Value:
@@ -53,7 +55,7 @@ def _count(notes: Notes, word: str, node: Scalar) -> Value:
             raise ValueError(f"needs a count of 1 or more, or forever, got {seen(value)}")
         return number
 
-    return notes.value(node, f"'{word}'", count)
+    return notes.value(node, f"'{word}'", count, "count")
 
 
 def _condition(notes: Notes, word: str, node: Scalar) -> Value:

@@ -3,25 +3,20 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import get_origin
 
 from behaviours.leaf import Leaf
 from config.faults import Fault, Mark, Source, closest, note, one_of
 from config.marked import Node, Scalar
 from config.units import article, seen
-from missions.language.expressions import RESERVED, WORDS, Expression, ExpressionError, Read
+from missions.language.expressions import Expression, ExpressionError, Read
+from missions.language.fitting import Where, misfits
+from missions.language.kinds import STATE, Kind, kind_of_value
 from missions.language.members import members_of
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
+from missions.language.spelling import RESERVED, WORDS
 from missions.language.values import Convert, Template, Value, template
-
-STATE = {
-    "base": ("x", "y", "heading", "bumper", "cliff", "wheel_drop", "button", "docked", "stopped", "driver"),
-    "battery": ("percent", "voltage", "charging", "low", "critical"),
-    "face": ("seen", "count", "id", "name", "undecided", "distance", "bearing"),
-    "head": ("pan", "tilt"),
-    "range": ("nearest", "ahead"),
-}
-"""What expressions read of the robot's state: ``battery.percent``, ``face.seen``..."""
 
 Lookup = Callable[[str], object]
 """Finds a thing by its name; raises LookupError that says what is there."""
@@ -54,7 +49,7 @@ class Notes:
 
     ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
     ``awaited`` are those params among them that nobody has given yet. ``kept`` are those variables of which it is known
-    what they hold, each with a leaf that keeps that.
+    what they hold, each with a leaf that keeps that; ``kinds`` are those of the params whose values are not known yet.
     ``torn`` is whether a line of the file could not be read.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
@@ -67,6 +62,7 @@ class Notes:
     stored: set[str] = field(default_factory=set)
     awaited: set[str] = field(default_factory=set)
     kept: dict[str, type[Leaf]] = field(default_factory=dict)
+    kinds: dict[str, Kind] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
     torn: bool = False
 
@@ -97,8 +93,11 @@ class Notes:
         elif node.text in {*STATE, *WORDS, *FUNCTIONS, *RESERVED}:
             self.fault(node.mark, f"{what} cannot be '{node.text}', which means something in expressions already")
 
-    def value(self, node: Scalar, what: str, convert: Convert) -> Value:
-        """Read a scalar: a constant, or a text with ``${...}`` to be filled; ``what`` begins the message of a fault."""
+    def value(self, node: Scalar, what: str, convert: Convert, wants: str = "") -> Value:
+        """Read a scalar: a constant, or a text with ``${...}`` to be filled; ``what`` begins the message of a fault.
+
+        ``wants`` is the kind of the argument that gets it.
+        """
         try:
             filled = template(node.text)
         except ExpressionError as error:
@@ -106,7 +105,7 @@ class Notes:
             return Value()
         if filled is None:
             return self.constant(node, node.value, what, convert, sure=True)
-        return self.computed(node, filled, what, convert)
+        return self.computed(node, filled, what, convert, wants)
 
     def constant(self, node: Node, value: object, what: str, convert: Convert, *, sure: bool = False) -> Value:
         """Convert a value that is known now."""
@@ -116,13 +115,21 @@ class Notes:
             self.fault(node.mark, f"{what} {error.args[0] if error.args else error}", sure=sure)
             return Value()
 
-    def computed(self, node: Scalar, formula: Template | Expression, what: str, convert: Convert) -> Value:
+    def computed(
+        self, node: Scalar, formula: Template | Expression, what: str, convert: Convert, wants: str = ""
+    ) -> Value:
         """Check the names that an expression reads; where all are params its value is known now."""
         known = [self._known(node, read, what) for read in formula.reads]
         if not all(known):
             return Value()
-        if any(read.name not in self.params or read.name in self.stored for read in formula.reads):
-            return Value(template=formula, convert=convert)
+        names = {read.name for read in formula.reads}
+        if any(name not in self.params or name in self.stored for name in names):
+            return Value(template=formula, convert=convert, where=Where(self.source, node, what, wants))
+        kinds = {name: kind_of_value(self.params[name]) for name in names}
+        if mistakes := misfits(formula, Where(self.source, node, what, wants), kinds):
+            for fault in () if self.torn else mistakes:
+                note(self.faults, fault)
+            return Value()
         try:
             found = formula.evaluate(self.params)
         except ExpressionError as error:
@@ -137,7 +144,7 @@ class Notes:
 
     def wrong_expression(self, node: Scalar, error: ExpressionError, what: str) -> None:
         """Note an expression that cannot be read, at its place in ``node``."""
-        self.fault(self._within(node, error.column or 0, error.length), f"{what}: {error}")
+        self.fault(Where(self.source, node, what).place(error.column or 0, error.length), f"{what}: {error}")
 
     def _known(self, node: Scalar, read: Read, what: str) -> bool:
         """Note a name that nothing can give a value to, and a member that its value cannot have."""
@@ -145,17 +152,17 @@ class Notes:
             return self._has_member(node, read, what, self.kept[read.name])
         if read.name in self.params or read.name in self.stored or read.member in STATE.get(read.name, ()):
             return True
-        mark = self._within(node, read.column, read.length)
+        mark = Where(self.source, node, what).place(read.column, read.length)
         self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", self._meant(read))
         return False
 
     def _has_member(self, node: Scalar, read: Read, what: str, leaf: type[Leaf]) -> bool:
         """Note a member that what ``leaf`` keeps does not have."""
-        members = [] if leaf.keeps is None else members_of(leaf.keeps)
-        if not read.member or read.member in members:
+        members = members_of(leaf.keeps) if isinstance(leaf.keeps, type) else []
+        if not read.member or read.member in members or get_origin(leaf.keeps) is not None:
             return True
         noun = leaf.stores.partition(":")[0].removeprefix("the ")
-        mark = self._within(node, read.column, read.length)
+        mark = Where(self.source, node, what).place(read.column, read.length)
         self.fault(mark, f"{what}: {article(noun)} has no {seen(read.member)}", one_of(read.member, members))
         return False
 
@@ -172,10 +179,3 @@ class Notes:
             close = closest(read.name, [*own, *state])
         hint = f"did you mean '{close}'?" if close else f"known are: {', '.join([*own, *STATE])}"
         return f"{hint}; write '{read.name}' in quotes for the text" if read.compared and not read.member else hint
-
-    def _within(self, node: Scalar, column: int, length: int) -> Mark:
-        """Return the place of a part of a scalar's text: the whole of it where the file writes it otherwise."""
-        begin = node.mark.column - 1 + node.quoted
-        if self.source.line(node.mark.line).startswith(node.text[: column + length], begin):
-            return Mark(node.mark.line, begin + column + 1, length)
-        return node.mark

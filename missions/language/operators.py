@@ -10,7 +10,8 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from config.units import Bare, seen
+from config.dimensions import NUMBER, DimensionError, common, factor_of, product, quotient
+from config.units import Quantity, seen
 
 MAX_TEXT = 10_000
 """Characters of a text that a mission makes: one that doubles at every tick must not fill the memory."""
@@ -18,7 +19,7 @@ MAX_TEXT = 10_000
 MAX_NUMBER = 1e15
 """A whole number beyond this is out of range, for the same reason; up to it, floats are whole numbers too."""
 
-BINARY: dict[type[ast.operator], Callable[[Any, Any], object]] = {
+BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -26,7 +27,7 @@ BINARY: dict[type[ast.operator], Callable[[Any, Any], object]] = {
     ast.FloorDiv: operator.floordiv,
     ast.Mod: operator.mod,
 }
-UNARY: dict[type[ast.unaryop], Callable[[Any], object]] = {
+UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.Not: operator.not_,
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
@@ -63,7 +64,12 @@ def member_at(items: Any, place: Any) -> object:
 
 
 def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
-    """Return whether a comparison is true."""
+    """Return whether a comparison is true. Sizes of two dimensions cannot be compared."""
+    if (type(left) is Quantity or type(right) is Quantity) and _is_number(left) and _is_number(right):
+        try:
+            common(dimension_of(left), dimension_of(right))
+        except DimensionError as error:
+            raise ValueError(f"cannot compare {error}") from None
     try:
         return bool(COMPARE[type(op)](left, right))
     except (TypeError, ValueError):
@@ -74,20 +80,57 @@ def combine(op: ast.operator, left: Any, right: Any) -> object:
     """Text adds to text only, and is never multiplied or formatted: a short line cannot fill the memory."""
     if isinstance(op, ast.Add) and isinstance(left, str) and isinstance(right, str):
         return short(left + right)
-    return calculate(BINARY[type(op)], left, right)
+    dimension = combined(type(op), dimension_of(left), dimension_of(right))
+    return measured(BINARY[type(op)](left, right), dimension)
 
 
-def calculate(function: Callable[..., Any], *numbers: object) -> int | float:
-    """Apply arithmetic to numbers, and nothing but numbers. What bare numbers make is bare too."""
-    for number in numbers:
-        if not isinstance(number, int | float):
-            raise ValueError(f"cannot calculate with {described(number)}")
-    result: float = function(*numbers)
-    if out_of_range(result):
+def signed(op: ast.unaryop, number: Any) -> object:
+    """Return a number with a sign before it."""
+    dimension = dimension_of(number)
+    return measured(UNARY[type(op)](number), dimension)
+
+
+def combined(op: type[ast.operator], one: str, other: str) -> str:
+    """Return the dimension of what an operator makes. Raises ValueError where the two do not go together."""
+    if op is ast.Mult:
+        return product(one, other)
+    if op is ast.Div:
+        return quotient(one, other)
+    try:
+        found = common(one, other)
+    except DimensionError as error:
+        raise ValueError(f"{_CANNOT[op]} {error}") from None
+    return NUMBER if op is ast.FloorDiv else found
+
+
+_CANNOT: dict[type[ast.operator], str] = {
+    ast.Add: "cannot add",
+    ast.Sub: "cannot calculate the difference of",
+    ast.FloorDiv: "cannot calculate the whole quotient of",
+    ast.Mod: "cannot calculate the remainder of",
+}
+
+
+def dimension_of(number: object) -> str:
+    """Return the dimension of a number. Raises ValueError for what is none."""
+    if type(number) is Quantity:
+        return number.dimension
+    if not isinstance(number, int | float):
+        raise ValueError(f"cannot calculate with {described(number)}")
+    return NUMBER
+
+
+def measured(number: float, dimension: str) -> int | float:
+    """Return a number as a quantity. Raises ValueError where it is out of range."""
+    if out_of_range(number):
         raise ValueError("a number out of range")
-    if isinstance(result, int):
-        return result
-    return Bare(result) if all(isinstance(number, int | Bare) for number in numbers) else float(result)
+    if dimension != NUMBER:
+        return Quantity(number, dimension)
+    return number if isinstance(number, int) else float(number)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float)
 
 
 def out_of_range(number: float) -> bool:
@@ -96,16 +139,46 @@ def out_of_range(number: float) -> bool:
 
 
 def _absolute(number: Any) -> int | float:
-    return calculate(abs, number)
+    dimension = dimension_of(number)
+    return measured(abs(number), dimension)
 
 
 def _rounded(number: Any, digits: Any = None) -> int | float:
+    """Round a quantity as people are told of it: an angle in degrees."""
     if digits is not None and digits not in range(16):
         raise ValueError("round takes 0 to 15 digits")
-    return calculate(lambda value: round(value, digits), number)
+    dimension = dimension_of(number)
+    factor = factor_of(dimension)
+    return measured(round(number / factor, digits) * factor if factor != 1 else round(number, digits), dimension)
 
 
-FUNCTIONS: dict[str, Callable[..., object]] = {"min": min, "max": max, "abs": _absolute, "round": _rounded, "len": len}
+def _least(*items: Any) -> object:
+    return _chosen(min, items)
+
+
+def _most(*items: Any) -> object:
+    return _chosen(max, items)
+
+
+def _chosen(choose: Callable[..., object], items: tuple[Any, ...]) -> object:
+    """Return the smallest or largest of several, or of a list; all of one dimension."""
+    among = items[0] if len(items) == 1 else items
+    sizes = [dimension_of(item) for item in among if _is_number(item)] if isinstance(among, list | tuple) else []
+    for other in sizes[1:]:
+        try:
+            common(sizes[0], other)
+        except DimensionError as error:
+            raise ValueError(f"cannot compare {error}") from None
+    return choose(*items)
+
+
+FUNCTIONS: dict[str, Callable[..., object]] = {
+    "min": _least,
+    "max": _most,
+    "abs": _absolute,
+    "round": _rounded,
+    "len": len,
+}
 """What an expression may call."""
 
 
@@ -121,5 +194,5 @@ def described(value: object) -> str:
     if isinstance(value, str):
         return f"the text {seen(value)}"
     if isinstance(value, int | float):
-        return str(value).lower()
+        return str(value).lower() if isinstance(value, bool) else str(value)
     return seen(value) if value is None or isinstance(value, list | tuple | dict) else f"a {type(value).__name__}"

@@ -4,11 +4,13 @@ import math
 from dataclasses import dataclass, replace
 
 from behaviours.leaf import Argument
+from config.dimensions import NUMBER
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Plain, Scalar, plain
-from config.units import UNITS, Bare, Quantity, article, quantity, seen
+from config.units import UNITS, Quantity, article, quantity, seen
 from missions.language import lists
 from missions.language.arguments import NAMES, converter, default_value, read_argument
+from missions.language.kinds import FLAG, TEXT, Kind, ListOf
 from missions.language.notes import Notes
 from missions.language.plan import MISSION
 from missions.language.values import Convert, Value, shown
@@ -31,9 +33,19 @@ class ParamType:
     of: str
     convert: Convert
 
+    @property
+    def values(self) -> Kind:
+        """The kind of its values."""
+        return ListOf(param_kind(self.of)) if self.kind == LIST else param_kind(self.of)
+
     def meant(self, node: Scalar) -> Plain:
         """Return the value that a scalar of a file has as this param, or as a member of it."""
-        return node.text if self.of in (*NAMES, *NAMED) else default_value(node)
+        if self.of in (*NAMES, *NAMED):
+            return node.text
+        found = default_value(node)
+        return (
+            node.text if self.of in UNITS and isinstance(found, int | float) and type(found) is not Quantity else found
+        )
 
     def take(self, text: str) -> object:
         """Read a value from a command line. Raises ValueError that says what was expected."""
@@ -42,7 +54,8 @@ class ParamType:
         if self.of in (*NAMES, *NAMED):
             return self.convert(text)
         found = quantity(text)
-        return self.convert(plain(text) if found is None else found)
+        meant = text if self.of in UNITS and text else plain(text)
+        return self.convert(meant if found is None else found)
 
     def default(self, notes: Notes, node: Node, what: str) -> object:
         """Read a default, which cannot be calculated; ``what`` begins the message of a fault."""
@@ -54,7 +67,12 @@ class ParamType:
     def read(self, notes: Notes, node: Node, what: str) -> Value:
         """Read the value that a mission gives; ``what`` begins the message of a fault."""
         if isinstance(node, Scalar):
-            return notes.value(replace(node, value=self.meant(node)), what, self.convert)
+            return notes.value(
+                replace(node, value=self.meant(node)),
+                what,
+                self.convert,
+                self.kind if self.kind != LIST else f"{LIST} of {self.of}",
+            )
         if isinstance(node, Mapping) or self.kind != LIST:
             notes.fault(node.mark, f"{what} needs one value")
             return Value()
@@ -63,6 +81,17 @@ class ParamType:
         except ValueError as error:
             notes.fault(node.mark, f"{what} {error}")
             return Value()
+
+
+def param_kind(word: str) -> Kind:
+    """Return the kind of the values that a param of a type has."""
+    if word.startswith(f"{LIST} of "):
+        return ListOf(param_kind(word.removeprefix(f"{LIST} of ")))
+    if word in UNITS:
+        return word
+    if word in (NUMBER, "count"):
+        return NUMBER
+    return FLAG if word == FLAG else TEXT if word in (*NAMES, *NAMED) else None
 
 
 def inferred(notes: Notes, name: str, node: Node) -> ParamType | None:
@@ -130,7 +159,9 @@ def _keeping(check: Convert, kind: str) -> Convert:
         checked = check(value)
         if kind in NAMED:
             return shown(value)
-        as_written = isinstance(value, Quantity | Bare) or (isinstance(value, int) and not isinstance(value, bool))
+        if kind in UNITS and isinstance(checked, float):
+            return value if isinstance(value, Quantity) else Quantity(checked, kind)
+        as_written = isinstance(value, Quantity) or (isinstance(value, int) and not isinstance(value, bool))
         return value if as_written and kind != "text" else checked
 
     return convert

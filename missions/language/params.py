@@ -78,6 +78,7 @@ def take_params(
         elif name not in given:
             notes.stored.add(name)
             notes.awaited.add(name)
+            notes.kinds[name] = param.type.values
             if complete:
                 source = Source("--param", "")
                 hint = f'--param {name}="..."' + (f"  ({param.help})" if param.help else "")

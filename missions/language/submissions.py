@@ -105,6 +105,7 @@ def _take(
         if missing:  # said once: what comes of it is no fault of its own
             inner.stored.add(param.name)
             inner.awaited.add(param.name)
+            inner.kinds[param.name] = param.type.values
             continue
         if formula is None:
             inner.params[param.name] = values[param.name].constant

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from behaviours.basics import Fail, Log, Set, Succeed
-from missions.language.expressions import WORDS, Expression
+from missions.language.expressions import Expression
 from missions.language.for_each import Members
-from missions.language.notes import STATE
+from missions.language.kinds import STATE
 from missions.language.outcomes import FAILURE, SUCCESS
 from missions.language.outcomes import ends as ends_of
 from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
+from missions.language.spelling import WORDS
 from missions.language.values import Value
 
 Way = tuple[str, ...]

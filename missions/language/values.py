@@ -3,11 +3,16 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from config.units import Quantity, in_dimension
+from config.dimensions import example, named, unit_of
+from config.units import UNITS, Quantity, in_dimension
 from missions.language.expressions import Expression, ExpressionError, Read, parse
 from missions.language.operators import short
+
+if TYPE_CHECKING:
+    from missions.language.fitting import Where
 
 Convert = Callable[[object], object]
 """Turns what a mission says into what a leaf takes; raises ValueError that says what is wrong."""
@@ -41,11 +46,15 @@ class Template:
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """What an argument gets: ``constant``, unless there is a ``template`` to fill when the node starts."""
+    """What an argument gets: ``constant``, unless there is a ``template`` to fill when the node starts.
+
+    ``where`` is the place of the template in its file.
+    """
 
     constant: object = None
     template: Template | Expression | None = None
     convert: Convert | None = None
+    where: "Where | None" = field(default=None, compare=False)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """Return the value now. Raises ExpressionError or ValueError with a reason in a few words."""
@@ -97,12 +106,28 @@ def shown(value: object) -> str:
 def in_si(value: object, dimension: str) -> float:
     """Return a value in SI units of ``dimension``. Raises ValueError.
 
-    What an expression has calculated from quantities and readings is in SI units already; a number that stands in the
-    file must say its unit.
+    A number that was calculated is a share, and never another quantity.
     """
-    if type(value) is float and math.isfinite(value):
-        return value
-    return in_dimension(value, dimension)
+    if isinstance(value, bool | Quantity) or not isinstance(value, int | float):
+        return in_dimension(value, dimension)
+    if dimension == "share" and math.isfinite(value):
+        return float(value)
+    raise ValueError(f"{needs(dimension)}, got the number {shown(float(value))}: {multiply(dimension)}")
+
+
+def needs(dimension: str) -> str:
+    """Return the beginning of a message: what is needed, with an example."""
+    return f"needs {named(dimension)}" + (f" such as '{example(dimension)}'" if dimension in UNITS else "")
+
+
+def divide(dimension: str) -> str:
+    """Say how a quantity becomes a number."""
+    return f"divide it by 1 {unit_of(dimension)}"
+
+
+def multiply(dimension: str) -> str:
+    """Say how a number becomes a quantity."""
+    return f"multiply it by 1 {unit_of(dimension)}" + (" or 1 rad" if dimension == "angle" else "")
 
 
 def whole(value: object) -> int | None:

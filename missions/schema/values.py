@@ -14,9 +14,9 @@ from behaviours.leaf import Argument
 from config.units import EXAMPLES, UNITS, article
 from missions.catalogue import bounds, example, plain_default, sentence, terms
 from missions.language.arguments import OUTCOMES, SWITCHED
-from missions.language.expressions import RESERVED, WORDS
-from missions.language.notes import STATE
+from missions.language.kinds import STATE
 from missions.language.operators import FUNCTIONS
+from missions.language.spelling import RESERVED, WORDS
 
 Schema = dict[str, Any]
 

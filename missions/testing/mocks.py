@@ -8,6 +8,8 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from missions.language.expressions import of_kind
+from missions.language.kinds import dimensions_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import MISSION, Step
 from missions.testing.script import Script, Turn
@@ -134,6 +136,8 @@ def _of_step(step: Step, turns: Turns, told: Mapping[str, object] | str | None) 
 
 
 def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
+    if isinstance(told, Mapping) and isinstance(leaf.keeps, type):
+        told = {name: of_kind(value, dimensions_of(leaf.keeps).get(name)) for name, value in told.items()}
     return told if leaf.keeps is not Face or isinstance(told, str) else _face(mock, told or {})
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from behaviours.leaf import FAILURE, Leaf
 from missions.language.flow import sets
 from missions.language.for_each import Members
-from missions.language.notes import STATE
+from missions.language.kinds import STATE
 from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Plan, Step
 from missions.language.values import Value
 from missions.verify.choices import Oracle

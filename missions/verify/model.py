@@ -14,7 +14,7 @@ from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
 from missions.executive.build import build
 from missions.executive.modifiers import Hold, Repeat, Timeout
-from missions.language.notes import STATE
+from missions.language.kinds import STATE
 from missions.language.plan import Plan
 from missions.verify.abstract import abstract, durations, missing
 from missions.verify.choices import Oracle

@@ -18,8 +18,8 @@ from missions.executive.composites import COMPOSITES as COMPOSITE_NODES
 from missions.executive.modifiers import MODIFIERS as MODIFIER_NODES
 from missions.executive.state import state_of
 from missions.language.document import MAX_DEPTH, check_plan, load_plan
+from missions.language.kinds import STATE
 from missions.language.modifiers import MODIFIERS
-from missions.language.notes import STATE
 from missions.language.plan import COMPOSITES, Plan, Step
 from missions.language.steps import LISTED
 from missions.language.values import Value
@@ -348,9 +348,9 @@ UNITS = "(units: deg, rad)"
         (["- turn: 90"], "90", f"{ANGLE}: '90' has no unit {UNITS}", ""),
         (["- turn: 1.5"], "1.5", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
         (["- turn: '1.5'"], "'1.5'", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
-        (["- turn: ${x}"], "${x}", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
-        (["- turn: ${n * 30.0}"], "${n * 30.0}", f"{ANGLE}: '60.0' has no unit {UNITS}", ""),
-        (["- turn: ${patience}"], "${patience}", f"{ANGLE}, got a duration: '60 s'", ""),
+        (["- turn: ${x}"], "x", f"{ANGLE}, got a number", "multiply it by 1 deg or 1 rad"),
+        (["- turn: ${n * 30.0}"], "n * 30.0", f"{ANGLE}, got a number", "multiply it by 1 deg or 1 rad"),
+        (["- turn: ${patience}"], "patience", f"{ANGLE}, got a duration", ""),
         (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' (write '30 deg')", ""),
         (["- turn: 3 m"], "3 m", f"{ANGLE}, got a length: '3 m'", ""),
         (["- turn: left"], "left", f"{ANGLE}, got 'left'", ""),
@@ -393,9 +393,9 @@ UNITS = "(units: deg, rad)"
         (["- gesture: {gesture: hello, speed: fast}"], "fast", "'gesture': 'speed' needs a number, got 'fast'", ""),
         (
             ["- gesture: {gesture: hello, speed: '${patience}'}"],
-            "'${patience}'",
-            "'gesture': 'speed' needs a number, got '60 s'",
-            "",
+            "patience",
+            "'gesture': 'speed' needs a number, got a duration",
+            "divide it by 1 s",
         ),
         (["- gesture: {gesture: hello, speed: 9}"], "9", "'gesture': 'speed' must be between 0.1 and 2", ""),
         (["- gesture: helo"], "helo", "'gesture' needs a gesture: unknown gesture 'helo'; did you mean 'hello'?", ""),
@@ -436,9 +436,9 @@ UNITS = "(units: deg, rad)"
         ),
         (
             ["- wait: 1 s", "  repeat: ${patience}"],
-            "${patience}",
-            "'repeat' needs a count of 1 or more, or forever, got '60 s'",
-            "",
+            "patience",
+            "'repeat' needs a number, got a duration",
+            "divide it by 1 s",
         ),
         (["- wait: 1 s", "  repeat:"], "", "'repeat' needs a count of 1 or more, or forever, got nothing", ""),
         (["- wait: 1 s", "  invert: 1"], "1", "'invert' takes only true, got '1'", ""),
@@ -474,7 +474,7 @@ UNITS = "(units: deg, rad)"
             "",
         ),
         (["- wait: 1 s", '  if: "face.__class__"'], "face.__class__", "'if': '__class__' is private", ""),
-        (["- wait: 1 s", "  if: n > 'a'"], "n > 'a'", "'if': 'n > 'a'': cannot compare 2 with the text 'a'", ""),
+        (["- wait: 1 s", "  if: n > 'a'"], "n > 'a'", "'if': cannot compare a number and a text", ""),
         (["- wait: 1 s", "  if: n / 0"], "n / 0", "'if': 'n / 0' divides by zero", ""),
         (["- say: a ${m} n"], "m", "'say': unknown name 'm'", NAMES),
         (["- say: mist ${n} ${ mist }"], "mist", "'say': unknown name 'mist'", NAMES),

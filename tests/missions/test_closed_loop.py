@@ -105,8 +105,8 @@ def test_with_slip_and_delay_a_drive_ends_and_tells_what_odometry_believes(step:
 def test_with_slip_and_delay_the_square_ends_and_odometry_believes_that_it_closes() -> None:
     ended = run("square_3m", hall(slip=0.05, lag=0.1), robot="turtlebot2")
     assert ended.result.result == "success"
-    ahead, left = map(float, re.findall(r"-?[0-9.]+(?= cm)", ended.said))
-    assert math.hypot(ahead, left) < 2.0
+    ahead, left = map(float, re.findall(r"-?[0-9.]+(?= m)", ended.said))
+    assert math.hypot(ahead, left) < 0.02
 
 
 def test_a_place_is_driven_to_with_its_heading(step: Steps) -> None:

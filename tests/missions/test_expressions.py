@@ -7,9 +7,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from config.units import Bare, Quantity
-from missions.language.expressions import MAX_LENGTH, RESERVED, ExpressionError, parse
+from config.units import Quantity
+from missions.language.expressions import MAX_LENGTH, ExpressionError, parse
 from missions.language.operators import MAX_TEXT
+from missions.language.spelling import RESERVED
 
 
 @dataclass
@@ -46,7 +47,7 @@ SCOPE: dict[str, object] = {
     "name": "Anna",
     "names": ["Anna", "Ben"],
     "patience": Quantity(60.0, "duration", "60 s"),
-    "half": Bare(0.5),
+    "half": 0.5,
     "thing": Thing(),
     "contrary": Contrary(),
     "place": {"x": 1.5, "_y": 2},
@@ -75,7 +76,7 @@ SCOPE: dict[str, object] = {
         ("'yes' if thing.seen else 'no'", "yes"),
         ("place.x", 1.5),
         ("patience / 2", 30.0),
-        ("patience > 30", True),
+        ("patience > 30 s", True),
         ("min(count, 2)", 2),
         ("max([1, 5, count])", 5),
         ("abs(-2.5)", 2.5),
@@ -281,13 +282,95 @@ def test_a_list_cannot_grow_without_end() -> None:
 
 
 @pytest.mark.parametrize("text", ["2 * 1.5", "half", "-half", "half / 2", "abs(-half)", "round(2.345, 1)", "7 / 2"])
-def test_numbers_without_units_stay_bare(text: str) -> None:
-    assert isinstance(parse(text).evaluate(SCOPE), Bare)
-
-
-@pytest.mark.parametrize("text", ["patience * 2", "patience * half", "share + half", "-patience", "1 - share"])
-def test_what_is_made_of_quantities_and_readings_is_in_si_units(text: str) -> None:
+def test_numbers_without_units_stay_numbers(text: str) -> None:
     assert type(parse(text).evaluate(SCOPE)) is float
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("patience * 2", "120 s"),
+        ("patience * half", "30 s"),
+        ("-patience", "-60 s"),
+        ("patience + 1 min", "120 s"),
+        ("3 m / patience", "0.05 m/s"),
+        ("1 / patience * 60", "1 Hz"),
+        ("2 m * 3 m", "6 m^2"),
+        ("90 deg / 2 s / 1 s", "45 deg/s^2"),
+        ("1 rad * 3 m", "3 m rad"),
+        ("10 m / (2 s * 1 s * 1 s)", "5 m/s^3"),
+        ("1 / (2 s * 1 s)", "0.5 1/s^2"),
+        ("round(1.234 rad)", "71 deg"),
+        ("round(1.26 m, 1)", "1.3 m"),
+        ("max(1 m, 120 cm)", "120 cm"),
+        ("min([3 s, patience])", "3 s"),
+        ("abs(0 m - 2 m)", "2 m"),
+        ("7 s % 4 s", "3 s"),
+        ("1.5m + .5 m+1e1 cm", "2.1 m"),
+        ("20 % + 30 %", "50 %"),
+    ],
+)
+def test_what_is_calculated_of_quantities_is_one(text: str, shown: str) -> None:
+    found = parse(text).evaluate(SCOPE)
+    assert isinstance(found, Quantity)
+    assert str(found) == shown
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("patience / 1 min", 1.0),
+        ("7 m // 2 m", 3.0),
+        ("20 % * 5", 1.0),
+        ("20 % + 1", 1.2),
+        ("20 % 3", 2),
+        ("7%4", 3),
+        ("1 m > 20 cm", True),
+        ("180 deg > 3 rad", True),
+        ("'5 m' + \" 3 s\"", "5 m 3 s"),
+        ("2 min == 120 s and 20 % < 0.3", True),
+        ("len([1 m, 2 m])", 2),
+    ],
+)
+def test_quantities_compare_and_divide_to_plain_values(text: str, value: object) -> None:
+    found = parse(text).evaluate(SCOPE)
+    assert found == pytest.approx(value)
+    assert not isinstance(found, Quantity)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("patience + 1", "cannot add a duration and a number"),
+        ("1 - patience", "cannot calculate the difference of a number and a duration"),
+        ("1 m % patience", "cannot calculate the remainder of a length and a duration"),
+        ("1 m // 2", "cannot calculate the whole quotient of a length and a number"),
+        ("patience > 30", "cannot compare a duration and a number"),
+        ("1 m == 1 s", "cannot compare a length and a duration"),
+        ("max(1 m, 2)", "cannot compare a length and a number"),
+        ("min([1 m * 1 m, 2 m])", "cannot compare a quantity in m^2 and a length"),
+        ("1 m + 'a'", "cannot calculate with the text 'a'"),
+        ("1 m < 'a'", "cannot compare 1 m with the text 'a'"),
+        ("[1][1 m]", "the members of a list are counted from 0, in whole numbers, got 1 m"),
+    ],
+)
+def test_dimensions_that_do_not_go_together_say_which(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text).evaluate(SCOPE)
+    assert str(caught.value) == f"'{text}': {message}"
+
+
+def test_the_power_of_a_dimension_cannot_grow_without_end() -> None:
+    with pytest.raises(ExpressionError, match="a dimension out of range"):
+        parse("n * n").evaluate({"n": fed_back("n * n", Quantity(1.0, "length"))})
+
+
+def test_a_quantity_in_an_expression_leaves_columns_where_they_are() -> None:
+    expression = parse("é * 1.5 m/s > 2 min and x", 3)
+    assert [(read.name, read.column) for read in expression.reads] == [("é", 3), ("x", 27)]
+    with pytest.raises(ExpressionError) as caught:
+        parse("1 m/s + foo(2 s)")
+    assert caught.value.column == 8
 
 
 def test_an_expression_tells_what_it_reads_and_where() -> None:

@@ -179,7 +179,7 @@ def begins(kind: str) -> Callable[[Event], bool]:
 def test_find_person_finds_somebody_and_hands_the_face_back(tmp_path: Path) -> None:
     mission = tmp_path / "seek.yaml"
     mission.write_text(
-        "mission: seek\ntree:\n  sequence:\n    - mission: find_person\n    - say: ${round(person.distance)} m\n"
+        "mission: seek\ntree:\n  sequence:\n    - mission: find_person\n    - say: ${round(person.distance)}\n"
     )
     ran = Ran(str(mission), world="two_people")
     assert ran.result.result == "success"

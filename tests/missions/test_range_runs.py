@@ -26,8 +26,8 @@ mission: m
 tree:
   sequence:
     - wait: 8 s
-      until: range.ahead < 12
-    - log: "${range.ahead} ${range.nearest}"
+      until: range.ahead < 12 m
+    - log: "${range.ahead / 1 m} ${range.nearest / 1 m}"
 """
 
 

@@ -119,8 +119,8 @@ def test_a_button_stops_the_base_until_another_enables_it(tmp_path: Path) -> Non
 
 
 def test_a_range_finder_is_read_by_expressions(tmp_path: Path) -> None:
-    read = "{log: '${range.ahead} ${range.nearest} ${base.driver}'}"
-    tree = f"sequence: [{{wait: 1 s}}, {read}, {{wait: 10 s, until: range.ahead < 1.0}}]"
+    read = "{log: '${range.ahead / 1 m} ${range.nearest / 1 m} ${base.driver}'}"
+    tree = f"sequence: [{{wait: 1 s}}, {read}, {{wait: 10 s, until: range.ahead < 1 m}}]"
     ran = Ran(tmp_path, f"race: [{{{FAR}}}, {{{tree}}}]")
     (line,) = [each.text for each in ran.events if isinstance(each, Logged) and each.level == "info"]
     ahead, nearest, driver = line.split()

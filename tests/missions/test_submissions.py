@@ -73,7 +73,7 @@ def test_without_as_each_result_becomes_a_variable_of_its_own_name(folder: Path)
     tree = "  sequence:\n    - mission: square.yaml\n    - log: ${length} and ${corners}\n      name: told\n"
     root, _ = ready(load(folder, tree))
     assert root.advance() is Status.SUCCESS
-    assert named(root, "told").reason == "2 and 4"
+    assert named(root, "told").reason == "2 m and 4"
 
 
 def test_returns_beside_the_call_are_computed_among_the_submissions_variables(folder: Path) -> None:

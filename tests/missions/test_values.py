@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.units import Bare, Quantity
+from config.units import Quantity
 from missions.language.expressions import ExpressionError, parse
 from missions.language.values import Value, in_si, shown, template, whole
 
@@ -124,7 +124,7 @@ def test_a_value_waits_for_what_it_reads_and_is_then_converted() -> None:
         (None, "nothing"),
         (2.0, "2"),
         (1 / 3, "0.3333"),
-        (Bare(1.50), "1.5"),
+        (1.50, "1.5"),
         (Quantity(0.5, "length", "50 cm"), "50 cm"),
         (12, "12"),
         ("as it is", "as it is"),
@@ -136,15 +136,15 @@ def test_values_are_shown_as_a_person_would_write_them(value: object, text: str)
     assert shown(value) == text
 
 
-def test_only_what_was_calculated_may_go_without_a_unit() -> None:
-    assert in_si(1.5, "angle") == 1.5
+def test_a_plain_number_is_a_share_and_no_other_quantity() -> None:
+    assert in_si(0.5, "share") == 0.5
     assert in_si(Quantity(1.5, "angle", "1.5 rad"), "angle") == 1.5
-    for bare in (Bare(1.5), 2, math.inf, math.nan, True, None, "1.5"):
+    for bare in (1.5, 2, math.inf, math.nan, True, None, "1.5"):
         with pytest.raises(ValueError, match="needs an angle such as '30 deg'"):
             in_si(bare, "angle")
 
 
-@pytest.mark.parametrize(("value", "number"), [(3, 3), (3.0, 3), (Bare(4.0), 4), (-2, -2)])
+@pytest.mark.parametrize(("value", "number"), [(3, 3), (3.0, 3), (4.0, 4), (-2, -2)])
 def test_whole_numbers_may_be_written_as_floats(value: object, number: int) -> None:
     found = whole(value)
     assert found == number

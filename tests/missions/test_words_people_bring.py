@@ -105,7 +105,7 @@ MISTAKES = [
     # Shares, and what was pasted
     a(
         "- stop:\n  if: battery.percent < 20%",
-        "'if': 'battery.percent < 20%' is not an expression; write 20 for 20 %, where something counts in percent",
+        "'if': cannot compare a percent and a share > what is in percent counts to 100: write 20 for 20 %",
     ),
     a("- say:\u00a0Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),
     a("-\u00a0say: Hello", "a blank that does not break (U+00A0), which YAML takes for a letter > write a plain"),

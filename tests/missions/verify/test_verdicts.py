@@ -137,7 +137,7 @@ def test_a_condition_that_params_decide_is_no_choice() -> None:
 
 
 def test_what_a_leaf_has_found_is_unknown_and_what_follows_from_constants_is_not() -> None:
-    stored = "sequence: [{face_seen: 1 s, as: who}, {say: far, if: who.distance > 2}, {log: b, if: who.id == 1}]"
+    stored = "sequence: [{face_seen: 1 s, as: who}, {say: far, if: who.distance > 2 m}, {log: b, if: who.id == 1}]"
     assert explored(stored).outcome == PROVED
     counted = "sequence: [{set: {n: 1}}, {set: {n: '${n + 1}'}}, {say: two, if: n == 2}, {drive: 1 m, if: n == 3}]"
     found = explored(counted)
@@ -150,10 +150,10 @@ def test_a_mission_that_counts_without_end_is_explored_all_the_same() -> None:
 
 
 def test_an_expression_that_cannot_be_calculated_is_one_of_the_ways() -> None:
-    assert outcome("say: Hi\nif: base.x > 1", "can: fail") == PROVED
-    tree = "sequence: [{log: a, if: base.x > 1}]\n"
+    assert outcome("say: Hi\nif: base.x > 1 m", "can: fail") == PROVED
+    tree = "sequence: [{log: a, if: base.x > 1 m}]\n"
     assert outcome(tree, "can: fail") == PROVED
-    assert outcome(tree.replace("base.x > 1", "face.seen"), "can: fail") == REFUTED
+    assert outcome(tree.replace("base.x > 1 m", "face.seen"), "can: fail") == REFUTED
 
 
 # Endless missions

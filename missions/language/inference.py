@@ -1,0 +1,156 @@
+"""What an expression makes, as far as that is known from what it reads; and where its parts do not go together."""
+
+import ast
+from collections.abc import Callable, Mapping
+
+from config.dimensions import NUMBER
+from missions.language.kinds import (
+    FLAG,
+    NOTHING,
+    PERCENT,
+    STATE,
+    TEXT,
+    UNSETTLED,
+    Kind,
+    ListOf,
+    Record,
+    is_size,
+    joined,
+    kind_of_value,
+    told,
+)
+from missions.language.operators import combined
+from missions.language.spelling import WORDS
+from missions.language.values import multiply
+
+Report = Callable[[ast.expr, str, str], None]
+"""Takes a part of an expression, what is wrong with it, and what to write."""
+
+
+def silent(node: ast.expr, message: str, hint: str) -> None:
+    """Report nothing."""
+    del node, message, hint
+
+
+class Inference:
+    """Infers the kinds of expressions, from those of the names that they read."""
+
+    def __init__(self, kinds: Mapping[str, Kind], report: Report = silent) -> None:
+        self._kinds = kinds
+        self._report = report
+
+    def kind(self, node: ast.expr) -> Kind:
+        """Return the kind of an expression; UNSETTLED where there is a mistake in it, which is reported."""
+        match node:
+            case ast.Constant(value=value):
+                return kind_of_value(value)
+            case ast.Name(id=name):
+                return self._kinds.get(name, kind_of_value(WORDS[name]) if name in WORDS else None)
+            case ast.BoolOp(values=parts) | ast.UnaryOp(op=ast.Not(), operand=parts):
+                for part in parts if isinstance(parts, list) else [parts]:
+                    self.kind(part)
+                return FLAG
+            case ast.UnaryOp(operand=part):
+                return self._size(part, self.kind(part))
+            case ast.BinOp():
+                return self._calculated(node)
+            case ast.Compare():
+                return self._compared(node)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                self.kind(test)
+                return joined(self.kind(body), self.kind(orelse))
+            case ast.List(elts=parts) | ast.Tuple(elts=parts):
+                return ListOf(self._alike(parts, "the members of a list are of one type"))
+        return self._read(node)
+
+    def _read(self, node: ast.expr) -> Kind:
+        match node:
+            case ast.Attribute(value=ast.Name(id=part), attr=name) if part in STATE:
+                return STATE[part].get(name)
+            case ast.Attribute(value=value, attr=name):
+                kind = self.kind(value)
+                return kind.member(name) if isinstance(kind, Record) else None
+            case ast.Subscript(value=value, slice=place):
+                kind, at = self.kind(value), self.kind(place)
+                if is_size(at) and at != NUMBER:
+                    return self._wrong(place, f"the members of a list are counted in whole numbers, not by {told(at)}")
+                if is_size(kind) or kind in (TEXT, FLAG, NOTHING):
+                    return self._wrong(value, f"only a list has members by number, not {told(kind)}")
+                return kind.of if isinstance(kind, ListOf) else None
+            case ast.Call(func=ast.Name(id=word), args=parts):
+                return self._called(word, parts)
+        return None
+
+    def _called(self, word: str, parts: list[ast.expr]) -> Kind:
+        if word in ("min", "max") and len(parts) > 1:
+            return self._alike(parts, "cannot compare")
+        kinds = [self.kind(part) for part in parts]
+        if not kinds:
+            return None
+        if word in ("min", "max"):
+            return kinds[0].of if isinstance(kinds[0], ListOf) else None
+        return NUMBER if word == "len" else self._size(parts[0], kinds[0])
+
+    def _calculated(self, node: ast.BinOp) -> Kind:
+        left, right = self.kind(node.left), self.kind(node.right)
+        if isinstance(node.op, ast.Add) and left == right == TEXT:
+            return TEXT
+        left, right = self._size(node.left, left), self._size(node.right, right)
+        if UNSETTLED in (left, right):
+            return UNSETTLED
+        if not (isinstance(left, str) and isinstance(right, str)):
+            return None if isinstance(node.op, ast.Mult | ast.Div) else left or right
+        try:
+            return combined(type(node.op), left, right)
+        except ValueError as error:
+            return self._wrong(node, str(error), _cure(left, right))
+
+    def _size(self, node: ast.expr, kind: Kind) -> Kind:
+        """Return a kind with which something can be calculated; a mistake where it is of another."""
+        if kind is None or kind == UNSETTLED or is_size(kind):
+            return kind
+        return NUMBER if kind == FLAG else self._wrong(node, f"cannot calculate with {told(kind)}")
+
+    def _compared(self, node: ast.Compare) -> Kind:
+        parts = [node.left, *node.comparators]
+        kinds = [self.kind(part) for part in parts]
+        for op, left, right in zip(node.ops, kinds, kinds[1:], strict=False):
+            among = right.of if isinstance(right, ListOf) else TEXT if right == TEXT else None
+            other = among if isinstance(op, ast.In | ast.NotIn) else right
+            if not _comparable(op, left, other):
+                self._wrong(node, f"cannot compare {told(left)} and {told(other)}", _cure(left, other))
+        return FLAG
+
+    def _alike(self, parts: list[ast.expr], rule: str) -> Kind:
+        """Return the kind that all parts have."""
+        kinds = [self.kind(part) for part in parts]
+        kind: Kind = UNSETTLED
+        for part, other in zip(parts, kinds, strict=True):
+            if not _comparable(ast.Eq(), kind, other):
+                return self._wrong(part, f"{rule}: {told(kind)} and {told(other)}", _cure(kind, other))
+            kind = joined(kind, other)
+        return UNSETTLED if UNSETTLED in kinds else kind
+
+    def _wrong(self, node: ast.expr, message: str, hint: str = "") -> Kind:
+        self._report(node, message, hint)
+        return UNSETTLED
+
+
+def _comparable(op: ast.cmpop, left: Kind, right: Kind) -> bool:
+    if not (isinstance(left, str) and isinstance(right, str)) or UNSETTLED in (left, right):
+        return True
+    if NOTHING in (left, right):
+        return isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn)
+    if is_size(left) and is_size(right):
+        return joined(left, right) is not None
+    return left == right
+
+
+def _cure(left: Kind, right: Kind) -> str:
+    """Say what to write where a plain number stands beside a quantity, or beside a text."""
+    if {PERCENT, "share"} == {left, right}:
+        return "what is in percent counts to 100: write 20 for 20 %"
+    sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_size(kind) and kind != NUMBER]
+    if NUMBER in (left, right) and len(sizes) == 1:
+        return f"a plain number is no quantity: write its unit, or {multiply(sizes[0])}"
+    return ""

@@ -1,0 +1,101 @@
+"""Which kinds of values the variables of a mission hold, and whether all that is calculated from them goes together."""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+
+from config.dimensions import NUMBER
+from config.faults import Fault, note
+from missions.language.expressions import Expression
+from missions.language.fitting import misfits
+from missions.language.for_each import Members, own_steps
+from missions.language.inference import Inference
+from missions.language.kinds import NOTHING, TEXT, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
+from missions.language.notes import Notes
+from missions.language.param_types import param_kind
+from missions.language.plan import FOR_EACH, MISSION, Step
+from missions.language.values import Template, Value
+
+Kinds = Mapping[str, Kind]
+
+
+def check_kinds(notes: Notes, tree: Step, returns: Mapping[str, Value]) -> None:
+    """Note every expression whose parts do not go together, or that does not fit where it stands."""
+    given = {name: kind_of_value(value) for name, value in notes.params.items()} | notes.kinds
+    found: list[Fault] = []
+    _check(tree, returns, given, found)
+    for fault in dict.fromkeys(found):  # a mission that is used twice has its mistakes once
+        note(notes.faults, fault)
+
+
+def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[Fault]) -> None:
+    """Check one mission, and those in it."""
+    kinds = kinds_in(tree, given)
+    values = [value for step in own_steps(tree) for value in step.arguments.values()]
+    for value in (*values, *returns.values()):
+        if value.template is not None and value.where is not None:
+            found += misfits(value.template, value.where, kinds)
+    for step in own_steps(tree):
+        if step.kind == MISSION:
+            _check(step.children[0], step.returns, _given(step), found)
+
+
+def kinds_in(tree: Step, given: Kinds) -> Kinds:
+    """Return the kinds of the variables of one mission, where its params are of the kinds ``given``."""
+    setters = [setter for step in own_steps(tree) for setter in _set_by(step)]
+    kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **given}
+    for _ in range(len(setters) + 1):  # each round settles one variable at least
+        settled = dict(kinds)
+        for name, what in setters:
+            kind = _kind(what, kinds) if isinstance(what, Value) else what(kinds) if callable(what) else what
+            settled[name] = joined(settled[name], kind)
+        if settled == kinds:
+            break
+        kinds = settled
+    return kinds
+
+
+def _set_by(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], Kind]]]:
+    """Yield the variables that a step sets, each with its value, or with the kind of that, or with what finds that."""
+    if step.kind == MISSION:
+        inner = kinds_in(step.children[0], _given(step)) if step.returns else {}
+        results = {name: _kind(value, inner) for name, value in step.returns.items()}
+        if step.keep_as is None:
+            yield from results.items()
+        else:
+            yield step.keep_as, Record("what it returns", named=results)
+    elif step.keep_as is not None:
+        yield step.keep_as, None if step.leaf is None or step.leaf.keeps is None else kind_of_type(step.leaf.keeps)
+    elif step.leaf is not None and step.leaf.open_ended:
+        yield from step.arguments.items()
+    elif step.kind == FOR_EACH:
+        yield from zip(step.binds, (partial(_member, step.arguments["in"]), NUMBER), strict=False)
+
+
+def _member(among: Value, kinds: Kinds) -> Kind:
+    """Return the kind of the members of a list."""
+    if isinstance(among.constant, Members):
+        return kind_of_value(among.constant.values[0]) if among.constant.values else UNSETTLED
+    kind = _kind(among, kinds)
+    return kind.of if isinstance(kind, ListOf) else UNSETTLED if kind == UNSETTLED else None
+
+
+def _given(step: Step) -> Kinds:
+    """Return the kinds of the params of a sub-mission."""
+    return {name: _declared(value) for name, value in step.arguments.items()}
+
+
+def _declared(value: Value) -> Kind:
+    """Return the kind of a param: that of its type, where it is calculated."""
+    if value.template is None:
+        kind = kind_of_value(value.constant)
+        return None if kind == NOTHING else kind
+    return param_kind(value.where.wants) if value.where is not None else None
+
+
+def _kind(value: Value, kinds: Kinds) -> Kind:
+    match value.template:
+        case None:
+            return kind_of_value(value.constant)
+        case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
+            return Inference(kinds).kind(tree)
+    return TEXT
