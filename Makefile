@@ -3,6 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
+DEMO_STAMP := $(VENV)/demo_installed
+# What `make demo` installs of constraints.txt: what the package itself needs, and its builder. A test holds it to that.
+DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-headless py-trees pydot pygments pyparsing \
+	pyserial pyyaml rich editables hatchling packaging pathspec pluggy tomlkit trove-classifiers
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
@@ -10,14 +14,30 @@ OTHERS_STAMP := $(VENV)/other_programs_installed
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-$(STAMP): constraints.txt pyproject.toml
+define venv
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "missiontree needs Python 3.11 or newer, this is " + sys.version.split()[0] + "\n  try: make PYTHON=python3.12 $(MAKECMDGOALS)")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r constraints.txt
+endef
+
+define install
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r $(1)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+endef
+
+$(STAMP): constraints.txt pyproject.toml
+	$(venv)
+	$(call install,constraints.txt)
+	@touch $@ $(DEMO_STAMP)
+
+# A third of it: no developers' tools.
+$(DEMO_STAMP): constraints.txt pyproject.toml
+	$(venv)
+	awk -v names="$(DEMO)" 'BEGIN {split(names, each, " "); for (i in each) wanted[each[i]]} \
+		/^[a-z]/ {split($$1, part, "=="); taken = part[1] in wanted} taken' constraints.txt > $(VENV)/demo.txt
+	$(call install,$(VENV)/demo.txt)
 	@touch $@
 
-# What the tests alone need, over what `make demo` needs.
+# What the tests alone need, over what the other chores need.
 $(OTHERS_STAMP): $(STAMP) $(OTHERS)/builder.txt $(OTHERS)/requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r $(OTHERS)/builder.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes --no-build-isolation -r $(OTHERS)/requirements.txt
@@ -25,7 +45,7 @@ $(OTHERS_STAMP): $(STAMP) $(OTHERS)/builder.txt $(OTHERS)/requirements.txt
 
 setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
 
-demo: $(STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
+demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
 	$(BIN)/mission run greet
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.

@@ -43,6 +43,7 @@ COMMANDS = {
     "hear": "Say what is heard: each phrase, and whether it is sure enough.",
     "see": "Look for faces, things and markers in pictures, folders and videos.",
     "camera": "List cameras, and calibrate them.",
+    "udev": "Print the udev rules that name a TurtleBot's serial ports.",
     "models": "List trained models that can be fetched, and fetch them.",
 }
 """The subcommands: each is ``command`` in a module of its name, imported only when it is used."""

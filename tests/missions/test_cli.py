@@ -5,12 +5,15 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import requires
 from pathlib import Path
 
 import cv2
 import pytest
 import skimage
 from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from behaviours.catalogue import LEAVES
 from missions.cli.root import COMMANDS
@@ -265,3 +268,27 @@ def test_the_guard_names_a_module_that_hides_one_of_ours(tmp_path: Path) -> None
     assert f"config: found {tmp_path / 'config.py'}" in done.stderr
     assert "try: " in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_rules_for_serial_ports_come_with_the_package_and_say_how_to_install_them(mission: Mission) -> None:
+    outcome = mission("udev")
+    assert outcome.code == 0
+    assert all(word in outcome.out for word in ('SYMLINK+="kobuki"', 'SYMLINK+="rplidar"', "latency_timer"))
+    assert "sudo" not in outcome.out, "it can be written where udev reads it"
+    assert "mission udev | sudo tee /etc/udev/rules.d/99-missiontree.rules" in outcome.err
+
+
+def test_the_demo_installs_what_the_package_needs_and_no_tools() -> None:
+    root = Path(__file__).parents[2]
+    done = subprocess.run(["make", "-C", str(root), "-pn"], capture_output=True, text=True, check=False).stdout
+    named = set(next(line for line in done.splitlines() if line.startswith("DEMO := ")).split()[2:])
+    needed, left = set[str](), ["missiontree", "hatchling", "editables"]
+    while left:
+        name = canonicalize_name(left.pop())
+        if name not in needed:
+            needed.add(name)
+            wanted = [Requirement(text) for text in requires(name) or ()]
+            left += [each.name for each in wanted if each.marker is None or each.marker.evaluate({"extra": ""})]
+    assert named - {"colorama"} == needed - {"missiontree"}  # which Windows alone has
+    pinned = {line.partition("==")[0] for line in (root / "constraints.txt").read_text().splitlines()}
+    assert named <= pinned
