@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from drivers.api import JointLimits
 from drivers.errors import BadRequest
 
+LIKE = 0.75
+"""As much of two names must be alike for a slip: what is proposed moves, and an elbow is not the right elbow."""
+
 SLACK = 1e-6
 """Radians by which an angle may lie beyond a limit: what is written in degrees is not exact."""
 
@@ -72,7 +75,7 @@ class Reach:
 
 
 def _meant(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, sorted(known), n=1)
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=LIKE)
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 

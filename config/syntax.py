@@ -100,8 +100,8 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Fault |
         if (under := _under_value(source, line, mark)) is not None:
             return under
         if ": " in line[: mark.column - 1]:
-            hint = "put quotes around a text that contains ': '"
-            hint += ", such as \" or '" if SMART_QUOTES.search(line) is not None else ""
+            plain = " (\" or ', no others)" if SMART_QUOTES.search(line) is not None else ""
+            hint = f"put quotes{plain} around a text that contains ': '"
             return Fault(source, mark, "a second ': ' in one value", hint)
         hint = "the line above lacks a colon, or this one is indented too far"
         return Fault(source, mark, "a colon is not expected here", hint)

@@ -51,3 +51,11 @@ def test_speeds_beyond_the_limit_are_told() -> None:
     assert REACH.too_fast({"neck": 2.0, "left_wrist": 3.0}) == [
         "left_wrist at 171.9 deg/s is faster than it goes (114.6 deg/s)"
     ]
+
+
+def test_a_name_that_is_only_partly_alike_is_not_proposed_since_it_would_move() -> None:
+    reach = Reach({"elbow": JointLimits(-1.0, 1.0, 1.0), "shoulder_lift": JointLimits(-1.0, 1.0, 1.0)})
+    assert reach.lacking(["right_elbow", "right_shoulder_roll"]) == [
+        "the arm has no joint 'right_elbow'",
+        "the arm has no joint 'right_shoulder_roll'",
+    ]

@@ -53,6 +53,7 @@ MISTAKES = [
     a("- case: {on: face.count, cases: {1: stop}}", "unknown behaviour 'case' > write switch: "),
     a("- and: [stop, face_seen]", "unknown behaviour 'and' > write 'sequence'"),
     a("- or: [face_seen, stop]", "unknown behaviour 'or' > write 'selector'"),
+    a("- foreach: [stop]", "unknown behaviour 'foreach' > write 'for_each'"),
     a("- print: Hello", "unknown behaviour 'print' > write 'say' or 'log'"),
     a("- call: greet", "unknown behaviour 'call' > write 'mission'"),
     a("- run: greet", "unknown behaviour 'run' > write 'mission'"),
@@ -123,6 +124,7 @@ MISTAKES = [
     ),
     a("- say: {text: \u201cHi, Anna\u201d}", "'say' has no argument 'Anna\u201d' > \u201d is no quote here: write"),
     a("- say: 'Bonjour\u00a0: \u201cAnna\u201d'", ""),
+    a("- say: \u201cHi: you\u201d", "a second ': ' in one value > put quotes (\" or ', no others) around a text"),
     # A mistake of YAML, and those behind it
     a(
         "- stop:\n  timeout 5 s\n- trak_face\n- drive: 1",
