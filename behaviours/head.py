@@ -21,9 +21,10 @@ NEAR = 0.02
 
 
 class Arrival:
-    """Watches a head on its way to its goals."""
+    """Watches a head on its way to its goals; ``within`` radians of one it has arrived."""
 
-    def __init__(self) -> None:
+    def __init__(self, within: float = ARRIVED) -> None:
+        self._within = within
         self._seen: HeadPose | None = None
         self._goal: HeadPose | None = None
         self._since = 0.0
@@ -39,7 +40,7 @@ class Arrival:
             self._seen, self._goal, self._since = pose, goal, now
         at_rest = now - self._since >= SETTLED
         self.stuck = at_rest and apart(pose, goal) > SAG
-        return arrived(reading, goal) or (at_rest and not self.stuck)
+        return arrived(reading, goal, self._within) or (at_rest and not self.stuck)
 
 
 class _Looking(Leaf):
@@ -127,10 +128,10 @@ def aim(eye: tuple[float, float, float], point: tuple[float, float, float]) -> H
     return HeadPose(math.atan2(y, x), math.atan2(-z, math.hypot(x, y)))
 
 
-def arrived(reading: Reading[HeadPose], goal: HeadPose) -> bool:
-    """True when the head is known to be at ``goal``, as nearly as its servos can."""
+def arrived(reading: Reading[HeadPose], goal: HeadPose, within: float = ARRIVED) -> bool:
+    """True when the head is known to be at ``goal``, within so many radians: as nearly as its servos can."""
     pose = reading.value
-    return pose is not None and reading.good and apart(pose, goal) <= ARRIVED
+    return pose is not None and reading.good and apart(pose, goal) <= within
 
 
 def apart(one: HeadPose, other: HeadPose) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from config.asked import Key, note_free, note_key
 from config.faults import Fault, InvalidFileError, Mark, Source, note, one_of
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
 from config.synonyms import KEYS, key_meant, ours_for
@@ -38,6 +39,7 @@ class Fields:
     def node_of(self, key: str, *, required: bool = False) -> Node | None:
         """Return the node of ``key``, None where it is missing."""
         self._known.add(key)
+        note_key(self.node, key, Key(required=required))
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
             self.fault(self.node.mark, f"{self.what} needs '{key}'")
@@ -46,6 +48,7 @@ class Fields:
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text."""
+        note_key(self.node, key, Key("text", default is None))
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or ""
@@ -56,6 +59,7 @@ class Fields:
 
     def choice(self, key: str, among: Sequence[Word], default: Word | None = None) -> Word:
         """Return one of the words ``among``."""
+        note_key(self.node, key, Key("choice", default is None, among=tuple(among)))
         node = self.node_of(key, required=default is None)
         if node is None:
             return among[0] if default is None else default
@@ -67,6 +71,7 @@ class Fields:
 
     def flag(self, key: str, default: bool) -> bool:
         """Return true or false."""
+        note_key(self.node, key, Key("flag"))
         node = self.node_of(key)
         if node is None:
             return default
@@ -79,6 +84,7 @@ class Fields:
         self, key: str, default: float | None = None, *, low: float | None = None, high: float | None = None
     ) -> float:
         """Return a plain number between ``low`` and ``high``."""
+        note_key(self.node, key, Key("number", default is None, low=low, high=high))
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or 0.0
@@ -90,6 +96,7 @@ class Fields:
 
     def integer(self, key: str, default: int | None = None, *, low: int | None = None, high: int | None = None) -> int:
         """Return a whole number between ``low`` and ``high``."""
+        note_key(self.node, key, Key("integer", default is None, low=low, high=high))
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or 0
@@ -109,6 +116,7 @@ class Fields:
         high: float | None = None,
     ) -> float:
         """Return a quantity of ``dimension`` in SI units, between ``low`` and ``high`` (SI)."""
+        note_key(self.node, key, Key("quantity", default is None, dimension, low=low, high=high))
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or 0.0
@@ -134,6 +142,7 @@ class Fields:
 
     def span(self, key: str, dimension: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
         """Return ``[low, high]``, two quantities of ``dimension`` in SI units."""
+        note_key(self.node, key, Key("span", default is None, dimension))
         node = self.node_of(key, required=default is None)
         if node is None:
             return default or (0.0, 0.0)
@@ -149,6 +158,7 @@ class Fields:
     def position(self, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
         """Return ``[x, y, z]``, three lengths in metres."""
         nodes = self.items(key)
+        note_key(self.node, key, Key("position", dimension="length"))
         lengths = [self.measure(node, key, "length") for node in nodes]
         if len(lengths) == 3:
             return (lengths[0], lengths[1], lengths[2])
@@ -158,11 +168,13 @@ class Fields:
 
     def section(self, key: str, *, required: bool = False) -> "Fields | None":
         """Return the mapping under ``key``."""
+        note_key(self.node, key, Key("section", required))
         node = self.node_of(key, required=required)
         return None if node is None else Fields(self.source, node, self.faults, what=f"'{key}'", torn=self._torn)
 
     def items(self, key: str, *, required: bool = False) -> list[Node]:
         """Return the nodes of the list under ``key``."""
+        note_key(self.node, key, Key("list", required))
         node = self.node_of(key, required=required)
         if node is None:
             return []
@@ -173,6 +185,7 @@ class Fields:
 
     def entries(self) -> Iterator[tuple[Scalar, Node]]:
         """Every key with its node, for a mapping whose keys are names that the file chooses."""
+        note_free(self.node)
         if isinstance(self.node, Mapping):
             for key, value in self.node.entries:
                 self._known.add(key.text)

@@ -5,8 +5,9 @@ SI units and radians throughout.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from config.away import AwayConfig, read_away
 from config.fields import Fields
 
 TRIM = math.radians(45)
@@ -17,7 +18,8 @@ TRIM = math.radians(45)
 class ServoConfig:
     """One servo of the head: which output of the board, its limits, whether it is mounted the other way round.
 
-    ``joint`` is what the axis is called, as in the Rodney project.
+    ``joint`` is what the axis is called, as in the Rodney project. ``start`` is where the sketch sends it when it
+    starts, in degrees as the sketch takes them; None for what the Rodney project's sketches do.
     """
 
     index: int
@@ -26,13 +28,15 @@ class ServoConfig:
     upper: float
     flip: bool
     trim: float
+    start: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class HeadConfig:
     """A pan/tilt head on an Arduino with the Rodney sketch.
 
-    ``boot`` is how long the board needs after its port was opened, ``speed`` and ``acceleration`` those of each axis.
+    ``boot`` is how long the board needs to start when its port was opened, 0 for one that does not start then;
+    ``speed`` and ``acceleration`` are those of each axis.
     """
 
     port: str
@@ -42,6 +46,7 @@ class HeadConfig:
     acceleration: float
     pan: ServoConfig
     tilt: ServoConfig
+    away: AwayConfig = field(default_factory=AwayConfig)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,7 @@ def _servos(fields: Fields) -> HeadConfig:
         acceleration=acceleration,
         pan=_servo(fields.section("pan", required=True), 0, "head_pan"),
         tilt=_servo(fields.section("tilt", required=True), 1, "head_tilt"),
+        away=read_away(fields.section("away")),
     )
     if head.pan.index == head.tilt.index and not fields.faults:
         fields.fault(fields.node.mark, f"'pan' and 'tilt' are both on servo {head.pan.index}")
@@ -121,6 +127,7 @@ def _servo(fields: Fields | None, index: int, joint: str) -> ServoConfig:
         upper=upper,
         flip=fields.flag("flip", False),
         trim=_trim(fields),
+        start=None if fields.node_of("start") is None else fields.integer("start", low=0, high=180),
     )
     way = -1 if servo.flip else 1
     ends = sorted((way * (-math.pi / 2 - servo.trim), way * (math.pi / 2 - servo.trim)))

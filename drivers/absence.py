@@ -3,6 +3,7 @@
 from math import inf
 
 from drivers.api import Away
+from drivers.errors import DeviceFault
 
 
 class Absence:
@@ -30,8 +31,17 @@ class Absence:
             return False
         self.returned = now
         if lasted > self._away.latch:
-            self.latched = f"it was away for {lasted:.0f} s"
+            self.latch(f"it was away for {lasted:.0f} s")
         return True
+
+    def require(self, who: str) -> None:
+        """Raise DeviceFault while it is latched; ``who`` is the part."""
+        if self.latched:
+            raise DeviceFault(f"{who}: stopped: {self.latched}", hint=f"look at it, then enable the {who}")
+
+    def latch(self, reason: str) -> None:
+        """Let it rest until it is enabled."""
+        self.latched = self.latched or reason
 
     def enable(self) -> None:
         """Let it be moved again."""

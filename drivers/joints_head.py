@@ -152,6 +152,10 @@ class JointsHead(Generic[J]):
         """
         return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
 
+    def stay(self) -> None:
+        """Go nowhere when both joints are there. To be called before ``open``."""
+        self._began = True
+
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:

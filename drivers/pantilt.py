@@ -14,13 +14,20 @@ from drivers.profile import Profile
 
 AHEAD = HeadPose(0.0, 0.0)
 
+CATCH_UP = 0.02
+"""Seconds of its way that a head makes up for at most in one step, after nothing might be sent for a while."""
+
 LARGEST_TRIM = radians(45)
 """As far as the Rodney project's node lets a servo be trimmed."""
 
 
 @runtime_checkable
 class Trimmable(Protocol):
-    """A head that can be put straight while it runs, as all of ours can."""
+    """A head that can be put straight while it runs, and left where it stands, as all of ours can."""
+
+    def stay(self) -> None:
+        """Go nowhere when the hardware is there. To be called before ``open``."""
+        ...
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
         """Set the trims that are given, in radians of the motor; return both. Raises BadRequest for over 45 degrees."""
@@ -144,6 +151,12 @@ class PanTilt(Generic[A]):
         with self._lock:
             for profile, angle in zip(self._profiles, (pose.pan, pose.tilt), strict=True):
                 profile.place(angle, now)
+
+    def hold(self, now: float, behind: float = CATCH_UP) -> None:
+        """Let the time pass until ``now`` while nothing may be sent: so much of it (s) is made up for at most."""
+        with self._lock:
+            for profile in self._profiles:
+                profile.stamp = max(profile.stamp, now - behind)
 
     def let_go(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> None:
         """Give up the goal of each axis that is given: somebody has let go of it, and it stands at this angle."""

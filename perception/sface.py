@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from perception.api import Box, Image
 from perception.crops import face_in
+from perception.faults import BadModel
 from perception.identity import Look
 from perception.yunet import YuNetFaces
 
@@ -22,6 +23,9 @@ SAME = 0.363
 
 STEEP = 5.0
 """What a difference of 1 in the cosine is as a margin: so 0.2 more is as sure as a standard deviation."""
+
+
+CURE = "fetch SFace's file again"
 
 
 class _Network(Protocol):
@@ -40,7 +44,7 @@ class SFacePeople:
     """Knows people by the network in the file ``model``: a ``perception.identity.Recogniser``. For one thread.
 
     ``faces`` is YuNet, ``portraits`` are those of ``perception.people.enrol``. Files are read and people learnt at the
-    first look: it raises FileNotFoundError and ValueError for the files, ValueError for somebody whose portraits do not
+    first look: it raises FileNotFoundError and BadModel for the files, ValueError for somebody whose portraits do not
     show a face to YuNet.
     """
 
@@ -76,7 +80,10 @@ class SFacePeople:
         row = self._faces.points(image, face)
         if row is None:
             return None
-        feature = self._network.feature(self._network.alignCrop(image, row)).ravel()
+        try:
+            feature = self._network.feature(self._network.alignCrop(image, row)).ravel()
+        except cv2.error as error:
+            raise BadModel(f"faces: {self._model} is another network than SFace\n  try: {CURE}") from error
         return np.asarray(feature / max(float(np.linalg.norm(feature)), 1e-9), np.float32)
 
     @cached_property
@@ -87,4 +94,4 @@ class SFacePeople:
         try:
             return cast(_Network, cv2.FaceRecognizerSF.create(str(self._model), ""))
         except cv2.error as error:
-            raise ValueError(f"faces: {self._model} is no network\n  try: fetch SFace's file again") from error
+            raise BadModel(f"faces: {self._model} is no network\n  try: {CURE}") from error

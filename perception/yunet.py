@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Box, Detection, Image
+from perception.faults import BadModel
 from perception.light import Grey, check, resized, window
 
 LONGEST = 640
@@ -33,6 +34,8 @@ POINTS_FACE = 112  # the same where eyes, nose and mouth are asked for: as large
 
 HAAR = 0.97
 """Side of a face's Haar box over the height of its YuNet box: median of 53 faces, give or take 0.04."""
+
+CURE = "mission models fetch yunet"
 
 
 class _Network(Protocol):
@@ -59,7 +62,7 @@ class YuNetFaces:
     def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        Raises ValueError for what is not a picture, FileNotFoundError and ValueError for the model's file.
+        Raises ValueError for what is not a picture, FileNotFoundError and BadModel for the model's file.
         """
         check(image)
         scale = min(1.0, LONGEST / max(image.shape))
@@ -102,8 +105,11 @@ class YuNetFaces:
         """Show a picture to the network, ``scale`` times as large, and return its rows in pixels of what was shown."""
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
         shown = resized(np.asarray(colour, np.uint8), scale)
-        self._network.setInputSize((shown.shape[1], shown.shape[0]))
-        _, rows = self._network.detect(shown)
+        try:
+            self._network.setInputSize((shown.shape[1], shown.shape[0]))
+            _, rows = self._network.detect(shown)
+        except cv2.error as error:
+            raise BadModel(f"faces: {self._model} is another network than YuNet\n  try: {CURE}") from error
         return np.empty((0, 15), np.float32) if rows is None else rows
 
     def _search(self, picture: Image | Grey, scale: float, left: float, top: float) -> list[Detection]:
@@ -123,4 +129,4 @@ class YuNetFaces:
         try:
             return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (320, 320), SURE, 0.3, 50))
         except cv2.error as error:
-            raise ValueError(f"faces: {self._model} is no network\n  try: mission models fetch yunet") from error
+            raise BadModel(f"faces: {self._model} is no network\n  try: {CURE}") from error

@@ -17,7 +17,10 @@ TRAILING = 0.0125
 they were sent 50 times a second, while they stay where they are until sent on, and then need their time."""
 
 STARTS = (90, 120, 90, 90)
-"""Degrees to which the Rodney sketch sends servos 0 to 3 when it starts."""
+"""Degrees to which the later Rodney sketches, those that have encoders, send servos 0 to 3 when they start."""
+
+ATTACHED = 92
+"""Degrees at which the first sketches, which send them nowhere, have all servos: the library's 1500 microseconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +71,15 @@ class ServoAxis:
 
     @property
     def awake(self) -> int:
-        """The degrees at which it stands once the sketch has started."""
+        """The degrees at which it stands once a later sketch has started."""
+        return self.awake_by(later=True)
+
+    def awake_by(self, *, later: bool) -> int:
+        """Return the degrees at which it stands once the sketch has started, a ``later`` one or one of the first."""
         if self.start is not None:
             return self.start
+        if not later:
+            return ATTACHED
         return STARTS[self.index] if self.index < len(STARTS) else MIDDLE
 
     def to_degrees(self, angle: float) -> int:

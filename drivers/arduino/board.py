@@ -2,13 +2,17 @@
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from threading import RLock
 from typing import Protocol
 
-from drivers.api import Health, Quality, Reading, Report, unreported
+from drivers.absence import Absence
+from drivers.api import Away, Health, Notice, Quality, Reading, Report, unreported
 from drivers.arduino import wire
+from drivers.arduino.memory import Memory
 from drivers.arduino.session import Session
+from drivers.arduino.vigil import Life
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -29,12 +33,19 @@ class WheelRates:
 class Mounted(Protocol):
     """A pan/tilt device on the board. One of the three is called at a time, mostly from the link's thread."""
 
-    def restarted(self) -> None:
-        """The sketch has just begun anew: its servos stand where it puts them."""
+    def stands(self, degrees: Mapping[int, int], *, later: bool) -> Mapping[int, int]:
+        """Its servos stand at these ``degrees``, by their numbers, else where the sketch puts them: a ``later`` one?
+
+        Return where they stand then.
+        """
         ...
 
     def lost(self) -> None:
-        """Nobody hears commands at present."""
+        """Nobody hears commands at present, or what was commanded before is not to go on."""
+        ...
+
+    def waits(self, now: float) -> bool:
+        """At time ``now`` nothing may be sent: stand still; say whether there is something to be sent."""
         ...
 
     def due(self, now: float) -> list[wire.ServoAngle]:
@@ -45,13 +56,23 @@ class Mounted(Protocol):
 class Board:
     """An Arduino or Teensy with a Rodney sketch, found again whenever it was lost: the talker of ``link``.
 
-    Opening the port resets most boards: the first word waits ``boot_delay`` seconds (0 on a pseudo-terminal).
-    A board is taken to have started anew on the first connection, on every one if ``boot_delay`` is not 0, and when it
-    was silent. The port is open while any of its devices is.
+    Angles are sent only while it is sure that the board has not begun anew since its servos were known to stand where
+    they do: see ``drivers.arduino.vigil``. One that does not answer at once when its port was opened is starting, and
+    asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we left them, or
+    ``remembered`` says; else that is not known, and they are taken to stand where the sketch puts them.
+    After it was away ``away`` says what of before goes on. The port is open while any of its devices is.
     """
 
     def __init__(
-        self, link: Link, clock: Clock, *, boot_delay: float = 2.0, report: Report = unreported, name: str = "head"
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        boot_delay: float = 2.0,
+        report: Report = unreported,
+        name: str = "head",
+        away: Away | None = None,
+        remembered: Memory | None = None,
     ) -> None:
         self._name = name
         self._link = link
@@ -62,6 +83,21 @@ class Board:
         self._devices: tuple[Mounted, ...] = ()  # replaced whole: the link's thread walks through it
         self._session: Session | None = None
         self._past: Counter[str] = Counter()
+        self._absence = Absence(away)
+        self._remembered = remembered
+        self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
+        self._met = False  # its servos were known once
+        self.began: Life | None = None
+        """What the board had done when it was met first; None before that."""
+
+    @property
+    def latched(self) -> str:
+        """Why nothing of it moves until it is enabled; empty while it may."""
+        return self._absence.latched
+
+    def enable(self) -> None:
+        """Let its devices move again."""
+        self._absence.enable()
 
     @property
     def ready(self) -> bool:
@@ -72,6 +108,8 @@ class Board:
     def open(self, device: Mounted) -> None:
         """Serve ``device``; the first one starts the search for the board."""
         if device not in self._devices:
+            if not self._devices:
+                self._absence.begin()
             self._devices += (device,)
         self._link.open(self)
 
@@ -85,14 +123,24 @@ class Board:
         """Send what is due for ``device`` now, from whatever thread. Raises NotConnected when the port has gone."""
         with self._lock:
             session = self._session
-            if session is not None and session.topic is not None and not session.restarted:
-                self._write(session.topic, device.due(self._clock.now()))
+            if session is not None and session.topic is not None and self.sure:
+                self._send(session, session.topic, (device,))
+
+    @property
+    def sure(self) -> bool:
+        """Whether angles may be sent now: it is sure that the board has not begun anew."""
+        session = self._session
+        return session is not None and session.life is None and session.vigil.sure(self._clock.now())
 
     def require(self) -> None:
-        """Raise NotConnected, with what is missing and what to try, unless the board takes angles."""
+        """Raise NotConnected, with what is missing and what to try, unless the board takes angles.
+
+        Raises DeviceFault while it is latched.
+        """
         if not self.ready:
             health = self.health()
             raise NotConnected(health.detail, hint=health.hint)
+        self._absence.require(self._name)
 
     def health(self) -> Health:
         """Say whether the board takes angles, and what it is waiting for if not."""
@@ -102,11 +150,12 @@ class Board:
             counters.update(session.counters())
         figures = {**port.counters, **counters}
         if not port.online or session is None:
-            return Health(False, port.detail, port.hint, figures)
+            return Health(False, port.detail, port.hint, figures, self._absence.returned)
         if session.topic is not None:
-            return Health(True, counters=figures)
+            return Health(True, counters=figures, returned=self._absence.returned)
         detail, hint = session.trouble()
-        return Health(False, f"{self._name}: {self._link.port}: open, {detail}", hint, figures)
+        where = f"{self._name}: {self._link.port}: open, {detail}"
+        return Health(False, where, hint, figures, self._absence.returned)
 
     def wheels(self) -> Reading[WheelRates]:
         """How fast the wheels turn, by the encoders of the later sketches; none with a sketch that has none."""
@@ -121,16 +170,20 @@ class Board:
     # --- the link's thread: see drivers.link.Talker -------------------------------------------------------------------
 
     def connected(self) -> None:
-        """Begin a session with a board that is booting."""
+        """Begin a session with a board that may be booting."""
         self._lose()
-        before, boot = self._session, self._boot_delay
-        if before is not None:
-            self._past.update(before.counters())
-        restarted = boot > 0 or before is None or before.restarted
+        before = self._session
         session = Session(
-            self._name, wire.SERVO, self._link, self._clock, self._report, boot_delay=boot, restarted=restarted
+            self._name,
+            wire.SERVO,
+            self._link,
+            self._clock,
+            self._report,
+            boot_delay=self._boot_delay,
+            before=None if before is None else before.vigil,
         )
         if before is not None:
+            self._past.update(before.counters())
             session.tacho = replace(before.tacho)
         self._session = session
 
@@ -149,20 +202,60 @@ class Board:
             self._lose()
             return
         with self._lock:
-            now, devices = self._clock.now(), self._devices
-            if session.restarted:
-                session.restarted = False
-                for device in devices:
-                    device.restarted()
-            self._write(session.topic, [angle for device in devices for angle in device.due(now)])
+            now, life, session.life = self._clock.now(), session.life, None
+            if self._absence.heard(now, anew=life is Life.ANEW) and life is not Life.ANEW:
+                self._lose()
+            if life is not None:
+                self._settle(life, session)
+            self._send(session, session.topic, self._devices)
 
     def ending(self) -> None:
-        """Tell the board to stop sending."""
+        """Tell the board to stop sending, and remember where it was left."""
         self._link.write(wire.STOP_SENDING)
+        if self._remembered is not None and self._met:
+            self._remembered.keep(self._sent)
+
+    def _settle(self, life: Life, session: Session) -> None:
+        """Take account of what the board has done."""
+        left = self._remembered.take() if self._remembered is not None and not self._met else {}
+        if life is Life.ANEW:
+            self._sent = {}
+        elif self._met:
+            if life is Life.FORGOTTEN:
+                self._absence.latch("nobody knows whether its board has started anew, and where its servos stand")
+            return
+        else:
+            self._sent = left
+            if not left and self._remembered is not None:
+                what = "the board has been running, and does not tell where its servos stand"
+                cure = "if the head leaps now: let one program alone move it, and end that in good order"
+                self._report(Notice(self._name, "fault", what, cure))
+        self.began = self.began or life
+        self._met = True
+        self._sent = {
+            index: angle
+            for device in self._devices
+            for index, angle in device.stands(self._sent, later=session.later).items()
+        }
+
+    def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> None:
+        """Send what is due, if it is sure that the board is the one that we know; else ask the board first."""
+        now = self._clock.now()
+        if not self._met:
+            return
+        if not session.vigil.sure(now):
+            waiting = [device.waits(now) for device in devices]
+            if any(waiting):
+                session.reassure()
+            return
+        angles = [angle for device in devices for angle in device.due(now)]
+        if angles:
+            self._sent.update((angle.index, angle.angle) for angle in angles)
+            session.vigil.sent(len(angles), now)
+            self._write(topic, angles)
 
     def _write(self, topic: int, angles: list[wire.ServoAngle]) -> None:
-        if angles:
-            self._link.write(b"".join(wire.Frame(topic, angle.pack()).pack() for angle in angles))
+        self._link.write(wire.NUDGE + b"".join(wire.Frame(topic, angle.pack()).pack() for angle in angles))
 
     def _lose(self) -> None:
         with self._lock:

@@ -1,6 +1,6 @@
 """The head's driver: turns goals into small steps of two hobby servos, sent to a board with the Rodney sketch."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, unheard
@@ -21,8 +21,8 @@ class ArduinoHead:
     the next whole degree whenever it has come to the one before. The pose is what was sent, hence in whole degrees; a
     servo lags behind it by a few hundredths of a second.
 
-    The sketch sends its servos to positions of its own when it starts. From there the head goes to the pose that was
-    commanded last, at first ``start``; a goal does not survive the loss of the connection.
+    The sketch sends its servos to positions of its own when it starts. From there the head goes to ``start`` at first
+    (unless it is to ``stay``), and later nowhere before it is told; a goal does not survive the loss of the connection.
     After ``close`` the board keeps its servos where they are.
     ``changed`` is called whenever the pose has changed, mostly from the link's thread.
     """
@@ -47,10 +47,11 @@ class ArduinoHead:
         self._clock = clock
         self._changed = guarded(changed)
         self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
-        self._sent: tuple[int | None, ...] = (None, None)  # degrees, on this connection
+        self._sent: tuple[int, ...] = ()  # degrees; empty before it is known where the servos stand
         self._newest: Reading[HeadPose] | None = None
         self._history = History()
-        self._place_awake()
+        self._settled = False  # nothing is left to be sent
+        self._began = False  # it has gone for its start, or is not to
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
@@ -62,7 +63,8 @@ class ArduinoHead:
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected until the board has said that it takes angles.
+        Raises BadRequest if it is not finite, NotConnected until the board has said that it takes angles, DeviceFault
+        while the head is latched.
         """
         self._way.check(target)
         self.board.require()
@@ -70,7 +72,8 @@ class ArduinoHead:
         pan, tilt = self._way.axes
         # The way ends where the servos will stand. From between two degrees the next one would first have to make up
         # for the part of a degree that they never went, and its beginning would wait for that and for a pulse.
-        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._clock.now())
+        self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._now())
+        self._settled = False
         self.board.send(self)  # the first degree does not wait for the next pulse
         return accepted
 
@@ -88,14 +91,29 @@ class ArduinoHead:
 
     def stop(self) -> None:
         """Brake, within its acceleration, and hold."""
-        self._way.brake(self._clock.now())
+        self._way.brake(self._now())
+        self._settled = False
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
         """Set the trims that are given, in radians of the servo, while it runs; return both.
 
         Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
         """
-        return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
+        self._settled = False
+        return self._way.trim(pan=pan, tilt=tilt, now=self._now())
+
+    @property
+    def latched(self) -> str:
+        """Why it moves no more until it is enabled; empty while it does."""
+        return self.board.latched
+
+    def enable(self) -> None:
+        """Let it move again, after it was away for long."""
+        self.board.enable()
+
+    def stay(self) -> None:
+        """Go nowhere when the board is there. To be called before ``open``."""
+        self._began = True
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
@@ -118,31 +136,51 @@ class ArduinoHead:
 
     # --- on the board: see drivers.arduino.board.Mounted ---------------------------------------------------------
 
-    def restarted(self) -> None:
-        """Go on from where a sketch that has just started has put its servos, and send both axes anew."""
-        self._place_awake()
-        self._sent = (None, None)
+    def stands(self, degrees: Mapping[int, int], *, later: bool) -> Mapping[int, int]:
+        """Go on from where the servos stand; stay there, but for the first time. Return where that is."""
+        now = self._clock.now()
+        axes = self._way.axes
+        self._sent = tuple(degrees.get(axis.index, axis.awake_by(later=later)) for axis in axes)
+        pan, tilt = (axis.to_radians(sent) for axis, sent in zip(axes, self._sent, strict=True))
+        if self._began:
+            self._way.let_go(pan=pan, tilt=tilt, now=now)
+        else:
+            self._way.place(HeadPose(pan, tilt), now)
+        self._began, self._settled = True, False
+        self._tell(HeadPose(pan, tilt), now)
+        return {axis.index: sent for axis, sent in zip(axes, self._sent, strict=True)}
 
     def lost(self) -> None:
-        """Give up the goal, and send both axes anew once the board is there; the first goal is yet to come."""
-        if self._sent != (None, None):
+        """Give up the goal; the first goal is yet to come."""
+        if self._began:
             self._hold()
-            self._sent = (None, None)
+
+    def waits(self, now: float) -> bool:
+        """Stand still until time ``now``; say whether a degree is to be sent."""
+        self._way.hold(now)
+        if self._newest is not None and self._newest.value is not None:
+            self._tell(self._newest.value, now)
+        return not self._settled
 
     def due(self, now: float) -> list[ServoAngle]:
         """Move on; return each axis whose whole degree has changed."""
+        self._settled = self._way.still  # the last degree is sent now, and no other unless somebody wants one
         pan, tilt = self._way.advance(now)
         degrees = tuple(step.axis.next_degree(step.angle, step.heading) for step in (pan, tilt))
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
         steps = zip((pan.axis, tilt.axis), degrees, self._sent, strict=True)
         angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old]
         self._sent = degrees
+        self._tell(pose, now)
+        return angles
+
+    def _tell(self, pose: HeadPose, now: float) -> None:
+        """Take note of where the servos stand at time ``now``."""
         turned = self._newest is None or pose != self._newest.value
         self._newest = Reading(pose, now, Quality.GOOD)
         self._history.add(now, (pose.pan, pose.tilt))
         if turned:
             self._changed()
-        return angles
 
     def _hold(self) -> None:
         """Give up the goal: the servos stay at the degrees sent last, of which the profile may be a little short."""
@@ -150,7 +188,9 @@ class ArduinoHead:
             sent = self._newest.value
             self._way.let_go(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
-    def _place_awake(self) -> None:
-        """Take the servos to stand where the sketch puts them: they would leap if led from elsewhere."""
-        pan, tilt = (axis.to_radians(axis.awake) for axis in self._way.axes)
-        self._way.place(HeadPose(pan, tilt), self._clock.now())
+    def _now(self) -> float:
+        """Return the time, until which nothing has moved if nothing may be sent."""
+        now = self._clock.now()
+        if not self.board.sure:
+            self._way.hold(now, 0.0)
+        return now

@@ -5,14 +5,17 @@ from collections import Counter
 
 from drivers.api import Notice, Quality, Reading, Report
 from drivers.arduino import wire
+from drivers.arduino.vigil import Life, Vigil
 from drivers.clock import Clock
 from drivers.link import Link
 
-SYNC_LOST = 5.5
-"""Seconds without a question for the time after which the board counts as reset: it asks every 2.5 s, and one question
-may be garbled. A board whose reset button was pressed says nothing until it is asked for its topics."""
+SILENT = 2.7
+"""Seconds without a question for the time after which the board is probed: in step it asks every 2.5 s."""
 
-ASK_AGAIN = 3.0
+TACHO_SILENT = 0.2
+"""Seconds without a word of the encoders after which it is: a sketch that has them tells of them every 50 ms."""
+
+ASK_AGAIN = 1.0
 """Seconds between two requests for the topics; a board that runs answers one within a tenth of a second."""
 
 PATIENCE = 0.1
@@ -28,8 +31,9 @@ class Session:
     ``topic`` is the number by which the board knows the ``wanted`` topic: None until it has said so, when it means
     something else by it, and once it has fallen silent.
     ``tacho`` is the newest that its encoders have measured, on the clock's time; the first sketch has none.
-    ``restarted`` is set whenever the sketch has begun anew, as far as can be told, so that its servos stand at its own
-    angles; who has taken account of it clears it.
+    ``life`` is set whenever the board has said whether it has begun anew; who has taken account of it clears it.
+    ``vigil`` says whether it is sure that it has not: it is asked on opening the port, which resets most boards, and
+    one that is starting does not answer; then it has ``boot_delay`` seconds until it is asked again.
     The board is told the clock's own time: a monotonic one, not the time of day.
     """
 
@@ -42,10 +46,11 @@ class Session:
         report: Report,
         *,
         boot_delay: float,
-        restarted: bool,
+        before: Vigil | None = None,
     ) -> None:
         self.topic: int | None = None
-        self.restarted = restarted
+        self.life: Life | None = None
+        self.vigil = Vigil(before)
         self.tacho: Reading[wire.Tacho] = Reading(None, -math.inf, Quality.NONE)
         self._name = name
         self._wanted = wanted
@@ -54,7 +59,7 @@ class Session:
         self._report = report
         self._boot_delay = boot_delay
         self._awake: float | None = None  # when the board will have booted
-        self._asked = self._heard = self._synced = -math.inf
+        self._asked = self._heard = self._synced = self._encoded = -math.inf
         self._finder = wire.FrameFinder()
         self._topics: dict[int, wire.Topic] = {}
         self._trouble = ("", "")
@@ -69,23 +74,44 @@ class Session:
 
     def received(self, data: bytes) -> None:
         """Take bytes of the board, and answer what it asks. Raises NotConnected when the port has gone."""
-        self._heard = self._clock.now()
+        self._heard = now = self._clock.now()
+        self.vigil.look(now)
         self._take(self._finder.feed(data))
 
     def pulse(self) -> None:
         """Do what is due: ask for the topics, notice silence. Raises NotConnected when the port has gone."""
         now = self._clock.now()
+        self.vigil.look(now)
         if self._awake is None:
             self._awake = now + self._boot_delay
+            self._probe(now)
         if self._finder.waiting and now - self._heard > PATIENCE:
             self._take(self._finder.give_up())
-        if self.topic is not None and now - self._synced > SYNC_LOST:
-            self.topic, self.restarted = None, True
+        if self.vigil.overdue(now) and self.topic is not None:
+            self.topic = None
             self._topics.clear()
-            silence = f"the board has not asked for the time for {SYNC_LOST:g} s"
+            silence = f"the board does not answer, and has not asked for the time for {now - self._synced:.1f} s"
             self._report(Notice(self._name, "offline", silence, "press the board's reset button, look at its power"))
         if self.topic is None:
             self._ask(now)
+        elif now - self._synced > SILENT or (self.later and now - max(self._encoded, self._asked) > TACHO_SILENT):
+            self._doubt()
+
+    @property
+    def later(self) -> bool:
+        """Whether it is one of the later sketches, which have encoders."""
+        return wire.TACHO in list(self._topics.values())  # the link's thread may add some
+
+    def reassure(self) -> None:
+        """Ask the board whether it has begun anew, unless it is about to tell. Raises NotConnected."""
+        now, vigil = self._clock.now(), self.vigil
+        tells = vigil.expects(now) or (self.later and now - self._encoded <= TACHO_SILENT)
+        if vigil.doubtful or not tells:
+            self._doubt()
+
+    def _doubt(self) -> None:
+        if self.vigil.asked_at is None:
+            self._probe(self._clock.now())
 
     def trouble(self) -> tuple[str, str]:
         """Say what is still missing before the board takes angles, and what to try."""
@@ -106,9 +132,13 @@ class Session:
     def _ask(self, now: float) -> None:
         """Request the topics, unless that was done a moment ago or the board is still booting."""
         if self._awake is not None and now >= self._awake and now - self._asked >= ASK_AGAIN:
-            self._asked = now
-            self._counters["requests"] += 1
-            self._link.write(wire.REQUEST_TOPICS)
+            self._probe(now)
+
+    def _probe(self, now: float) -> None:
+        self._asked = now
+        self._counters["requests"] += 1
+        self.vigil.probed(now)
+        self._link.write(wire.PROBE)
 
     def _take(self, frames: list[wire.Frame]) -> None:
         for frame in frames:
@@ -123,7 +153,10 @@ class Session:
             case wire.TIME:
                 self._synced = self._clock.now()
                 self._counters["times"] += 1
+                again = self.vigil.questioned(self._synced)
                 self._link.write(wire.Frame(wire.TIME, wire.Time(self._synced).pack()).pack())
+                if again:
+                    self._doubt()
             case wire.PUBLISHER:
                 info = wire.TopicInfo.unpack(frame.data)
                 self._topics[info.id] = info.topic
@@ -136,6 +169,8 @@ class Session:
                 self._counters["unknown topics"] += 1
                 self._ask(self._clock.now())
             case number if self._topics.get(number) == wire.TACHO:
+                self.vigil.published()
+                self._encoded = self._clock.now()
                 self.tacho = Reading(wire.Tacho.unpack(frame.data), self._clock.now(), Quality.GOOD)
                 self._counters["tachos"] += 1
 
@@ -145,12 +180,15 @@ class Session:
         if info.topic.name != self._wanted.name:
             return
         if info.topic == self._wanted:
-            if self.topic is not None and self._clock.now() - self._asked > ASK_AGAIN:
-                self.restarted = True  # nobody had asked: it is telling a newcomer, as after a reset
+            now, asked = self._clock.now(), self.vigil.asked_at is not None
+            self.life = self.vigil.answered(now)
+            if self.topic is not None and not asked and now - self._asked > ASK_AGAIN:
+                self.life = Life.ANEW  # nobody had asked: it is telling a newcomer, as after a reset
+            if self.topic is not None and self.life is Life.ANEW:
                 self._report(Notice(self._name, "fault", "the board has started anew", "look at its power supply"))
             elif self.topic is None:
                 self._report(Notice(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}"))
-            self.topic, self._trouble, self._synced = info.id, ("", ""), self._clock.now()
+            self.topic, self._trouble, self._synced = info.id, ("", ""), now
             return
         found = _other(info.topic, self._wanted)
         cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's servo_msgs; then flash the sketch again)"
@@ -165,6 +203,7 @@ class Session:
             self._report(Notice(self._name, "fault", _other(topic, wire.TACHO), cure))
 
     def _log(self, line: wire.Log) -> None:
+        self.vigil.acknowledged()
         self._counters["log lines"] += 1
         if line.level >= WARNING:
             self._report(Notice(self._name, "fault", f"the board says: {line.text}"))

@@ -46,6 +46,12 @@ def _check(data: bytes | bytearray) -> int:
 REQUEST_TOPICS = Frame(PUBLISHER, b"").pack()
 STOP_SENDING = Frame(STOP, b"").pack()
 REQUEST_TIME = Frame(TIME, bytes(8)).pack()
+NUDGE = b"\xff\x00"
+"""The beginning of no frame: a board whose topics nobody has asked for since it started answers with REQUEST_TIME, one
+that is in step with a computer answers nothing."""
+
+PROBE = 3 * NUDGE + REQUEST_TOPICS
+"""Asks for the topics, and by the way whether it is the first to do so."""
 
 
 class FrameFinder:

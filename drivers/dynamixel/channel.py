@@ -155,7 +155,8 @@ class Channel:
                 sent = self._clock.now()
                 line.send(frame)
                 self._sent.append(request)
-                leaving = max(sent, self._used_until) + len(frame) * 10 / self._baud
+                # Only now: who was held up before the request had left would take the reply for late.
+                leaving = max(self._clock.now(), self._used_until) + len(frame) * 10 / self._baud
                 if not wanted:
                     self._use(sent, leaving)
                     return {}

@@ -5,7 +5,7 @@ anticlockwise seen facing the horn. The *joint's* is the robot's: ``servo = zero
 """
 
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 
 from drivers.api import JointLimits, JointState, Quality, Reading
 from drivers.dynamixel import wire, wire2
@@ -92,6 +92,8 @@ class Joint:
     sent_at: float = 0.0
     touched: bool = False
     unsettled: bool = False
+    unsettled_at: float = -inf  # since when
+    mute: bool = False  # on a port that is open, it did not say whether it is
     left_out: bool = False  # the last move of it went without it
     at: At = field(init=False)
     table: bytearray = field(init=False, repr=False)

@@ -1,6 +1,7 @@
 """What the driver of an arm tells of its servos: each thing once, with what may help."""
 
 from collections.abc import Iterable, Mapping
+from math import inf
 
 from drivers.api import Notice, Report
 from drivers.dynamixel.gathering import duration
@@ -14,6 +15,8 @@ CURES = {
     Fault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
     Fault.SHOCK: "look at its cable and its supply",
 }
+NOT_BE = "could not be"
+MOVES_ON = "a joint that nobody sends on comes to rest by itself; if one moves on, switch its power off by hand"
 REMEDY = "free the joint, then `mission servo recover --robot FILE`, or switch the arm's power off and on"
 
 
@@ -27,7 +30,7 @@ class Telling:
         self._online = False
         self._left_out: frozenset[str] = frozenset()
         self._unsettled: frozenset[str] = frozenset()
-        self._unrested = ""
+        self._unrested: list[str] = []
 
     def here(self, port: str) -> None:
         """Tell, if it is new, that servos answer on ``port``."""
@@ -45,7 +48,7 @@ class Telling:
     def end(self) -> None:
         """Forget that it was there, without a word."""
         self._online = False
-        self._unrested = ""
+        self._unrested = []
         self._unsettled = frozenset()
 
     def differences(self, hint: str) -> None:
@@ -111,25 +114,27 @@ class Telling:
             self._tell("fault", f"a move left {joint.title} out: it {why}")
         self._left_out = left_out
 
-    def unsettled(self) -> None:
-        """Tell of joints that have begun to leave it open whether they were held or relaxed."""
-        new = [joint for name, joint in self._joints.items() if joint.unsettled and name not in self._unsettled]
+    def unsettled(self, since: float = inf) -> None:
+        """Tell of joints that have left it open, ``since`` then or longer, whether they were held or relaxed."""
+        open_ = [joint for joint in self._joints.values() if joint.unsettled and joint.unsettled_at <= since]
+        new = [joint for joint in open_ if joint.name not in self._unsettled]
         for stiff in (True, False):
-            if titles := ", ".join(joint.title for joint in new if bool(joint.wanted) is stiff):
-                hint = "they are told again as soon as they answer; if one moves on, switch its power off by hand"
-                self._tell("fault", f"could not be {_settled(stiff=stiff)}: {titles}", hint)
-        self._unsettled = self._unconfirmed()
+            hint = "they are told again as soon as they answer; if one moves on, switch its power off by hand"
+            for what in _wanting([joint for joint in new if bool(joint.wanted) is stiff], stiff=stiff):
+                self._tell("fault", what, hint)
+        self._unsettled = (self._unsettled & self._unconfirmed()) | {joint.name for joint in open_}
 
     def unrested(self, joints: Iterable[Joint], *, stiff: bool, why: str = "") -> None:
-        """Tell, if it is new, of joints that could not be brought to rest.
+        """Tell, if it is new, of joints that could not be brought to rest, or did not say whether they are.
 
         A run rests its robot, then closes it, which rests it once more.
         """
-        titles = ", ".join(joint.title for joint in joints)
-        if titles and titles + why != self._unrested:
-            what = f"could not be {_settled(stiff=stiff)}: {titles}{why}"
-            self._tell("fault", what, "switch their power off by hand")
-        self._unrested = titles + why
+        wanting = _wanting(joints, stiff=stiff)
+        if wanting and [*wanting, why] != self._unrested:
+            for what in wanting:
+                known = what.startswith(NOT_BE)
+                self._tell("fault", what + why, "switch their power off by hand" if known else MOVES_ON)
+        self._unrested = [*wanting, why]
         self._unsettled = self._unconfirmed()
 
     def _unconfirmed(self) -> frozenset[str]:
@@ -139,5 +144,9 @@ class Telling:
         self._report(Notice(self._name, kind, what, hint))
 
 
-def _settled(*, stiff: bool) -> str:
-    return "held" if stiff else "relaxed"
+def _wanting(joints: Iterable[Joint], *, stiff: bool) -> list[str]:
+    """Say of joints that are not at rest, as far as that is known; one that is not sent on comes to rest by itself."""
+    silent = [joint.title for joint in joints if stiff and joint.mute]
+    others = [joint.title for joint in joints if not (stiff and joint.mute)]
+    found = [f"{NOT_BE} {'held' if stiff else 'relaxed'}: {', '.join(others)}"] if others else []
+    return found + ([f"did not say whether they are held: {', '.join(silent)}"] if silent else [])

@@ -50,9 +50,27 @@ def stiffen(bus: Bus, joint: Joint, *, now: float) -> None:
 
 def _stiffen_at(bus: Bus, joint: Joint, place: int, *, now: float) -> None:
     """Make one joint stiff at ``place`` (ticks), which it has confirmed before its torque comes on. Raises as above."""
-    bus.write_block(joint.at, *joint.order(place, joint.limits.speed))
-    bus.write(joint.at, joint.model.table["torque_enable"], 1)
+    _confirmed(bus, joint, *joint.order(place, joint.limits.speed))
+    enable(bus, joint, on=True)
     _held(joint, place, now=now)
+
+
+def enable(bus: Bus, joint: Joint, *, on: bool) -> None:
+    """Switch the torque of one joint, which it has confirmed then. Raises NoReply, NotConnected, BadRequest."""
+    register = joint.model.table["torque_enable"]
+    _confirmed(bus, joint, register.address, register.encode(int(on)))
+
+
+def _confirmed(bus: Bus, joint: Joint, address: int, data: bytes) -> None:
+    """Write ``data``, and see it there: a reply that is late on a busy machine says no more than that. Raises so."""
+    joint.mute = True
+    try:
+        bus.write_block(joint.at, address, data)
+    except NoReply:
+        told = bus.read_block(joint.at, address, len(data))
+        joint.mute = False
+        if told != data:
+            raise
 
 
 def _held(joint: Joint, place: int, *, now: float) -> None:
@@ -141,26 +159,33 @@ def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> lis
         else:
             switch(bus, ours, on=False)
     for joint in joints:
+        before = joint.unsettled
         joint.unsettled = joint in ours and not _settled(bus, joint, places.get(joint), stiff=stiff, now=now)
+        if joint.unsettled and not before:
+            joint.unsettled_at = now
+        joint.mute = joint.mute and bus.is_open
     return [joint for joint in ours if joint.unsettled]
 
 
 def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: float) -> bool:
     """Settle one joint, at ``place`` (ticks) or where it says that it stands; try again after a miss."""
+    joint.mute = not joint.answers
     if stiff and not joint.driven:
         return False  # nobody knows where it is, or where it would go: stiffening it could make it jump
     for _ in range(2 if joint.answers else 1):
         try:
+            joint.mute = True
             if not stiff:
-                bus.write(joint.at, joint.model.table["torque_enable"], 0)
+                enable(bus, joint, on=False)
             elif place is None:
                 stiffen(bus, joint, now=now)
             else:
                 _stiffen_at(bus, joint, place, now=now)
         except NotConnected:
             return False
-        except (NoReply, BadRequest):
+        except (NoReply, BadRequest) as error:
             place = None
+            joint.mute = joint.mute and isinstance(error, NoReply)
             continue
         joint.torque = stiff
         if not stiff:

@@ -20,8 +20,15 @@ MISSING_AFTER = 3
 SLOWLY = 1.0
 """Seconds between readings of what changes seldom, and between attempts to find a missing servo."""
 
+SOON = 0.05
+"""Seconds after which a servo is told again that has not confirmed that it is held or limp."""
+
 PATIENCE = 0.2
 """Seconds for which a servo that has missed two readings in a row is left alone, lest it slow the others down."""
+
+
+GRACE = 1.0
+"""Seconds that a servo has to confirm that it is held or limp: on a busy machine its reply may be late."""
 
 
 class Watch:
@@ -62,7 +69,7 @@ class Watch:
         self._gathering.reset()
         for joint in self._joints:
             joint.answers, joint.failures = False, 0
-            self._join(joint)
+            self.look_for(joint)
         self.connected = True  # only now: a joint that is looked for is stopped where it stands
         self._tell_presence()
         self._telling.differences(self.hint)
@@ -96,24 +103,24 @@ class Watch:
         now = self._clock.now()
         if missing := [joint for joint in self._joints if not joint.driven and now >= joint.due]:
             self._find(min(missing, key=lambda joint: joint.due))
-        if waiting := [joint for joint in self._joints if joint.driven and now - joint.checked >= SLOWLY]:
+        if waiting := [joint for joint in self._joints if joint.driven and now - joint.checked >= _interval(joint)]:
             self._check(min(waiting, key=lambda joint: joint.checked))
         self._tell_presence()
         self._telling.left_out()
         with self._lock:
-            self._telling.unsettled()
+            self._telling.unsettled(since=now - GRACE)
 
     def _find(self, joint: Joint) -> None:
         """Look for a servo that is not driven, and tell if something about it has changed."""
         before = joint.complaint
-        self._join(joint)
+        self.look_for(joint)
         if joint.unsettled and joint.answers:
             with self._lock:
                 self._settle(joint)
         if joint.complaint != before:
             self._telling.found(joint, self.hint)
 
-    def _join(self, joint: Joint) -> None:
+    def look_for(self, joint: Joint) -> None:
         """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""
         with self._lock:
             try:
@@ -202,3 +209,8 @@ class Watch:
             self._telling.here(self._bus.port)
         else:
             self._telling.away("no servo answers", self.hint)
+
+
+def _interval(joint: Joint) -> float:
+    """Return the seconds between two checks of a joint."""
+    return SOON if joint.unsettled else SLOWLY

@@ -9,7 +9,9 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NoReply
 from drivers.guard import guarded
 from drivers.link import Link
-from drivers.rplidar.models import MODELS
+from drivers.rplidar import capsules
+from drivers.rplidar.capsules import CapsuleFinder
+from drivers.rplidar.models import MODELS, SAMPLES
 from drivers.rplidar.mounting import Mounting, Place, Sector
 from drivers.rplidar.nodes import NodeFinder
 from drivers.rplidar.session import Session
@@ -19,6 +21,9 @@ from drivers.rplidar.wire import Info
 STALE_AFTER = 0.5
 """Seconds without another turn after which the newest is stale: at 5.5 turns a second two were missed."""
 
+POOR_AFTER = 1.0
+"""Seconds without a whole turn of an express scan that comes in pieces after which it is begun anew, as a plain one."""
+
 STUCK_AFTER = 3.0
 """Seconds without a whole turn after which it is begun anew: a motor takes two to come up to speed."""
 
@@ -26,7 +31,7 @@ AGAIN = 1.0
 """Seconds until it is tried again when it did not answer; it does not turn meanwhile."""
 
 GATHER = 0.02
-"""Seconds for which its link should let bytes gather: 2000 nodes a second come in a thousand pieces otherwise."""
+"""Seconds for which its link should let bytes gather: 4000 nodes a second come in a thousand pieces otherwise."""
 
 
 class RPLidar:
@@ -63,8 +68,10 @@ class RPLidar:
         self._turns = Turns(self._model, self._mounting)
         # Written by the link's thread alone, and replaced, never altered: any thread may read them.
         self._session = self._new_session()
-        self._finder = NodeFinder()
+        self._finders: dict[bool, NodeFinder | CapsuleFinder] = {False: NodeFinder(), True: CapsuleFinder()}
+        self._finder = self._finders[False]
         self._latest: Reading[RangeScan] = Reading(None, -inf, Quality.NONE)
+        self._slips = 0
         self._turned_at = -inf
         self._trouble: DriverError | None = None
 
@@ -137,8 +144,12 @@ class RPLidar:
             self._fail(error)
             return
         if not begun:
+            express = self._session.express
+            self._finder = self._finders[express]
             self._finder.restart()
             self._turns.restart()
+            self._slips = self._finder.slips
+            self._turns.samples = capsules.SAMPLES if express else SAMPLES
         if data:
             self._take(data)
 
@@ -148,10 +159,11 @@ class RPLidar:
 
     def _take(self, data: bytes) -> None:
         now = self._clock.now()
-        scan = self._turns.add(self._finder.feed(data), now)
+        scan = self._turns.add(self._finder.feed(data), now - self._finder.behind)
         if scan is None:
             return
         self._latest = Reading(scan, scan.stamp, Quality.GOOD)
+        self._slips = self._finder.slips
         self._turned_at = now  # last: who sees it fresh also sees the turn
         if self._trouble is not None:
             self._trouble = None
@@ -159,8 +171,15 @@ class RPLidar:
         self._changed()
 
     def _require_turns(self) -> None:
-        """Raise NoReply when it should scan, but no whole turn has come for too long."""
-        if self._clock.now() - max(self._session.since, self._turned_at) > STUCK_AFTER:
+        """Raise NoReply when it should scan, but no whole turn has come for too long.
+
+        A lost byte costs a capsule or two, and else one node: express scans that come in pieces are given up.
+        """
+        without = self._clock.now() - max(self._session.since, self._turned_at)
+        if self._session.express and without > POOR_AFTER and self._finder.slips > self._slips:
+            self._session.plain = True
+            self._session.again(0.0)
+        elif without > STUCK_AFTER:
             what = f"{self.name}: {self._link.port}: no whole turn for {STUCK_AFTER:g} s"
             raise NoReply(what, hint="does its head turn? look at its belt, and at the power of its USB port")
 

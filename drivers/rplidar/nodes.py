@@ -77,6 +77,9 @@ class NodeFinder:
     than ``LEAP``, where both measured something. Once one does not, bytes are dropped until ``ROW`` nodes do.
     """
 
+    behind = 0.0
+    """Seconds by which a measurement is given out later than it came."""
+
     def __init__(self) -> None:
         self.nodes = 0
         self.skipped_bytes = 0

@@ -28,6 +28,8 @@ class Turns:
 
     def __init__(self, model: Model, mounting: Mounting) -> None:
         self.partial = 0
+        self.samples = SAMPLES
+        """Measurements a second."""
         self._model = model
         self._mounting = mounting
         self._number = 0
@@ -44,7 +46,7 @@ class Turns:
         scan, start = None, 0
         for end in map(int, np.flatnonzero(nodes.new)):
             self._keep(nodes, start, end, now)
-            scan = self._finish(_came(nodes, end, now)) or scan
+            scan = self._finish(self._came(nodes, end, now)) or scan
             start = end
         self._keep(nodes, start, len(nodes), now)
         return scan
@@ -53,7 +55,7 @@ class Turns:
         if self._count > MOST:
             self.restart()
         if start < end:
-            self._kept.append((nodes.angle[start:end], nodes.distance[start:end], _came(nodes, start, now)))
+            self._kept.append((nodes.angle[start:end], nodes.distance[start:end], self._came(nodes, start, now)))
             self._count += end - start
 
     def _finish(self, now: float) -> RangeScan | None:
@@ -89,7 +91,6 @@ class Turns:
         ranges[np.isinf(ranges) | self._mounting.hidden] = np.nan
         return ranges
 
-
-def _came(nodes: Nodes, number: int, now: float) -> float:
-    """Return when one of several nodes came, the last of them ``now``: they wait for each other on their way."""
-    return now - (len(nodes) - 1 - number) / SAMPLES
+    def _came(self, nodes: Nodes, number: int, now: float) -> float:
+        """Return when one of several nodes came, the last of them ``now``: they wait for each other on their way."""
+        return now - (len(nodes) - 1 - number) / self.samples

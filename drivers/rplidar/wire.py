@@ -23,10 +23,14 @@ class Command(IntEnum):
     """What it may be asked; those without a reply are STOP, RESET and PWM."""
 
     SCAN = 0x20
+    FORCED = 0x21
     STOP = 0x25
     RESET = 0x40
     INFO = 0x50
     HEALTH = 0x52
+    RATES = 0x59
+    EXPRESS = 0x82
+    SETTING = 0x84
     PWM = 0xF0
     BOARD = 0xFF
 
@@ -73,6 +77,16 @@ INFO_REPLY = descriptor(20, 0x04)
 HEALTH_REPLY = descriptor(3, 0x06)
 BOARD_REPLY = descriptor(4, 0xFF)
 SCAN_REPLY = descriptor(5, 0x81, repeated=True)
+EXPRESS_REPLY = descriptor(84, 0x82, repeated=True)
+RATES_REPLY = descriptor(4, 0x15)
+
+EXPRESS = request(Command.EXPRESS, bytes(5))
+"""Asks for an express scan of the first kind, which all that have one know."""
+
+
+def setting_reply(told: bytes) -> bytes:
+    """Return the whole answer to ``Command.SETTING``."""
+    return descriptor(len(told), 0x20) + told
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +100,11 @@ class Info:
     firmware_major: int
     hardware: int
     serial: bytes
+
+    @property
+    def firmware(self) -> tuple[int, int]:
+        """Its version."""
+        return self.firmware_major, self.firmware_minor
 
     @property
     def series(self) -> int:

@@ -1,17 +1,21 @@
 """The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
 
+from collections.abc import Sequence
 from threading import Lock
 
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS
 from drivers.sim.servo import Shaft
+from drivers.virtual.rosserial import Ear
 
 SERVO_SPEED = 400.0
 """Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""
 
+ATTACHED = (92.7, 92.7, 92.7, 92.7)
+"""Degrees at which the servos stand that were attached and sent nowhere: pulses of 1500 microseconds."""
+
 ASKS_EVERY = 2.5  # seconds between two questions for the time
 LOST_AFTER = 11.0  # seconds without an answer after which the board no longer counts as configured
-FRAME_TIME = 0.02  # seconds in which a frame must be complete
 TACHO_EVERY = 0.05
 FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo library makes for 0 and 180 degrees
 
@@ -19,9 +23,14 @@ FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo 
 class VirtualRodney:
     """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
 
-    It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``.
+    It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``. From then on it
+    obeys angles, whether it was asked for its topics or not. ``starts`` is where it sends its servos when it starts;
+    the first sketches send them nowhere, ``ATTACHED``. With ``logs`` it writes a line for each angle, as those do.
+    A Nano starts anew when its port is ``opened``, a board with native USB (``keeps``) does not.
     ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
-    ``commands`` keeps the (index, angle) that it took, as sent. ``wheels`` is what its encoders measure.
+    ``commands`` keeps the (index, angle) that it took, as sent, and ``widest`` the degrees of the widest step among
+    them: from where it had sent that servo last, or the sketch when it started.
+    ``wheels`` is what its encoders measure.
     """
 
     def __init__(
@@ -32,15 +41,20 @@ class VirtualRodney:
         tacho: bool = False,
         buffer: int = 512,
         servo: wire.Topic = wire.SERVO,
+        starts: Sequence[float] = STARTS,
+        logs: bool = False,
+        keeps: bool = False,
     ) -> None:
         self.baud = baud
         self.commands: list[tuple[int, int]] = []
+        self.widest = 0.0
         self.wheels = wire.Tacho(0.0, 0.0)
         self._boot_delay = boot_delay
         self._buffer = buffer
         self._listens = wire.TopicInfo(wire.FIRST_USER, servo, buffer)
         self._publishes = wire.TopicInfo(wire.FIRST_USER + 25, wire.TACHO, buffer) if tacho else None
-        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in STARTS]
+        self._starts, self._logs_angles, self._keeps = starts, logs, keeps
+        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in starts]
         self._lock = Lock()  # the world looks at the shafts from a thread of its own
         self._boots_until: float | None = None
         self._booting = True
@@ -48,9 +62,9 @@ class VirtualRodney:
 
     def _restart(self) -> None:
         """Forget what the sketch keeps in memory."""
-        self._finder = wire.FrameFinder(self._buffer)
+        self._ear = Ear(self._buffer)
         self._configured = False
-        self._frame_began = self._asked = self._answered = self._measured = 0.0
+        self._asked = self._answered = self._measured = 0.0
         self._logs: list[wire.Log] = []
 
     def angle(self, index: int, now: float) -> float:
@@ -69,26 +83,29 @@ class VirtualRodney:
             self._restart()
             self._booting, self._boots_until = True, now + self._boot_delay
 
+    def opened(self, now: float) -> None:
+        """The computer has opened the port at time ``now``."""
+        if not self._keeps:
+            self.reset(now)
+
+    def plugged(self, now: float) -> None:
+        """The computer was plugged in at time ``now``, which it has its power from."""
+        self.reset(now)
+
     def feed(self, data: bytes, now: float) -> bytes:
         """Take bytes from the computer; return the answers."""
         with self._lock:
             if not self._running(now):
                 return b""
-            if self._finder.waiting and now - self._frame_began > FRAME_TIME:
-                self._finder = wire.FrameFinder(self._buffer)
-            fresh = not self._finder.waiting
-            frames = self._finder.feed(data)
-            if fresh or frames:
-                self._frame_began = now
-            return b"".join(self._answer(frame, now) for frame in frames)
+            self._forget(now)
+            return b"".join(self._answer(frame, now) for frame in self._ear.hear(data, now))
 
     def poll(self, now: float) -> bytes:
         """Let time pass; return what is due."""
         with self._lock:
             if not self._running(now):
                 return b""
-            if now - self._answered > LOST_AFTER:
-                self._configured = False
+            self._forget(now)
             if not self._configured:
                 return b""
             said = b"".join(wire.Frame(wire.LOG, line.pack()).pack() for line in self._logs)
@@ -101,18 +118,25 @@ class VirtualRodney:
                 said += wire.Frame(self._publishes.id, self.wheels.pack()).pack()
             return said
 
+    def _forget(self, now: float) -> None:
+        """Forget a computer that has answered no question for long."""
+        if now - self._answered > LOST_AFTER:
+            self._configured = False
+
     def _running(self, now: float) -> bool:
         """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
         if self._boots_until is None:
             self._boots_until = now + self._boot_delay
         if self._booting and now >= self._boots_until:
             self._booting = False
-            for shaft, start in zip(self._shafts, STARTS, strict=True):
+            for shaft, start in zip(self._shafts, self._starts, strict=True):
                 shaft.advance(now)
                 shaft.goal = start
         return not self._booting
 
-    def _answer(self, frame: wire.Frame, now: float) -> bytes:
+    def _answer(self, frame: wire.Frame | None, now: float) -> bytes:
+        if frame is None:
+            return b"" if self._configured else wire.REQUEST_TIME
         if frame.topic == wire.PUBLISHER:
             return self._negotiate(now)
         if frame.topic == wire.TIME:
@@ -120,7 +144,10 @@ class VirtualRodney:
         elif frame.topic == wire.STOP:
             self._configured = False
         elif frame.topic == self._listens.id and len(frame.data) >= 3:
-            self._turn(wire.ServoAngle.unpack(frame.data), now)
+            command = wire.ServoAngle.unpack(frame.data)
+            self._turn(command, now)
+            if self._logs_angles:
+                return wire.Frame(wire.LOG, wire.Log(0, f"Servo {command.index} ").pack()).pack()
         return b""
 
     def _negotiate(self, now: float) -> bytes:
@@ -138,8 +165,10 @@ class VirtualRodney:
             return
         shaft = self._shafts[command.index]
         shaft.advance(now)
+        before = shaft.goal
         if command.angle < FEWEST_MICROSECONDS:
             shaft.goal = float(min(command.angle, 180))
         else:
             pulse = min(command.angle, MOST_MICROSECONDS)
             shaft.goal = 180 * (pulse - FEWEST_MICROSECONDS) / (MOST_MICROSECONDS - FEWEST_MICROSECONDS)
+        self.widest = max(self.widest, abs(shaft.goal - before))

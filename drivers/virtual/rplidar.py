@@ -6,9 +6,11 @@ from struct import error
 import numpy as np
 import numpy.typing as npt
 
-from drivers.rplidar import wire
+from drivers.rplidar import capsules, wire
 from drivers.rplidar.models import MODELS, PWM, SAMPLES
-from drivers.rplidar.nodes import TURN, Nodes
+from drivers.rplidar.modes import RATES, Mode, setting
+from drivers.rplidar.nodes import TURN, Nodes, Words
+from drivers.rplidar.session import EXPRESS_SINCE
 from drivers.rplidar.wire import BAUD, Command, RequestFinder, Status
 from drivers.sim.scanner import Look
 from drivers.sim.twins.ranger import NOISE
@@ -25,6 +27,9 @@ BOOT = 0.5
 MOST_AT_ONCE = 4096
 """Nodes that it sends at once at most: those of a terminal that has been asleep for longer are lost."""
 
+SETTINGS_SINCE = (1, 24)
+"""The firmware from which on it tells of its ways to scan."""
+
 _SERIES_SHIFT = 4
 
 
@@ -34,6 +39,8 @@ class VirtualLidar:
     ``model`` is a key of ``MODELS``, ``yaw`` how it is turned on the base (radians). Each distance errs by ``noise``, a
     share of it (standard deviation), and is lost for the share ``dropouts`` of them, drawn from ``seed``. With
     ``streaming`` somebody left it scanning. A pseudo-terminal has no DTR: an A1 turns all the time, an A2 by ``pwm``.
+
+    ``firmware`` is its version: from 1.17 on it has express scans, from 1.24 on it tells of its ways to scan.
 
     What is set from outside, at any time: ``condition``, what it says of its health; ``curable``, that a reset makes
     that good; ``stuck``: the motor does not turn, so nothing is measured; ``mute``: it hears nothing.
@@ -50,6 +57,7 @@ class VirtualLidar:
         dropouts: float = 0.0,
         seed: int = 0,
         streaming: bool = False,
+        firmware: tuple[int, int] = (1, 29),
     ) -> None:
         self.model = MODELS[model]
         self.condition = wire.Condition(Status.GOOD)
@@ -59,6 +67,12 @@ class VirtualLidar:
         self.streaming = streaming
         self.pwm = PWM if streaming or not self.model.pwm else 0
         self.requests: dict[int, int] = {}
+        self._firmware = firmware
+        self._express = self._forced = False
+        self._modes = (
+            Mode("Standard", 1e6 / SAMPLES, self.model.most, 0x81),
+            Mode("Express", 1e6 / capsules.SAMPLES, self.model.most, 0x82),
+        )
         self._look = look
         self._yaw = yaw
         self._noise = noise
@@ -89,9 +103,16 @@ class VirtualLidar:
         """Return the nodes that were measured by ``now``."""
         if not self.streaming:
             return b""
-        due = int((now - self._since) * SAMPLES)
+        several = capsules.COUNT if self._express else 1
+        due = int((now - self._since) * self._samples / several) * several
         first, self._sent = max(self._sent, due - MOST_AT_ONCE), due
-        return self._measure(np.arange(first, due), now) if due > first and self.turning else b""
+        if due <= first or not (self.turning or self._forced):
+            return b""
+        return (self._encapsulated if self._express else self._measure)(np.arange(first, due), now)
+
+    @property
+    def _samples(self) -> float:
+        return capsules.SAMPLES if self._express else SAMPLES
 
     def _obey(self, command: int, payload: bytes, now: float) -> bytes:
         self.requests[command] = self.requests.get(command, 0) + 1
@@ -105,16 +126,40 @@ class VirtualLidar:
             case _ if self.streaming:
                 pass
             case Command.INFO:
-                info = wire.Info(self.model.series << _SERIES_SHIFT | 8, 29, 1, 7, bytes(range(16)))
+                major, minor = self._firmware
+                info = wire.Info(self.model.series << _SERIES_SHIFT | 8, minor, major, 7, bytes(range(16)))
                 return wire.INFO_REPLY + info.pack()
             case Command.HEALTH:
                 return wire.HEALTH_REPLY + self.condition.pack()
             case Command.BOARD if self.model.pwm:
                 return wire.BOARD_REPLY + bytes([1, 0, 0, 0])
-            case Command.SCAN if self.condition.status != Status.ERROR:
-                self.streaming, self._since, self._sent = True, now, 0
+            case Command.SCAN | Command.FORCED if self._works or command == Command.FORCED:
+                self._begin(now, forced=command == Command.FORCED)
                 return wire.SCAN_REPLY
+            case _ if self._firmware >= EXPRESS_SINCE:
+                return self._obey_newer(command, payload, now)
         return b""
+
+    def _obey_newer(self, command: int, payload: bytes, now: float) -> bytes:
+        """Do what firmware 1.17 and 1.24 have learnt."""
+        match command:
+            case Command.EXPRESS if self._works and payload[:1] in (b"\0", b"\1"):
+                self._begin(now, express=True)
+                return wire.EXPRESS_REPLY
+            case Command.RATES:
+                return wire.RATES_REPLY + RATES.pack(*(round(mode.period) for mode in self._modes))
+            case Command.SETTING if self._firmware >= SETTINGS_SINCE:
+                told = setting(payload, self._modes, 1)
+                return wire.setting_reply(told) if told else b""
+        return b""
+
+    @property
+    def _works(self) -> bool:
+        return self.condition.status != Status.ERROR
+
+    def _begin(self, now: float, *, express: bool = False, forced: bool = False) -> None:
+        self.streaming, self._since, self._sent = True, now, 0
+        self._express, self._forced = express, forced
 
     def _restart(self, now: float) -> bytes:
         self.streaming = False
@@ -133,14 +178,26 @@ class VirtualLidar:
     def _measure(self, numbers: npt.NDArray[np.int64], now: float) -> bytes:
         """Return the nodes with these numbers, counted from the beginning of the scan."""
         step = self.model.rate / SAMPLES
-        turns = numbers * step
+        new = np.floor(numbers * step) > np.floor((numbers - 1) * step)
+        angle, distance = self._sampled(numbers, now)
+        quality = np.where(distance == 0, 0, QUALITY).astype(np.uint8)
+        return Nodes(new, quality, angle, distance).pack()
+
+    def _encapsulated(self, numbers: npt.NDArray[np.int64], now: float) -> bytes:
+        """Return the capsules of as many nodes; the first of a scan says so."""
+        angle, distance = self._sampled(numbers, now)
+        return b"".join(
+            capsules.capsule(int(angle[at]), distance[at : at + capsules.COUNT], first=bool(numbers[at] == 0))
+            for at in range(0, len(numbers), capsules.COUNT)
+        )
+
+    def _sampled(self, numbers: npt.NDArray[np.int64], now: float) -> tuple[Words, Words]:
+        """Return angles and distances of the measurements with these numbers."""
+        turns = numbers * (self.model.rate / self._samples) * self.turning
         angle = np.floor(turns % 1.0 * TURN)
-        new = np.floor(turns) > np.floor((numbers - 1) * step)
         far = self._look(self._yaw - angle * (tau / TURN), now)
         far = far * (1 + self._noise * self._random.standard_normal(len(far)))
         lost = ~((far >= self.model.least) & (far <= self.model.most)) | (
             self._random.random(len(far)) < self._dropouts
         )
-        distance = np.where(lost, 0, far * 4000)
-        quality = np.where(lost, 0, QUALITY)
-        return Nodes(new, quality.astype(np.uint8), angle.astype(np.uint16), distance.astype(np.uint16)).pack()
+        return angle.astype(np.uint16), np.where(lost, 0, far * 4000).astype(np.uint16)

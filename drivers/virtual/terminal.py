@@ -68,6 +68,14 @@ class Tunable(Protocol):
         """Take note that the computer runs at ``baud``."""
 
 
+@runtime_checkable
+class Powered(Protocol):
+    """A device that has its power from the plug."""
+
+    def plugged(self, now: float) -> None:
+        """The plug was put in, at time ``now``."""
+
+
 def agree(one: int, other: int) -> bool:
     """Whether two ends of a wire at these rates understand each other."""
     return abs(one - other) <= TOLERANCE * max(one, other)
@@ -142,6 +150,8 @@ class Terminal:
             # master reads EIO whenever the last client has closed.
             tty.setraw(self._slave)
             os.set_blocking(self._master, False)
+            if isinstance(self.device, Powered):
+                self.device.plugged(self._clock.now())
             Path(self.path).symlink_to(os.ttyname(self._slave))
 
     def ask(self, question: Callable[[], T]) -> T:

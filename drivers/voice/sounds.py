@@ -5,6 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from drivers.errors import BadRequest
+from drivers.voice.heads import playable
 
 SUFFIXES = (".wav", ".mp3", ".flac", ".ogg")
 """What the names of files end in that can be played."""
@@ -26,12 +27,16 @@ def checked(name: str, path: Path) -> Path:
         raise BadRequest(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there")
     try:
         with path.open("rb") as file:
-            begin = file.read(12)
+            fits = playable(file)
+            is_wav = file.seek(0) == 0 and file.read(4) == b"RIFF"
     except OSError as error:
         raise BadRequest(f"{name}: {path}: {error.strerror}") from error
-    if not _is_sound(begin):
-        raise BadRequest(f"{name}: {path}: is no WAV, MP3, FLAC or Ogg file", hint=f"`file {path}` shows what it is")
-    if begin[:4] == b"RIFF" and length_of(path) > LONGEST:
+    if not fits:
+        raise BadRequest(
+            f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played",
+            hint=f"`file {path}` shows what it is",
+        )
+    if is_wav and length_of(path) > LONGEST:
         what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {LONGEST / 60:.0f}"
         raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {LONGEST:.0f} shorter.wav` keeps its beginning")
     return path
@@ -47,11 +52,3 @@ def length_of(path: Path) -> float:
         there = size // (file.getsampwidth() * file.getnchannels())
         return min(file.getnframes(), there) / file.getframerate()
     return size / BYTES_A_SECOND
-
-
-def _is_sound(begin: bytes) -> bool:
-    """Tell a sound by its first bytes: RIFF and WAVE, fLaC, OggS, ID3, or eleven set bits where an MP3 frame begins."""
-    if begin[:4] == b"RIFF":
-        return begin[8:12] == b"WAVE"
-    frame = len(begin) > 1 and begin[0] == 0xFF and begin[1] & 0xE0 == 0xE0
-    return begin[:4] in (b"fLaC", b"OggS") or begin[:3] == b"ID3" or frame

@@ -174,7 +174,7 @@ def _head(
     report: Report,
 ) -> Head:
     if isinstance(config, HeadConfig):
-        port, boot = ports.get("head", config.port), 0.0 if booted else config.boot
+        port, boot = ports.get("head", config.port), None if booted else config.boot
         return parts.head(config, clock, port=port, boot=boot, report=report)
     if arm is None:
         raise BadRequest("head: it is two joints of an arm that is not there", hint="add the arm to the parts")

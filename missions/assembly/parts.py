@@ -14,6 +14,7 @@ from drivers.api import Away, Camera, Joints, Manner, Notice, Reflexes, Report, 
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.memory import Memory
 from drivers.camera.choose import open_source
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
@@ -26,6 +27,7 @@ from drivers.link import Link
 from drivers.rplidar.driver import GATHER, RPLidar
 from drivers.voice.choose import Wish, make_voice
 from missions.assembly.interests import Interests
+from missions.folders import state_folder
 from perception.api import Face, Frame, Gaze, View
 from perception.change import MotionSense
 from perception.delay import Delay
@@ -84,9 +86,16 @@ def place(config: RangeConfig) -> tuple[float, float, float]:
     return (*config.position[:2], config.yaw)
 
 
-def head(config: HeadConfig, clock: Clock, *, port: str, boot: float, report: Report) -> ArduinoHead:
-    """Return the driver of a Rodney head; ``boot`` as the robot file says, 0 for a virtual one."""
-    board = Board(Link("head", port, config.baud, report=report), clock, boot_delay=boot, report=report)
+def head(config: HeadConfig, clock: Clock, *, port: str, boot: float | None, report: Report) -> ArduinoHead:
+    """Return the driver of a Rodney head; ``boot`` as the robot file says, None for a virtual one."""
+    board = Board(
+        Link("head", port, config.baud, report=report),
+        clock,
+        boot_delay=boot or 0.0,
+        report=report,
+        away=away(config.away),
+        remembered=None if boot is None else Memory(state_folder(), port),
+    )
     return ArduinoHead(
         board,
         clock,
@@ -99,7 +108,7 @@ def head(config: HeadConfig, clock: Clock, *, port: str, boot: float, report: Re
 
 def axis(config: ServoConfig) -> ServoAxis:
     """Return one servo of the head."""
-    return ServoAxis(config.index, config.lower, config.upper, flip=config.flip, trim=config.trim)
+    return ServoAxis(config.index, config.lower, config.upper, flip=config.flip, trim=config.trim, start=config.start)
 
 
 def neck(config: NeckConfig, joints: Joints, clock: Clock, *, report: Report) -> DynamixelHead:

@@ -9,6 +9,7 @@ from config.head import HeadConfig, NeckConfig, NeckJointConfig
 from config.robot import RangeConfig, RobotConfig
 from config.world import NOISE, PhysicsConfig, WorldConfig
 from drivers.api import Camera, Pose2D
+from drivers.arduino.axis import STARTS
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
 from drivers.sim.panned import PannedCamera
@@ -19,7 +20,7 @@ from drivers.sim.wheels import Wheels
 from drivers.sim.world import ORIGIN, World
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.rodney import ATTACHED, VirtualRodney
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
@@ -75,7 +76,9 @@ class Simulation:
             self.kobuki = VirtualKobuki(wheels=wheels, ground=self._world, battery=build_battery(physics))
             self.terminals["base"] = Terminal("kobuki", self.kobuki, clock)
         if isinstance(robot.head, HeadConfig) and "head" in chosen:
-            self.rodney = VirtualRodney(baud=robot.head.baud, tacho=tacho)
+            self.rodney = VirtualRodney(
+                baud=robot.head.baud, tacho=tacho, logs=not tacho, starts=STARTS if tacho else ATTACHED
+            )
             self.terminals["head"] = Terminal("nano", self.rodney, clock)
         if robot.arm is not None and "arm" in chosen:
             joints = robot.arm.joints.values()

@@ -151,6 +151,7 @@ class _Maker:
             tilt=tilt,
             speed=config.speed,
             acceleration=config.acceleration,
+            away=parts.away(config.away),
             report=self._audience.report,
         )
 

@@ -3,10 +3,11 @@
 import json
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from math import degrees, radians, sin
+from types import MappingProxyType
 from typing import Any
 
 import click
@@ -20,6 +21,7 @@ from config.trims import check_keepable, keep_trims
 from config.world import load_world
 from drivers.api import Head, HeadPose, unheard, unreported
 from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.vigil import Life
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.pantilt import AHEAD, Trimmable
@@ -34,9 +36,19 @@ from missions.order import DEFAULT_ROBOT
 from missions.runner import CONNECT_TIME
 from perception.delay import Delay
 
+STARTED: Mapping[Life, str] = MappingProxyType(
+    {
+        Life.ANEW: "opening its port has started its board anew: that is where its sketch puts the head",
+        Life.FORGOTTEN: "its board does not tell: that is where it was left, or else where its sketch puts the head",
+    }
+)
+"""How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
+
 PAUSE = 0.02
 """Seconds between two looks at the head."""
 
+NEAREST = radians(0.51)
+"""As near as a servo of whole degrees comes to any goal."""
 SWING, PACE = radians(15), 2.5
 """How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
 
@@ -66,7 +78,7 @@ class Bench:
 
     def arrives(self, goal: HeadPose) -> bool:
         """Wait until the head is at ``goal``; say whether it has got there."""
-        arrival, start = Arrival(), self.clock.now()
+        arrival, start = Arrival(NEAREST), self.clock.now()
         while not arrival(self.head.pose(), goal, self.clock.now()):
             if arrival.stuck or self.clock.now() - start > PATIENCE:
                 return False
@@ -98,7 +110,7 @@ def robot_options(command: Any) -> Any:
 
 @click.group()
 def command() -> None:
-    """The head by hand. Opening a Rodney head resets its board: the head goes to its start first.
+    """The head by hand. Opening the port resets most boards: a Rodney head then stands where its sketch puts it.
 
     Simulated unless a robot is named, as with `mission run`.
     """
@@ -126,9 +138,10 @@ def center(robot: str | None, simulate: bool, port: str | None) -> int:
 @robot_options
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
 def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) -> int:
-    """Say where the head looks, how far it turns, and how it is trimmed."""
-    with opened(robot, simulate=simulate, port=port) as bench:
-        bench.arrives(bench.head.limits.clamp(AHEAD))  # where every head goes when it is opened
+    """Say where the head looks, how far it turns, and how it is trimmed. Turns nothing."""
+    with opened(robot, simulate=simulate, port=port, stay=True) as bench:
+        if isinstance(bench.head, ArduinoHead) and (began := STARTED.get(bench.head.board.began or Life.FORGOTTEN)):
+            click.echo(began, err=True)
         axes = bench.where()
         rates = bench.head.board.wheels().value if isinstance(bench.head, ArduinoHead) else None
         if as_json:
@@ -235,9 +248,12 @@ def _sign(axis: ServoConfig | NeckJointConfig) -> int:
 
 
 @contextmanager
-def opened(name: str | None, *, simulate: bool, port: str | None, camera: bool = False) -> Iterator[Bench]:
+def opened(
+    name: str | None, *, simulate: bool, port: str | None, stay: bool = False, camera: bool = False
+) -> Iterator[Bench]:
     """Open the head of a robot, with its ``camera`` if wanted, and wait until it is there; close it whatever comes.
 
+    It goes to its start first, unless it is to ``stay``.
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
@@ -258,6 +274,8 @@ def opened(name: str | None, *, simulate: bool, port: str | None, camera: bool =
     head, trimmer = robot.robot.head, robot.devices["head"]
     if not isinstance(trimmer, Trimmable):
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")
+    if stay:
+        trimmer.stay()
     with interruptible(), closing(robot):
         robot.open()
         while not (head.health().online and head.pose().good):

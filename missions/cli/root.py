@@ -116,6 +116,7 @@ def guarded(work: Callable[[], object]) -> int:
     from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.recording.faults import InvalidRecordError  # noqa: PLC0415
+    from perception.faults import BadModel  # noqa: PLC0415
 
     try:
         code = work()
@@ -127,7 +128,7 @@ def guarded(work: Callable[[], object]) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("mission: interrupted", err=True)
         return INTERRUPTED
-    except (InvalidFileError, UnknownNameError, InvalidRecordError) as error:
+    except (InvalidFileError, UnknownNameError, InvalidRecordError, BadModel) as error:
         click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
         return USAGE
     except DriverError as error:

@@ -1,4 +1,4 @@
-"""``mission schema``: the JSON Schema of missions, for editors that know YAML, or that of dumps of their trees."""
+"""``mission schema``: JSON Schemas for editors that know YAML: of missions, tests, robots and worlds."""
 
 import json
 from pathlib import Path
@@ -8,23 +8,30 @@ import click
 from missions.cli.options import behaviours_option, own_files
 from missions.cli.outputs import writing
 from missions.pictures import tree_json
+from missions.schema.files import KINDS, file_schema
 from missions.schema.mission import known_things, mission_schema
 from missions.vocabulary import vocabulary
 
 
 @click.command()
+@click.argument("kind", type=click.Choice(["missions", *KINDS]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
 @behaviours_option
-def command(output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> None:
+def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> None:
     """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
-    In VS Code, with the YAML extension, after `mission schema -o mission.schema.json`, begin a mission in that folder
-    with the line
+    Or that of tests, robots or worlds. In VS Code, with the YAML extension, after
+    `mission schema -o mission.schema.json`, begin a mission in that folder with the line
 
     # yaml-language-server: $schema=mission.schema.json
     """
-    schema = tree_json.schema() if of_tree else mission_schema(vocabulary(own_files(files)), known_things())
+    if of_tree:
+        schema = tree_json.schema()
+    elif kind in KINDS:
+        schema = file_schema(kind)
+    else:
+        schema = mission_schema(vocabulary(own_files(files)), known_things())
     text = json.dumps(schema, indent=1, ensure_ascii=False)
     if output is None:
         click.echo(text)

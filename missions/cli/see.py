@@ -18,6 +18,7 @@ from missions.cli.drawings import Drawings
 from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
 from perception.annotate import annotate
 from perception.api import Box, Marker, Thing
+from perception.faults import BadModel
 from perception.markers import DICTIONARIES
 from perception.wanted import Wanted
 
@@ -70,7 +71,7 @@ def command(
                 drawn.write(path, number, annotate(image, _marks(seen)))
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
-    except FileNotFoundError as error:  # of a detector
+    except (FileNotFoundError, BadModel) as error:  # of a detector
         raise click.UsageError(f"{error}") from error
     return 0
 

@@ -4,8 +4,9 @@ x goes to the right and y up, as on the robot's own map; one metre is ``METRE`` 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, cos, sin
+from math import ceil, cos, degrees, sin
 from xml.etree import ElementTree as ET
 
 from drivers.api import BASE_RADIUS
@@ -33,6 +34,12 @@ text { font: 15px "DejaVu Sans", sans-serif; fill: #33353a; text-anchor: middle;
 .line { stroke: #6b6e76; stroke-width: 1.5 } .both { marker-start: url(#end); marker-end: url(#end) }
 .docking { stroke: #2e8c4a; stroke-width: 5; stroke-linecap: round }
 .robot { fill: #2660b4; stroke: #14325f } .nose { stroke: white; stroke-width: 4; stroke-linecap: round }
+.paper { fill: #ffffff }
+@media (prefers-color-scheme: dark) {
+text { fill: #e5e9ee; stroke: #20262e } .on { fill: #33353a } .paper { fill: #1b2128 } .summary { fill: #a3aeba }
+.measure { fill: #a3aeba; stroke: #1b2128 } .floor { fill: #20262e } .outside { stroke: #a3aeba }
+.grid { stroke: #343d48 } .wall { fill: #a3aeba } .path { stroke: #e08a66 } .line { stroke: #a3aeba }
+}
 """
 
 _DEFINITIONS = """<defs>
@@ -43,6 +50,24 @@ _DEFINITIONS = """<defs>
 <pattern id="steps" width="18" height="18" patternUnits="userSpaceOnUse"><rect width="18" height="18" fill="#3a383e"/>
 <path d="M9 0V18" stroke="#6f6c76" stroke-width="2"/></pattern>
 </defs>"""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """How large the drawing of a world is, where in it the robot starts, and where it looks then (degrees)."""
+
+    width: float
+    height: float
+    x: float
+    y: float
+    heading: float
+
+
+def frame_of(world: World) -> Frame:
+    """Return the size of the plan of ``world``, and the place and heading of the robot's start on it."""
+    drawn = _Plan(world, 0.0)
+    start = world.start
+    return Frame(drawn.wide, drawn.high, *drawn.spot((start.x, start.y)), degrees(start.heading))
 
 
 def plan(name: str, world: World, summary: str = "", time: float = 0.0) -> str:
@@ -58,12 +83,12 @@ class _Plan:
         self._time = time
         room = world.room
         self._left, self._top, self._bottom = 90, 100, 90  # units around the room: measures, title, scale
-        self._wide = room.length * METRE + 2 * self._left
-        self._high = room.width * METRE + self._top + self._bottom
+        self.wide = room.length * METRE + 2 * self._left
+        self.high = room.width * METRE + self._top + self._bottom
         size = {
-            "viewBox": f"0 0 {self._wide:g} {self._high:g}",
-            "width": f"{self._wide:g}",
-            "height": f"{self._high:g}",
+            "viewBox": f"0 0 {self.wide:g} {self.high:g}",
+            "width": f"{self.wide:g}",
+            "height": f"{self.high:g}",
         }
         self._svg = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
 
@@ -72,7 +97,7 @@ class _Plan:
         self._add("title").text = name
         self._add("style").text = _STYLE
         self._add("defs")
-        self._add("rect", width="100%", height="100%", fill="white")
+        self._add("rect", width="100%", height="100%", **{"class": "paper"})
         self._add("text", x=self._left, y=42, **{"class": "title"}).text = name
         self._add("text", x=self._left, y=68, **{"class": "summary"}).text = summary
         self._room()
@@ -149,7 +174,7 @@ class _Plan:
         self._line((x_low, low), (x_high, low), "line both")
         self._text(f"{x_high - x_low:g} m", ((x_low + x_high) / 2, low), "measure")
         self._line((left, y_low), (left, y_high), "line both")
-        x, y = self._spot((left, (y_low + y_high) / 2))
+        x, y = self.spot((left, (y_low + y_high) / 2))
         turned = {"class": "measure", "transform": f"rotate(-90 {x:g} {y:g})"}
         self._add("text", x=x, y=y + 5, **turned).text = f"{y_high - y_low:g} m"
         for x_end, y_end in ((x_low, y_low), (x_high, y_high)):
@@ -161,7 +186,8 @@ class _Plan:
 
     # --- shapes, in metres --------------------------------------------------------------------------------------------
 
-    def _spot(self, place: Place) -> tuple[float, float]:
+    def spot(self, place: Place) -> tuple[float, float]:
+        """Return where a place is in the drawing."""
         (x_low, _), (_, y_high) = self._world.room.extent()
         return self._left + (place[0] - x_low) * METRE, self._top + (y_high - place[1]) * METRE
 
@@ -170,17 +196,17 @@ class _Plan:
         return ET.SubElement(self._svg, tag, shown)
 
     def _polygon(self, corners: Sequence[Place], kind: str, colour: Colour | None = None) -> None:
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self._spot, corners))
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self.spot, corners))
         fill = {} if colour is None else {"fill": _hex(colour)}
         self._add("polygon", points=points, **{"class": kind}, **fill)
 
     def _disc(self, place: Place, radius: float, kind: str, colour: Colour | None = None) -> None:
-        x, y = self._spot(place)
+        x, y = self.spot(place)
         fill = {} if colour is None else {"fill": _hex(colour)}
         self._add("circle", cx=x, cy=y, r=radius * METRE, **{"class": kind}, **fill)
 
     def _line(self, start: Place, end: Place, kind: str) -> None:
-        (x1, y1), (x2, y2) = self._spot(start), self._spot(end)
+        (x1, y1), (x2, y2) = self.spot(start), self.spot(end)
         self._add("line", x1=x1, y1=y1, x2=x2, y2=y2, **{"class": kind})
 
     def _nose(self, place: Place, heading: float, length: float) -> None:
@@ -195,7 +221,7 @@ class _Plan:
             drawn.add((start, end))
 
     def _text(self, text: str, middle: Place, kind: str = "") -> None:
-        x, y = self._spot(middle)
+        x, y = self.spot(middle)
         self._add("text", x=x, y=y + 5, **{"class": kind}).text = text
 
 

@@ -83,19 +83,9 @@ def route_chart(route: Route) -> Markup:
     size = max(right - left, bottom - top)
     rule = _round_below(size / 3)
     margin = 0.08 * size
-    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in _apart(points, size / SIDE))
-    robot = tag(
-        "g",
-        tag("circle", r=_number(0.028 * size)),
-        tag("path", d=f"M0,0 V{_number(-0.055 * size)}"),
-        class_="robot",
-        transform=_put(route.places[-1]),
-    )
     plot = tag(
         "svg",
-        tag("polyline", points=path, class_="way"),
-        tag("circle", cx=_number(points[0][0]), cy=_number(points[0][1]), r=_number(0.018 * size), class_="start"),
-        robot,
+        way_in_metres(route, 0.028 * size, size / SIDE),
         tag("path", d=f"M{_number(left)},{_number(bottom + margin / 2)} h{_number(rule)}", class_="rule"),
         viewBox=" ".join(
             _number(value)
@@ -111,6 +101,27 @@ def route_chart(route: Route) -> Markup:
         tag("span", tag("span", "○ start, ahead is up"), tag("span", f"━ {rule:g} m"), class_="lines"),
     )
     return tag("figure", caption, plot, class_="chart")
+
+
+def way_in_metres(route: Route, radius: float, least: float = 0.01) -> Markup:
+    """Return the way, where it began, and the robot as a disc of that ``radius`` (m): ahead is up, in metres.
+
+    Points that are no further apart than ``least`` are one.
+    """
+    points = [(-y, -x) for x, y, _ in route.places]
+    path = " ".join(f"{x:.3f},{y:.3f}" for x, y in _apart(points, least))
+    (x, y), robot = (
+        points[0],
+        tag(
+            "g",
+            tag("circle", r=_number(radius)),
+            tag("path", d=f"M0,0 V{_number(-2 * radius)}"),
+            class_="robot",
+            transform=_put(route.places[-1]),
+        ),
+    )
+    begin = tag("circle", cx=_number(x), cy=_number(y), r=_number(0.65 * radius), class_="start")
+    return join(tag("polyline", points=path, class_="way"), begin, robot)
 
 
 def _round_below(value: float) -> float:

@@ -12,6 +12,7 @@ from missions.pictures.page.tools import button, tools
 from missions.pictures.page.tree import tree
 from missions.pictures.states import STATUSES, now_of
 from missions.report.chart import chart, route_chart, seen_from_above
+from missions.report.floor import floor, world_of
 from missions.report.lanes import timeline
 from missions.report.percepts import Picture
 from missions.report.slider import Moments, Texts, Variable, changes, compact, failures, value_at, variables
@@ -21,12 +22,17 @@ from missions.report.tables import about, began, faults_table, log_table, sighti
 from missions.report.traces import SHORTEST, thinned
 from missions.report.words import in_seconds, names_in
 
+PLAY = "\N{BLACK RIGHT-POINTING TRIANGLE} Play"
+
+SPEEDS = (1, 2, 5, 20)
+"""How fast a run may be played, in times of how fast it was."""
+
 HERE = files(__name__.rpartition(".")[0])
 """The folder of ``report.css`` and ``report.js``."""
 
 
 def page(study: Study) -> str:
-    """Return the report. It opens at the end of the run; without a script that is what it shows."""
+    """Return the report. It opens at the beginning of the run; without a script it shows its end."""
     record, moments, texts = study.record, study.moments, Texts()
     named = variables(record, study.drawing, moments, texts)
     states = {key: now_of(change) for key, change in record.statuses(moments.end).items()}
@@ -38,6 +44,7 @@ def page(study: Study) -> str:
         _header(study),
         _timebar(moments),
         _section("At this moment", shown),
+        _floor(study),
         _section("Timeline", timeline(study.lanes, moments)),
         _sight(study),
         _traces(study),
@@ -72,9 +79,16 @@ def _header(study: Study) -> Markup:
 def _timebar(moments: Moments) -> Markup:
     last = len(moments.times) - 1
     slider = start(
-        "input", type="range", id="slider", min=0, max=last, step=1, value=last, autocomplete="off",
+        "input", type="range", id="slider", min=0, max=last, step=1, value=0, autocomplete="off",
         aria_label="Time", aria_valuetext=in_seconds(moments.end),
     )  # fmt: skip
+    speeds = (tag("option", f"{times} x", value=times, selected=times == 1) for times in SPEEDS)
+    play = tag(
+        "span",
+        button(PLAY, id="play"),
+        tag("select", *speeds, id="speed", aria_label="Speed", autocomplete="off"),
+        class_="player",
+    )
     jumps = tag(
         "span",
         button("\N{LEFTWARDS ARROW} Failure", data_jump="previous", aria_label="Previous failure"),
@@ -84,7 +98,13 @@ def _timebar(moments: Moments) -> Markup:
     clock = tag("div", tag("b", in_seconds(moments.end)), tag("span", f"tick {moments.ticks[-1]}"), id="clock")
     said = (tag("button", type="button", class_="link"), tag("span"))
     note = tag("div", *said, role="status", id="note")
-    return tag("div", clock, slider, jumps, note, class_="timebar", role="group", aria_label="Time", hidden=True)
+    return tag("div", play, clock, slider, jumps, note, class_="timebar", role="group", aria_label="Time", hidden=True)
+
+
+def _floor(study: Study) -> Markup:
+    """Return the section with the plan and the way on it; none for a run in the real world."""
+    drawn = floor(study.record, study.route)
+    return _section("Where it went", drawn) if drawn else drawn
 
 
 def _section(title: str, *content: str) -> Markup:
@@ -140,7 +160,8 @@ def _sight(study: Study) -> Markup:
 
 def _traces(study: Study) -> Markup:
     drawn = [chart(each, study.moments) for each in study.charts]
-    drawn += [route_chart(study.route)] if study.route.length > SHORTEST else []
+    if study.route.length > SHORTEST and world_of(study.record) is None:
+        drawn.append(route_chart(study.route))
     if not drawn:
         return join()
     return _section("Head and base", tag("div", *drawn, class_="charts"))

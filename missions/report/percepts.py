@@ -1,7 +1,7 @@
 """What the robot saw: pictures, as many as fit a page, and everything that it followed from picture to picture."""
 
 from bisect import bisect_right
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -13,7 +13,7 @@ from missions.recording.read import Record
 from missions.replay.frames import SAME, marks_of
 from missions.report.words import about_all, name_of
 from perception.annotate import annotate
-from perception.api import Box, Percept, View
+from perception.api import UNKNOWN, Box, Face, Percept, View
 
 Views = Sequence[tuple[float, View]]
 """What perception found, and when it said so."""
@@ -38,13 +38,20 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Something that was followed: from when to when (s), in how many views, and how near it came (m, or None)."""
+    """Something that was followed: from when to when (s), in how many views, and how near it came (m, or None).
+
+    ``times`` is how often it came into view anew; ``person`` whether it is a person whose name is known, ``face``
+    whether it is a face without a name.
+    """
 
     name: str
     first: float
     last: float
     views: int
     nearest: float | None
+    times: int = 1
+    person: bool = False
+    face: bool = False
 
 
 def pictures(record: Record, views: Views, most: int) -> list[Picture]:
@@ -82,15 +89,44 @@ def evenly(count: int, most: int) -> list[int]:
 def sightings(views: Views) -> list[Sighting]:
     """Return all that was followed, in the order in which it came into view."""
     found: dict[tuple[str, int], Sighting] = {}
+    called: dict[tuple[str, int], str] = {}
     for time, view in views:
         for percept in _fresh(view):
             key = type(percept).__name__, percept.id
             before = found.get(key, Sighting("", time, time, 0, None))
             near = [each for each in (before.nearest, percept.distance) if each is not None and isfinite(each)]
+            if isinstance(percept, Face) and percept.name not in ("", UNKNOWN):
+                called[key] = percept.name  # and so it was all the time, though it may not have been decided
             found[key] = replace(
-                before, name=name_of(percept), last=time, views=before.views + 1, nearest=min(near, default=None)
+                before,
+                name=called.get(key) or name_of(percept),
+                last=time,
+                views=before.views + 1,
+                nearest=min(near, default=None),
+                person=key in called,
+                face=isinstance(percept, Face) and key not in called,
             )
-    return list(found.values())
+    return _by_name(found.values())
+
+
+def _by_name(found: Iterable[Sighting]) -> list[Sighting]:
+    """Return what was seen with each name once, however often it came into view."""
+    named: dict[str, Sighting] = {}
+    for each in found:
+        before = named.get(each.name)
+        near = [near for near in (each.nearest, before.nearest if before else None) if near is not None]
+        named[each.name] = (
+            each
+            if before is None
+            else replace(
+                before,
+                last=max(before.last, each.last),
+                views=before.views + each.views,
+                nearest=min(near, default=None),
+                times=before.times + 1,
+            )
+        )
+    return list(named.values())
 
 
 def _fresh(view: View | None) -> Iterator[Percept]:

@@ -17,7 +17,9 @@
   const values = [...document.querySelectorAll("[data-line]")];
   const shots = [...document.querySelectorAll(".shot")];
   const seen = document.querySelector("#seen");
-  const robot = document.querySelector(".robot");
+  const robots = [...document.querySelectorAll(".robot")];
+  const play = document.querySelector("#play");
+  const speed = document.querySelector("#speed");
   const lanes = [...document.querySelectorAll("[data-row]")];
 
   /** How many of some rows, which begin with their place, hold at a place. */
@@ -88,8 +90,8 @@
   }
 
   function showRobot(place) {
-    const row = robot && (newest(data.route, place) ?? data.route[0]);
-    if (row) robot.setAttribute("transform", `translate(${row[1]} ${row[2]}) rotate(${row[3]})`);
+    const row = newest(data.route, place) ?? data.route[0];
+    for (const robot of row ? robots : []) robot.setAttribute("transform", `translate(${row[1]} ${row[2]}) rotate(${row[3]})`);
   }
 
   let waiting = false;
@@ -120,9 +122,42 @@
     write(plain, key ? "" : text);
   }
 
+  // Play
+
+  let playing = 0; // by which call it is played; 0 while it stands
+  const last = data.times.length - 1;
+
+  function pause() {
+    playing = 0;
+    write(play, "\u25B6 Play");
+  }
+
+  /** Go on as time does, from where the slider is; from the beginning, where it is at the end. */
+  function start() {
+    if (Number(slider.value) === last) go(0);
+    write(play, "\u23F8 Pause");
+    let before = performance.now();
+    let time = data.times[Number(slider.value)];
+    const step = (now) => {
+      if (!playing) return;
+      time += (Math.max(0, now - before) / 1000) * Number(speed.value);
+      before = now;
+      const place = Math.max(0, reached(data.times, time, (each) => each) - 1);
+      if (place !== Number(slider.value)) go(place);
+      if (place === last) pause();
+      else playing = requestAnimationFrame(step);
+    };
+    playing = requestAnimationFrame(step);
+  }
+
+  play.addEventListener("click", () => (playing ? pause() : start()));
+
   // Whatever moves it
 
-  slider.addEventListener("input", () => go(slider.value));
+  slider.addEventListener("input", () => {
+    pause();
+    go(slider.value);
+  });
 
   const jumps = {
     next: (place) => data.failures[reached(data.failures, place)],
@@ -142,6 +177,7 @@
     const placed = target.closest("[data-place]");
     const node = target.closest("[data-node]");
     const drawn = target.closest(".over-time");
+    if (jumping || placed || drawn) pause();
     if (jumping) jump(jumping.dataset.jump);
     else if (placed) go(placeOf(placed));
     else if (node) showNode(node.dataset.node);

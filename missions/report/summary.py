@@ -8,6 +8,7 @@ from missions.pictures.drawing import Drawing
 from missions.pictures.symbols import CONDITION
 from missions.recording.read import Record
 from missions.report.following import rms
+from missions.report.percepts import Sighting
 from missions.report.study import Study
 from missions.report.timeline import Lane
 from missions.report.words import Named, counted, in_seconds, names_in
@@ -156,15 +157,31 @@ def _battery(record: Record) -> Iterator[str]:
 
 def _seen(found: Study) -> Iterator[str]:
     if found.sightings:
-        names = [each.name for each in found.sightings[:MOST_NAMES]]
-        more = len(found.sightings) - len(names)
-        names += [f"{more} more"] if more else []
-        yield f"It saw {', '.join(names)}, first at {in_seconds(found.sightings[0].first)}."
+        people = [each for each in found.sightings if each.person]
+        faces = [each for each in found.sightings if each.face]
+        others = [each for each in found.sightings if not (each.person or each.face)]
+        known = f"{_people(len(people))}, {_named(people)}" if people else ""
+        strange = f"{len(faces)} faces without a name" if len(faces) > 1 else _named(faces)
+        said = "; ".join(filter(None, (known, strange, _named(others))))
+        first = found.sightings[0]
+        whom = f" {first.name}" if len(found.sightings) > 1 else ""
+        yield f"It saw {said}: first{whom} at {in_seconds(first.first)}."
     elif found.views:
         yield "It saw nobody and nothing that it knows."
     else:
         eyes = found.record.head.eyes
         yield "What it saw is not in this record." if eyes else "There is no camera in this record."
+
+
+def _people(number: int) -> str:
+    return f"{number} {'person' if number == 1 else 'people'} whom it knows"
+
+
+def _named(seen: Sequence[Sighting]) -> str:
+    """Return names with how often each came into view, the most frequent first where they are too many."""
+    chosen = seen if len(seen) <= MOST_NAMES else sorted(seen, key=lambda each: -each.times)[:MOST_NAMES]
+    names = [each.name + (f" ({_times(each.times)})" if each.times > 1 else "") for each in chosen]
+    return ", ".join(names) + (f", {len(seen) - len(chosen)} more" if len(seen) > len(chosen) else "")
 
 
 def _missing(record: Record) -> Iterator[str]:

@@ -60,11 +60,12 @@ def _said(event: Logged | Notified) -> tuple[str, str]:
 
 def sightings_table(found: Sequence[Sighting], moments: Moments) -> Markup:
     """Return all that was followed from picture to picture."""
-    heads = ("What", "From", "To", "Found in", "Nearest")
+    heads = ("What", "Came", "From", "To", "Found in", "Nearest")
     rows = [
         tag(
             "tr",
             tag("th", each.name, scope="row"),
+            tag("td", "once" if each.times == 1 else f"{each.times} times"),
             tag("td", go_to(each.first, moments)),
             tag("td", go_to(each.last, moments)),
             tag("td", counted(each.views, "picture")),

@@ -8,6 +8,7 @@ from pathlib import Path
 from behaviours.leaf import Leaf
 from config.controller import load_controller
 from config.gesture import load_gesture
+from config.kinds import KEYS
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.catalogue import sentence
@@ -22,13 +23,28 @@ from missions.schema.values import HOLE, NAME, SCALAR, Schema, Things
 _LOADERS: Named[str, Callable[[Path], object]] = {"gesture": load_gesture, "controller": load_controller}
 
 
+OTHERS = tuple(key for key in KEYS if key != "mission")
+"""The keys by which files of other kinds are known."""
+
+
 def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
     """Return the JSON Schema (draft-07) of missions made of ``leaves``, that name ``things``."""
-    text = {"type": SCALAR, "pattern": r"\S"}
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
         "type": "object",
+        # A pattern of file names such as *.yaml takes in tests, robots and worlds too: those have schemas of their own.
+        "if": {"not": {"required": ["mission"]}, "anyOf": [{"required": [key]} for key in OTHERS]},
+        "else": _body(),
+        "defaultSnippets": [_WHOLE],
+        "definitions": definitions(leaves, things),
+    }
+
+
+def _body() -> Schema:
+    """Return what a mission file holds."""
+    text = {"type": SCALAR, "pattern": r"\S"}
+    return {
         "properties": {
             "mission": {"description": "The mission's name.", **text},
             "summary": {"description": "What it does, in a line.", **text},
@@ -51,8 +67,6 @@ def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
         },
         "required": ["mission", "tree"],
         "additionalProperties": False,
-        "defaultSnippets": [_WHOLE],
-        "definitions": definitions(leaves, things),
     }
 
 

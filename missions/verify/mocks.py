@@ -29,7 +29,11 @@ ALWAYS = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
 
 
 class StandIn(Leaf):
-    """A leaf that may run, succeed or fail; ``outcomes`` holds which of these. It keeps the claims of the real one."""
+    """A leaf that may run, succeed or fail; ``outcomes`` holds which of these. It keeps the claims of the real one.
+
+    Where its failure ``ends_alike`` its success, it never fails; one with a ``leader`` goes on as long as that does
+    (see missions.verify.alike).
+    """
 
     oracle: ClassVar[Oracle]
     watch: ClassVar[Watch]
@@ -37,6 +41,8 @@ class StandIn(Leaf):
     lingers: ClassVar[bool]
     stops: ClassVar[bool]
     live = False
+    ends_alike = False
+    leader: "StandIn | None" = None
 
     def initialise(self) -> None:
         """Tell that it starts."""
@@ -49,6 +55,11 @@ class StandIn(Leaf):
         """Do one of the things that it may do."""
         known = self.keep_as is not None and self.scope.get(self.keep_as) is UNKNOWN
         possible = [outcome for outcome in self.outcomes if not known or outcome != EARLY]
+        if self.leader is not None:
+            goes_on = self.leader.status is RUNNING
+            possible = [outcome for outcome in possible if (outcome.status is RUNNING) == goes_on]
+        if self.ends_alike and any(outcome.status is SUCCESS for outcome in possible):
+            possible = [outcome for outcome in possible if outcome.status is not FAILURE]
         status, found = self.oracle.choose(possible, self._said)
         self.result = UNKNOWN if found and self.keep_as is not None else None
         return status

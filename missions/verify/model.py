@@ -17,6 +17,7 @@ from missions.executive.modifiers import Hold, Repeat, Timeout
 from missions.language.kinds import STATE
 from missions.language.plan import Plan
 from missions.verify.abstract import abstract, durations, missing
+from missions.verify.alike import tell_fewer_apart
 from missions.verify.choices import Oracle
 from missions.verify.guesses import UNKNOWN, Sensed
 from missions.verify.instants import Timing
@@ -59,6 +60,7 @@ class Model:
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
         self.monitors: tuple[Following, ...] = tuple(follow(promise, self.nodes) for promise in plan.properties)
+        tell_fewer_apart(self.nodes, self.monitors)
         self.watch.follow([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
         self.watch.rounds = frozenset(node.child for node in self.nodes if isinstance(node, Repeat) and _endless(node))

@@ -27,8 +27,8 @@ from drivers.virtual.terminal import Terminal
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
 from tests.drivers.chains import chain
 
-PAN = ServoAxis(0, radians(-80), radians(80))
-TILT = ServoAxis(1, radians(-60), radians(20), flip=True)
+PAN = ServoAxis(0, radians(-80), radians(80), start=90)
+TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120)
 SPEED = radians(120)
 START = HeadPose(radians(10), radians(-5))
 DEGREE = radians(1)

@@ -1,6 +1,8 @@
 """Stiff and limp on a wire that loses packets: nothing leaps, nothing runs on, and what was not told is named."""
 
 from collections.abc import Callable
+from functools import partial
+from random import Random
 from typing import Any, Literal
 
 import pytest
@@ -39,19 +41,33 @@ def together(frame: bytes) -> bool:
     return code_of(frame) == Instruction.SYNC_WRITE
 
 
+def at_times(chance: Random, share: float) -> bool:
+    """Say yes in a ``share`` (0..1) of all cases."""
+    return chance.random() < share
+
+
 class LossyLine(DirectLine):
-    """Requests that it ``loses`` never arrive; the plug is pulled behind one that is the ``last``."""
+    """Requests that it ``loses`` never arrive; the plug is pulled behind one that is the ``last``.
+
+    Replies that are ``late`` are not heard; ``held_up`` is how long (s) a request takes to leave.
+    """
 
     def __init__(self, chain: VirtualServoBus, clock: ManualClock) -> None:
         super().__init__(chain, clock)
         self.loses: Callable[[bytes], bool] = lambda _: False
         self.last: Callable[[bytes], bool] = lambda _: False
+        self.late: Callable[[], bool] = lambda: False
+        self.held_up = 0.0
 
     def send(self, data: bytes) -> None:
         if self.loses(data):
             self._require()
             return
+        if self.held_up:
+            self._clock.advance(self.held_up)
         super().send(data)
+        if self.late():
+            self._heard = b""  # it comes when nobody waits for it any more
         self.plugged = not self.last(data)
 
 
@@ -157,6 +173,8 @@ def test_a_joint_that_did_not_hear_that_it_is_to_be_limp_is_told_again() -> None
     arm.run(1.0)
     arm.line.loses = lambda frame: together(frame) or wrote(frame, "torque_enable")
     arm.joints.relax(["b"])
+    assert arm.faults() == []  # the reply may be late
+    arm.run(1.2)
     assert arm.faults() == ["could not be relaxed: b (servo 2)"]
     assert not arm.servo(2).limp
     arm.line.loses = lambda _: False
@@ -176,6 +194,71 @@ def test_a_joint_that_missed_its_goal_is_sent_there_within_about_a_second(model:
     arm.run(2.5)
     assert arm.servo().angle == pytest.approx(0.5, abs=0.01)
     assert arm.servo().get(arm.servo().model.table.speed) == arm.servo().model.speed_ticks(0.7)
+
+
+# --- a busy machine: replies come too late, and nobody is alarmed -----------------------------------------------------
+
+
+@pytest.mark.parametrize("at_rest", ["hold", "relax"])
+def test_joints_that_rest_are_not_said_to_have_refused_because_replies_were_late(
+    at_rest: Literal["hold", "relax"],
+) -> None:
+    for share in (0.3, 0.6, 0.8):
+        for seed in range(10):
+            arm = Hand("AX-12A", "MX-28", "XL430-W250", at_rest=at_rest)
+            arm.run()
+            arm.joints.move(dict.fromkeys("abc", 1.5), speeds=dict.fromkeys("abc", 1.0))
+            arm.run(0.5)
+            chance = Random(seed)  # noqa: S311 - chance, not a secret
+            arm.line.late = partial(at_times, chance, share)
+            began = arm.clock.now()
+            arm.joints.rest()
+            assert arm.faults() == [], (share, seed)
+            assert arm.clock.now() - began < 2.0
+            assert [servo.limp for servo in arm.chain.servos] == [at_rest == "relax"] * 3
+            before = [servo.angle for servo in arm.chain.servos]
+            arm.clock.advance(1.0)
+            arm.chain.poll(arm.clock.now())
+            assert [servo.angle for servo in arm.chain.servos] == pytest.approx(before, abs=0.05)
+
+
+def test_at_rest_joints_that_had_fallen_silent_are_looked_for_before_anybody_is_alarmed() -> None:
+    for at_rest in ("hold", "relax"):
+        arm = Hand("AX-12A", "XL430-W250", at_rest="hold" if at_rest == "hold" else "relax")
+        arm.run()
+        arm.joints.move({"a": 1.5, "b": 1.5}, speeds={"a": 1.0, "b": 1.0})
+        arm.run(0.3)
+        arm.line.late = lambda: True
+        arm.run(0.5)
+        arm.line.late = lambda: False
+        assert "does not answer" in arm.joints.health().detail
+        arm.notices.clear()
+        arm.joints.rest()
+        assert arm.faults() == []
+        assert [servo.limp for servo in arm.chain.servos] == [at_rest == "relax"] * 2
+
+
+def test_at_rest_one_that_stays_silent_is_not_said_to_move_on_for_it_rests_by_itself() -> None:
+    arm = Hand("AX-12A", "XL430-W250")
+    arm.run()
+    arm.joints.move({"a": 1.5, "b": 1.5}, speeds={"a": 1.0, "b": 1.0})
+    arm.run(0.3)
+    arm.servo(2).present = False
+    arm.joints.rest()
+    assert arm.faults() == ["did not say whether they are held: b (servo 2)"]
+    assert "comes to rest by itself" in arm.notices[-1].hint
+    arm.joints.rest()
+    assert len(arm.faults()) == 1
+
+
+def test_whoever_is_held_up_before_a_request_has_left_does_not_miss_the_reply() -> None:
+    arm = Hand("AX-12A")
+    arm.chain.paced = True
+    arm.run()
+    arm.line.held_up = 0.1
+    for _ in range(20):
+        arm.run()
+    assert arm.joints.health().counters["misses"] == 0
 
 
 # --- servos that are not what they should be any more -----------------------------------------------------------------

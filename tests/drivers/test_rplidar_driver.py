@@ -62,10 +62,17 @@ class Directly(Link):
 class Bench:
     """A driver, a virtual finder, and the hand that lets time pass."""
 
-    def __init__(self, *, driven_as: str = "a1", model: str = "a1", streaming: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        driven_as: str = "a1",
+        model: str = "a1",
+        streaming: bool = False,
+        firmware: tuple[int, int] = (1, 15),  # which has plain scans alone
+    ) -> None:
         self.clock = ManualClock()
         self.notices: list[Notice] = []
-        self.lidar = VirtualLidar(all_round, model=model, streaming=streaming)
+        self.lidar = VirtualLidar(all_round, model=model, streaming=streaming, firmware=firmware)
         self.link = Directly(self.lidar, self.clock)
         self.device = RPLidar(self.link, self.clock, model=driven_as, report=self.notices.append)
         self.device.connected()

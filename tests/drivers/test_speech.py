@@ -288,7 +288,7 @@ def test_what_is_broken_off_without_a_sound_card_is_printed_again() -> None:
 
 def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: Path) -> None:
     path = tmp_path / "bell.ogg"
-    path.write_bytes(b"OggS" + bytes(100))
+    path.write_bytes(b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis" + bytes(100))
     wait_until(room.voice.play(path).done)
     (notice,) = room.notices
     assert f"{path}: failed to decode" in notice.what

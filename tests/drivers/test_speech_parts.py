@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import wave
+from contextlib import suppress
 from pathlib import Path
 from subprocess import PIPE, Popen
 from threading import Thread
@@ -80,21 +81,58 @@ def test_without_anything_the_synthesiser_chooses_and_speaks_as_people_do() -> N
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "begin", [b"RIFF\0\0\0\0WAVE", b"fLaC\0", b"OggS\0", b"ID3\x03", b"\xff\xfb\x90\x64", b"\xff\xf3\x40"]
+def riff(*chunks: tuple[bytes, bytes]) -> bytes:
+    body = b"".join(name + len(data).to_bytes(4, "little") + data for name, data in chunks)
+    return b"RIFF" + (len(body) + 4).to_bytes(4, "little") + b"WAVE" + body
+
+
+PLAIN = (b"fmt ", bytes.fromhex("0100 0100 803e0000 007d0000 0200 1000"))
+FRAME = b"\xff\xfb\x90\x64".ljust(417, b"\0")  # of an MP3: 128 kbit/s, 44.1 kHz
+FLAC = b"fLaC\x80\0\0\x22" + bytes(10) + b"\x0a\xc4\x42" + bytes(60)
+OGG = b"OggS\0\x02" + bytes(20) + b"\x01\x1e"
+SOUNDS = (
+    riff(PLAIN, (b"data", bytes(20))),
+    riff((b"LIST", bytes(26)), PLAIN, (b"fact", bytes(4)), (b"data", bytes(20))),
+    FLAC,
+    OGG + b"\x01vorbis" + bytes(23),
+    2 * FRAME,
+    b"ID3\x03\0\0\0\0\0\x0a" + bytes(10) + 2 * FRAME,
 )
-def test_sounds_are_told_by_their_first_bytes(tmp_path: Path, begin: bytes) -> None:
-    path = tmp_path / "sound"
-    path.write_bytes(begin + bytes(20))
-    assert checked("voice", path) == path
+NO_SOUNDS = (
+    b"", b"RIFF\0\0\0\0AVI ", b"\xff\x00", b"hello", b"\x89PNG",
+    riff(PLAIN), riff((b"data", bytes(20))), riff(PLAIN, (b"data", b"")),
+    riff((b"fmt ", b"\x55" + PLAIN[1][1:]), (b"data", bytes(20))), riff(PLAIN) + b"data\xff",
+    FLAC[:30], b"fLaC" + bytes(60), OGG + b"OpusHead" + bytes(23), OGG, b"OggS\0" + bytes(20),
+    FRAME + b"text", b"\xff\xfb\xf0\x64" + bytes(500), b"ID3\x03\0\0\0\0\0\x0a" + bytes(500), b"ID3",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("begin", [b"", b"RIFF\0\0\0\0AVI ", b"\xff\x00", b"hello", b"\x89PNG"])
-def test_what_is_no_sound_is_told_by_them_too(tmp_path: Path, begin: bytes) -> None:
+def test_sounds_are_told_by_how_they_begin(tmp_path: Path) -> None:
     path = tmp_path / "sound"
-    path.write_bytes(begin)
-    with pytest.raises(BadRequest, match="is no WAV, MP3, FLAC or Ogg file"):
-        checked("voice", path)
+    for data in SOUNDS:
+        path.write_bytes(data)
+        assert checked("voice", path) == path, data[:40]
+
+
+def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
+    path, wrong = tmp_path / "sound", []
+    for data in NO_SOUNDS:
+        path.write_bytes(data)
+        try:
+            checked("voice", path)
+        except BadRequest as error:
+            if "is no WAV, MP3, FLAC or Ogg Vorbis file that can be played" in str(error):
+                continue
+        wrong.append(data[:40])
+    assert wrong == []
+    for data in SOUNDS:  # cut off anywhere
+        for length in range(0, len(data), 7):
+            path.write_bytes(data[:length])
+            with suppress(BadRequest):
+                checked("voice", path)
+
+
+def test_where_no_sound_is_it_is_told(tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match="no such file"):
         checked("voice", tmp_path)
 

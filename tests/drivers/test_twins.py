@@ -32,8 +32,8 @@ from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import WireDevice
 
-PAN = ServoAxis(0, radians(-80), radians(80))
-TILT = ServoAxis(1, radians(-60), radians(20), flip=True, trim=radians(3))
+PAN = ServoAxis(0, radians(-80), radians(80), start=90)
+TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120, trim=radians(3))
 
 
 class DirectLink(Link):
@@ -144,7 +144,7 @@ def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
 
 
 def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
-    clock, rodney = ManualClock(), VirtualRodney()
+    clock, rodney = ManualClock(), VirtualRodney(tacho=True)
     link = DirectLink(rodney, clock)
     real = ArduinoHead(Board(link, clock, boot_delay=0.0), clock, pan=PAN, tilt=TILT, speed=2.0)
     twin = HeadTwin(clock, pan=PAN, tilt=TILT, speed=2.0)
@@ -165,9 +165,10 @@ def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
             mine, its, truth = twin.pose().value, real.pose().value, twin.true_pose(clock.now())
             assert mine is not None
             assert its is not None
-            assert (mine.pan, mine.tilt) == pytest.approx((its.pan, its.tilt), abs=radians(1.01))
+            # The real one waits now and then until its board has shown that it is still there.
+            assert (mine.pan, mine.tilt) == pytest.approx((its.pan, its.tilt), abs=radians(5.01))
             servos = (PAN.to_radians(rodney.angle(0, clock.now())), TILT.to_radians(rodney.angle(1, clock.now())))
-            assert (truth.pan, truth.tilt) == pytest.approx(servos, abs=radians(1.01))
+            assert (truth.pan, truth.tilt) == pytest.approx(servos, abs=radians(5.01))
         if step % 100 == 0:
             assert twin.pose().value == real.pose().value
 

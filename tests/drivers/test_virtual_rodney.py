@@ -4,7 +4,7 @@ import pytest
 
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS
-from drivers.virtual.rodney import SERVO_SPEED, VirtualRodney
+from drivers.virtual.rodney import ATTACHED, SERVO_SPEED, VirtualRodney
 
 
 def command(index: int, angle: int) -> bytes:
@@ -131,3 +131,31 @@ def test_reset_it_boots_again_forgets_the_computer_and_sends_the_servos_to_their
     assert device.poll(3.0) == b""
     assert device.angle(0, 4.0) == 90
     assert device.poll(30.0) == b""
+
+
+def test_a_header_that_is_none_is_answered_until_somebody_has_asked_for_the_topics() -> None:
+    device = VirtualRodney()
+    assert device.feed(b"\xff\x00" * 2, 1.0) == wire.REQUEST_TIME * 2
+    device.feed(wire.REQUEST_TOPICS, 1.1)
+    assert device.feed(b"\xff\x00" * 2, 1.2) == b""
+    assert device.feed(b"\xff\x00", 12.2) == wire.REQUEST_TIME  # nobody has answered for long
+
+
+def test_the_first_sketches_write_a_line_for_each_angle_and_obey_before_anybody_asked_them() -> None:
+    device = VirtualRodney(logs=True, starts=ATTACHED)
+    (frame,) = wire.FrameFinder().feed(device.feed(command(1, 120), 0.0))
+    assert wire.Log.unpack(frame.data) == wire.Log(0, "Servo 1 ")
+    assert device.angle(1, 1.0) == 120
+    assert device.widest == pytest.approx(27.3)
+
+
+def test_a_board_starts_anew_with_its_plug_and_all_but_those_with_native_usb_when_the_port_is_opened() -> None:
+    for keeps, opened in ((False, 90), (True, 10)):
+        device = VirtualRodney(keeps=keeps)
+        device.feed(command(0, 10), 0.0)
+        device.opened(1.0)
+        device.poll(1.0)
+        assert device.angle(0, 2.0) == opened
+        device.plugged(2.0)
+        device.poll(2.0)
+        assert device.angle(0, 3.0) == 90

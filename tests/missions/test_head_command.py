@@ -7,6 +7,7 @@ import re
 import signal
 import termios
 from collections.abc import Callable
+from functools import partial
 from math import radians
 from pathlib import Path
 
@@ -14,11 +15,15 @@ import pytest
 
 from config.library import find
 from config.robot import load_robot
+from drivers.clock import SystemClock
 from drivers.errors import BadRequest
+from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.terminal import Terminal
 from missions.assembly.lags import ENOUGH
 from missions.cli.keys import Keys, interruptible
 from missions.cli.trimming import trim_by_hand
 from tests.missions.command import Outcome, command
+from tests.waiting import wait_until
 
 Mission = Callable[..., Outcome]
 
@@ -40,11 +45,33 @@ def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission:
 
 def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
     outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
-    ahead = pytest.approx(0.0, abs=1.0)
+    assert "where it was left" in outcome.err
+    ahead = pytest.approx(0.0, abs=2.0)  # its board has just been switched on, and nobody has turned it
     assert json.loads(outcome.out) == {
         "head_pan": {"from": -80.0, "to": 80.0, "trim": 0.0, "angle": ahead},
         "head_tilt": {"from": -60.0, "to": 20.0, "trim": 0.0, "angle": ahead},
     }
+
+
+def stands(board: VirtualRodney, clock: SystemClock, degrees: tuple[int, int]) -> bool:
+    return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
+
+
+def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(mission: Mission) -> None:
+    clock, board = SystemClock(), VirtualRodney(tacho=True)
+    terminal = Terminal("teensy", board, clock)
+    terminal.open()
+    try:
+        at = ("--robot", "mine.yaml", "--port", terminal.path)
+        for pan, tilt in ((20, 10), (20, -29), (-10, 0)):
+            assert mission("look", *at, "--pan", str(pan), "--tilt", str(tilt)).code == 0
+            wait_until(partial(stands, board, clock, (90 + pan, 90 - tilt)))  # to the last degree
+            board.commands.clear()
+            told = json.loads(mission("where", *at, "--json").out)
+            assert (told["head_pan"]["angle"], told["head_tilt"]["angle"], board.commands) == (pan, tilt, [])
+    finally:
+        terminal.close()
+    assert board.widest <= 12 + 2
 
 
 def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mission) -> None:
@@ -108,6 +135,9 @@ class Straightened:
 
     def __init__(self) -> None:
         self.trims = (0.1, -0.1)
+
+    def stay(self) -> None:
+        pass
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
         wanted = tuple(old if new is None else new for old, new in zip(self.trims, (pan, tilt), strict=True))

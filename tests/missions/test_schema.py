@@ -323,8 +323,8 @@ def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
 
 
 def test_the_schema_and_the_checker_know_the_same_keys() -> None:
-    assert SCHEMA["properties"].keys() == set(body.KEYS)
-    assert SCHEMA["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
+    assert SCHEMA["else"]["properties"].keys() == set(body.KEYS)
+    assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
     assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.KEYS) for word in SWITCHES)
     assert BEHAVIOURS[FOR_EACH]["properties"].keys() == set(for_each.KEYS)
     expected = {*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE}

@@ -69,7 +69,7 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
 def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> None:
     clock, answers = ManualClock(10.0), Answers()
     bell = tmp_path / "bell.wav"
-    bell.write_bytes(b"OggS" + bytes(15_996))  # a second of it
+    bell.write_bytes((b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis").ljust(16_000, b"\0"))  # a second of it
     device = PrintedVoice(clock, lambda _: None)
     device.open()
     voice = AskedVoice("voice", device, answers)

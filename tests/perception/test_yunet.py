@@ -11,6 +11,7 @@ import pytest
 
 from perception.api import Box, Image
 from perception.faces import HaarFaces
+from perception.faults import BadModel
 from perception.finder import FaceDetector
 from perception.yunet import ENOUGH, HAAR, SURE, YuNetFaces
 
@@ -120,6 +121,17 @@ def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None
     path.write_bytes(b"no network")
     with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission models fetch yunet"):
         YuNetFaces(path).detect(picture())
+
+
+def test_another_network_says_how_to_fetch_the_right_one(
+    faces: YuNetFaces, spots: Spots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def detect(_: Image) -> None:
+        raise cv2.error("(-215:Assertion failed) outputs.size() == 12")
+
+    monkeypatch.setattr(spots, "detect", detect)
+    with pytest.raises(BadModel, match=r"net.onnx is another network than YuNet\n  try: mission models fetch yunet"):
+        faces.detect(picture())
 
 
 def test_the_network_itself_finds_the_astronaut_where_the_cascade_does(astronaut: Image) -> None:

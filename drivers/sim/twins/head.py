@@ -1,9 +1,22 @@
 """The twin of a Rodney head: the real driver's profiles in whole degrees, and two servos that follow them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 
-from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, Report, unheard, unreported
+from drivers.absence import Absence
+from drivers.api import (
+    HEAD_ACCELERATION,
+    Away,
+    HeadLimits,
+    HeadPose,
+    Health,
+    Quality,
+    Reading,
+    Report,
+    unheard,
+    unreported,
+)
 from drivers.arduino.axis import TRAILING, ServoAxis
 from drivers.clock import Clock
 from drivers.guard import guarded
@@ -19,8 +32,9 @@ class HeadTwin:
 
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
     the sketch puts its servos it goes to ``start`` once opened. Its pose is what the servos were sent, in whole
-    degrees; ``true_pose`` is where they are. A goal does not survive the plug. ``changed`` is called whenever the pose
-    has changed.
+    degrees; ``true_pose`` is where they are. A goal does not survive the plug, which its board has its power from: it
+    starts anew, and the head stays there until it is told. ``away`` says what of before goes on.
+    ``changed`` is called whenever the pose has changed.
     Raises ValueError for values that make no sense.
     """
 
@@ -34,6 +48,7 @@ class HeadTwin:
         tilt: ServoAxis,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
+        away: Away | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "head",
@@ -46,7 +61,9 @@ class HeadTwin:
         self._built = (pan, tilt)  # what it is trimmed to later turns it in truth
         self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
         self._shafts = tuple(Shaft(float(axis.awake), float(axis.awake), SERVO_SPEED) for axis in (pan, tilt))
+        self._absence = Absence(away)
         self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
+        self._began = False  # it has gone for its start, or is not to
         self._settled = False  # it stood still at the last step too: nothing is left to be sent
         self._pose = AHEAD
         self._stamp = -inf
@@ -62,10 +79,11 @@ class HeadTwin:
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected while it is not there.
+        Raises BadRequest if it is not finite, NotConnected while it is not there, DeviceFault while it is latched.
         """
         self._way.check(target)
         self.plug.require()
+        self._absence.require(self.name)
         accepted = self.limits.clamp(target)
         pan, tilt = self._way.axes  # as the real one: its way ends where the servos will stand
         self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._clock.now())
@@ -92,10 +110,24 @@ class HeadTwin:
         self._settled = False
         return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
 
+    def stay(self) -> None:
+        """Go nowhere when it is there. To be called before ``open``."""
+        self._began = True
+
+    @property
+    def latched(self) -> str:
+        """Why it moves no more until it is enabled; empty while it does."""
+        return self._absence.latched
+
+    def enable(self) -> None:
+        """Let it move again, after it was away for long."""
+        self._absence.enable()
+
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
+        self._absence.begin()
         self.plug.open()
 
     def rest(self) -> None:
@@ -109,13 +141,14 @@ class HeadTwin:
 
     def health(self) -> Health:
         """Say whether it is there."""
-        return self.plug.health({})
+        return replace(self.plug.health({}), returned=self._absence.returned)
 
     def step(self) -> None:
         """Move on: send each axis the next whole degree, where it is not that already."""
         if not self.plug.online:
             return
         now = self._clock.now()
+        self._absence.heard(now)
         still = self._way.still
         if still and self._settled:
             self._stamp = now
@@ -143,10 +176,15 @@ class HeadTwin:
         return HeadPose(pan, tilt)
 
     def _connected(self) -> None:
-        """Go on from where a sketch that has just started has put its servos, or stay where it was sent."""
-        if self._sent is None:
-            pan, tilt = (axis.to_radians(axis.awake) for axis in self._way.axes)
-            self._way.place(HeadPose(pan, tilt), self._clock.now())
+        """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
+        now, axes = self._clock.now(), self._way.axes
+        self._absence.heard(now, anew=True)
+        pan, tilt = (axis.to_radians(axis.awake) for axis in axes)
+        if self._began:
+            self._way.let_go(pan=pan, tilt=tilt, now=now)
+        else:
+            self._way.place(HeadPose(pan, tilt), now)
+        self._began, self._sent, self._settled = True, None, False
         self.step()
 
     def _gone(self) -> None:

@@ -16,6 +16,7 @@ from tests.browser import Browser, Tab, chromium
 from tests.missions.pictures.drawn import HOSTILE
 from tests.missions.pictures.test_document import Reader
 from tests.missions.replay.written import record_of
+from tests.waiting import wait_until
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +101,26 @@ def test_the_slider_moves_the_tree_the_variables_the_picture_and_the_charts(tab:
     assert state()[4:] == ("1.00 s", "translate(0 0) rotate(0)", 0.161)
     tab.press("Home")
     assert state()[:2] == ("0.10 s, tick 1", "running")  # before that it got ready
+
+
+def test_it_begins_at_the_beginning_and_plays_to_the_end(tab: Tab) -> None:
+    assert moment(tab) == "0.10 s, tick 1"
+    assert root(tab) == "running"
+    tab.evaluate("document.querySelector('#speed').value = '20'")
+    tab.find("button", "Play").click()
+    wait_until(lambda: moment(tab) == "6.00 s, tick 119")
+    wait_until(lambda: playing(tab) == "Play")
+    tab.evaluate("document.querySelector('#speed').value = '1'")
+    tab.find("button", "Play").click()  # once more, from the beginning
+    wait_until(lambda: moment(tab) not in {"6.00 s, tick 119", "0.10 s, tick 1"})
+    tab.find("button", "Pause").click()
+    assert playing(tab) == "Play"
+    assert moment(tab) != "6.00 s, tick 119"
+
+
+def playing(tab: Tab) -> str:
+    """Return what the button says that it would do."""
+    return str(tab.evaluate("document.querySelector('#play').textContent")).split()[-1]
 
 
 def test_next_and_previous_failure_go_to_where_nodes_failed_and_say_which(tab: Tab) -> None:
@@ -188,10 +209,12 @@ def test_a_real_run_is_reported(browser: Browser, alone: Record, tmp_path: Path)
     path.write_text(page(study(open_record(alone.path))), encoding="utf-8")
     tab = browser.open(path)
     assert tab.errors == []
-    assert "no face found (timed out after 2 s)" in tab.all("treeitem")[0].name
-    tab.find("slider", "Time").focus()
-    tab.press("Home")
     assert root(tab) == "running"
+    tab.find("slider", "Time").focus()
+    tab.press("End")
+    assert "no face found (timed out after 2 s)" in tab.all("treeitem")[0].name
+    tab.press("Home")
     tab.find("button", "Next failure").click()
     assert root(tab) == "failure"
+    tab.find("image", "Plan of the world empty")
     assert "What it saw" not in [heading.name for heading in tab.all("heading")]

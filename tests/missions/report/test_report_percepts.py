@@ -5,9 +5,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.report.percepts import WIDTH, chosen, evenly
+from missions.report.percepts import WIDTH, chosen, evenly, sightings
 from missions.report.study import Study
 from perception.annotate import INK
+from perception.api import UNKNOWN, Box, Face, View
 
 
 def test_a_picture_is_small_and_says_what_is_in_it(found: Study) -> None:
@@ -25,6 +26,21 @@ def test_what_was_followed_is_told_once_with_how_near_it_came(found: Study) -> N
     assert [(each.name, each.first, each.last, each.views, each.nearest) for each in found.sightings] == [
         ("face 1", 1.01, 5.01, 5, 1.5)
     ]
+
+
+def test_whoever_has_a_name_is_told_once_with_how_often_they_came() -> None:
+    def view(t: float, *seen: tuple[int, str]) -> tuple[float, View]:
+        faces = tuple(Face(n, t, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0 - t / 10, who) for n, who in seen)
+        return t, View(looked=t, faces=faces)
+
+    known = [view(1, (1, ""), (2, "Ben")), view(2, (1, "Anna")), view(3, (1, ""))]
+    found = sightings([*known, view(4, (3, "Anna"), (4, UNKNOWN)), view(5, (5, "Anna"))])
+    assert [(each.name, each.times, each.views, each.first, each.last, each.nearest) for each in found] == [
+        ("Anna", 3, 5, 1, 5, 1.5),
+        ("Ben", 1, 1, 1, 1, 1.9),
+        ("face 4", 1, 1, 4, 4, 1.6),
+    ]
+    assert [(each.person, each.face) for each in found] == [(True, False), (True, False), (False, True)]
 
 
 def test_pictures_before_failures_are_chosen_first() -> None:

@@ -35,7 +35,7 @@ def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
         "The base drove 0.2 m and turned 0° in all.",
         "What it followed was 11.5° from the middle of the picture (root mean square), and 11.5° at most, at 1.01 s.",
         "The battery went from 80 % to 74 %.",
-        "It saw face 1, first at 1.01 s.",
+        "It saw face 1: first at 1.01 s.",
     ]
 
 

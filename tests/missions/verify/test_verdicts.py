@@ -268,7 +268,7 @@ def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
 
 
 def test_many_leaves_at_once_do_not_take_for_ever() -> None:
-    many = ", ".join("scene_uniform" for _ in range(12))
+    many = ", ".join("{scene_uniform: 1 s, retry: 2}" for _ in range(12))
     found = explored(f"parallel: [{many}]", bound=10)
     assert found.outcome == UNDECIDED
     assert found.transitions < 400

@@ -1,0 +1,40 @@
+"""Where the servos of a board were left, kept from one program to the next, for as long as that can be true."""
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+
+class Memory:
+    """What is kept of the board at ``port``, in a file of its own in ``folder``.
+
+    It holds only while the port is the very one that the kernel made then: a board with native USB that starts anew
+    gets another, and so does whatever is plugged in again.
+    """
+
+    def __init__(self, folder: Path, port: str) -> None:
+        self._port = port
+        self._path = folder / f"servos{port.replace('/', '-')}.json"
+
+    def keep(self, degrees: Mapping[int, int]) -> None:
+        """Keep where the servos were sent last, by their numbers; where that cannot be, nothing is kept."""
+        with suppress(OSError):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._path.write_text(json.dumps({"of": self._node(), "degrees": dict(degrees)}), encoding="utf-8")
+
+    def take(self) -> dict[int, int]:
+        """Return what was kept, if it still holds, and keep it no longer: from now on the servos are moved."""
+        try:
+            found = json.loads(self._path.read_text(encoding="utf-8"))
+            self._path.unlink()
+            if found["of"] != self._node():
+                return {}
+            return {int(index): min(max(int(angle), 0), 180) for index, angle in found["degrees"].items()}
+        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+            return {}
+
+    def _node(self) -> list[int]:
+        """Return what tells this port from all others: its inode, and when that was made (ns). Raises OSError."""
+        status = Path(self._port).stat()
+        return [status.st_dev, status.st_ino, status.st_ctime_ns]

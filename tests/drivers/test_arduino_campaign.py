@@ -1,0 +1,185 @@
+"""Random resets, stalls and reconnects of boards of all kinds: no servo is told to take a step wider than the ramp.
+
+The stand-in has the order in which the sketch does things; the line has late bytes, and keeps them while nobody reads.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from math import radians
+from random import Random
+
+from drivers.api import HeadPose, Health, Notice
+from drivers.arduino.axis import ServoAxis
+from drivers.arduino.board import Board
+from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.vigil import FORGETS, FRESH
+from drivers.clock import ManualClock
+from drivers.errors import DriverError, NotConnected
+from drivers.link import Link, Talker
+from drivers.pantilt import CATCH_UP
+from drivers.virtual.rodney import ATTACHED, VirtualRodney
+
+SPEED = 120
+"""Degrees per second, as in the robot files."""
+
+RAMP = SPEED * (FRESH + CATCH_UP) + 2
+"""The widest step in degrees: what the ramp covers between two proofs, in whole degrees, from a start at 92.7."""
+
+KERNEL = 4095
+"""Bytes that the kernel keeps for who does not read."""
+
+TRIALS = 500
+
+BOARDS: dict[str, Callable[[], VirtualRodney]] = {
+    "first sketch, Nano": lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=1.0),
+    "first sketch, no boot loader": lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=0.07),
+    "later sketch, Nano": lambda: VirtualRodney(tacho=True, boot_delay=1.6),
+    "later sketch, Teensy": lambda: VirtualRodney(tacho=True, boot_delay=0.4, keeps=True),
+    "a sketch that tells nothing": lambda: VirtualRodney(starts=ATTACHED, boot_delay=0.5),
+}
+
+
+class Line(Link):
+    """A port without a thread, whose bytes are late; the test turns the crank, unevenly."""
+
+    def __init__(self, device: VirtualRodney, clock: ManualClock, random: Random) -> None:
+        super().__init__("head", "/dev/nano", 57600)
+        self.device, self.clock, self.random = device, clock, random
+        self.plugged = False
+        self.talker: Talker | None = None
+        self._arrived = b""
+
+    @property
+    def online(self) -> bool:
+        return self.plugged
+
+    def health(self) -> Health:
+        return Health(self.plugged, "" if self.plugged else "head: /dev/nano: no such device")
+
+    def open(self, talker: Talker) -> None:
+        self.talker = talker
+
+    def close(self) -> None:
+        self.plugged = False
+
+    def write(self, data: bytes) -> None:
+        if not self.plugged:
+            raise NotConnected("head: /dev/nano: no such device")
+        self._keep(self.device.feed(data, self.clock.now()))
+
+    def _keep(self, data: bytes) -> None:
+        self._arrived = (self._arrived + data)[:KERNEL]
+
+    def opens(self) -> None:
+        assert self.talker is not None
+        self._arrived = b""
+        self.device.opened(self.clock.now())
+        self.plugged = True
+        self.talker.connected()
+
+    def passes(self, seconds: float, *, served: bool = True) -> None:
+        """Let time pass; the link's thread serves the port now and then, or is held up."""
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
+            self.clock.advance(self.random.uniform(0.003, 0.045) if served else 0.005)
+            self._keep(self.device.poll(self.clock.now()) if self.plugged else b"")
+            if served and self.plugged and self.talker is not None:
+                data, self._arrived = self._arrived, b""
+                if data:
+                    self.talker.received(data)
+                self.talker.pulse()
+
+
+class Trial:
+    """One head, and what befalls it."""
+
+    def __init__(self, kind: str, seed: int) -> None:
+        self.random = Random(f"{kind} {seed}")  # noqa: S311  # it must be repeatable, and guards nothing
+        self.clock = ManualClock(100.0)
+        self.device = BOARDS[kind]()
+        self.line = Line(self.device, self.clock, self.random)
+        self.notices: list[Notice] = []
+        boot = 0.0 if "Teensy" in kind else 2.0
+        board = Board(self.line, self.clock, boot_delay=boot, report=self.notices.append)
+        self.head = ArduinoHead(
+            board,
+            self.clock,
+            pan=ServoAxis(0, radians(-80), radians(80)),
+            tilt=ServoAxis(1, radians(-60), radians(20), flip=True),
+            speed=radians(SPEED),
+            acceleration=radians(400),
+        )
+        self.told: Counter[str] = Counter()
+        self.hidden = False  # a reset that nobody can know of: only a person could say what it did
+
+    def play(self) -> None:
+        self.device.plugged(self.clock.now())
+        self.head.open()
+        self.line.opens()
+        self.line.passes(self.random.uniform(0.0, 5.0))
+        for _ in range(self.random.randint(1, 5)):
+            self.turns()
+            self.random.choice((self.resets, self.stalls, self.unplugs, self.reopens))()
+            self.line.passes(self.random.choice((0.0, 0.03, 0.5, 4.0)))
+        self.turns()
+        self.line.passes(3.0)
+
+    def turns(self) -> None:
+        """Look here and there, before the head has come to where it looked."""
+        for _ in range(self.random.randint(1, 3)):
+            if not self.hidden:
+                self.head.enable()
+            with suppress(DriverError):
+                self.head.look(HeadPose(radians(self.random.uniform(-80, 80)), radians(self.random.uniform(-60, 20))))
+                self.told["looks"] += 1
+            self.line.passes(self.random.uniform(0.0, 1.0))
+
+    def resets(self) -> None:
+        self.told["resets"] += 1
+        self.device.reset(self.clock.now())
+        if self.random.random() < 0.5:
+            self.turns()
+
+    def stalls(self) -> None:
+        self.told["stalls"] += 1
+        seconds = self.random.choice((0.06, 0.3, 2.0, 6.0, 12.0, 25.0))
+        if self.random.random() < 0.4:
+            begins = self.random.uniform(0.0, seconds)
+            self.line.passes(begins, served=False)
+            self.device.reset(self.clock.now())
+            self.told["resets while it stalls"] += 1
+            self.hidden |= begins > FORGETS - 1.0
+            seconds -= begins
+        self.line.passes(seconds, served=False)
+
+    def unplugs(self) -> None:
+        self.told["reconnects"] += 1
+        self.line.plugged = False
+        self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
+        self.device.plugged(self.clock.now())
+        self.line.passes(self.random.choice((0.0, 0.5)))
+        self.line.opens()
+
+    def reopens(self) -> None:
+        """Only the port is lost, as with a hub that hangs; the board keeps its power."""
+        self.told["reconnects"] += 1
+        self.line.plugged = False
+        self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
+        self.line.opens()
+
+
+def test_no_reset_stall_or_reconnect_makes_a_head_leap() -> None:
+    told: Counter[str] = Counter()
+    widest: dict[str, float] = {}
+    leaps = []
+    for seed in range(TRIALS // len(BOARDS)):
+        for kind in BOARDS:
+            trial = Trial(kind, seed)
+            trial.play()
+            told += trial.told
+            widest[kind] = max(widest.get(kind, 0.0), trial.device.widest)
+            if trial.device.widest > RAMP:
+                leaps.append(f"{kind}, seed {seed}: {trial.device.widest:.0f} degrees")
+    assert leaps == []
+    assert min(told.values()) > 30
