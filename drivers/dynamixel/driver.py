@@ -22,7 +22,7 @@ from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import Pace
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.dynamixel.telling import REMEDY, Telling
-from drivers.dynamixel.torque import go, go_on, recover, settle
+from drivers.dynamixel.torque import go, go_on, insisting, recover, settle
 from drivers.dynamixel.watch import GRACE, Watch
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
@@ -38,9 +38,6 @@ FRESH = 0.25
 
 GO_ON = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
-
-PATIENCE, TRIES = 1.0, 10
-"""Seconds for which, and how often, joints are told to rest that did answer, but have not confirmed that they do."""
 
 SLOW_ADAPTER = 0.004
 """Seconds for which an adapter may hold a reply back before it is worth a word."""
@@ -134,24 +131,15 @@ class DynamixelJoints:
         with self._lock:
             try:
                 failed = self._settle(self._joints, stiff=self._stiff_at_rest)
-                failed = self._insist(failed)
+                for _ in insisting(self._bus, failed, self._clock):
+                    for joint in failed:
+                        if not joint.answers:
+                            self._watch.look_for(joint)
+                    failed[:] = self._settle([joint.name for joint in failed], stiff=self._stiff_at_rest)
             except Exception as error:  # whatever it is, the port is still to be closed and other devices to be rested
                 failed = [joint for joint in self._joints.values() if joint.touched]
                 why = f" ({type(error).__name__}: {error})"
             self._telling.unrested(failed, stiff=self._stiff_at_rest, why=why)
-
-    def _insist(self, failed: list[Joint]) -> list[Joint]:
-        """Tell those to rest once more that may yet confirm it; return those that did not."""
-        until = self._clock.now() + PATIENCE
-        for _ in range(TRIES):
-            silent = [joint for joint in failed if not joint.answers]
-            able = silent or any(joint.driven for joint in failed)
-            if not (able and self._bus.is_open and self._clock.now() < until):
-                break
-            for joint in silent:
-                self._watch.look_for(joint)
-            failed = self._settle([joint.name for joint in failed], stiff=self._stiff_at_rest)
-        return failed
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ anticlockwise seen facing the horn. The *joint's* is the robot's: ``servo = zero
 """
 
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from math import inf, isfinite, radians
 
 from drivers.api import JointLimits, JointState, Quality, Reading
 from drivers.dynamixel import wire, wire2
@@ -14,6 +14,9 @@ from drivers.dynamixel.models import MODELS, Model
 from drivers.dynamixel.register import Block, Register
 from drivers.dynamixel.wire import LASTING, Fault
 from drivers.errors import BadRequest
+
+ELSEWHERE = radians(5)
+"""A joint that is found farther than this from where it stood is elsewhere: it was turned, or is another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,7 @@ class Joint:
     unsettled: bool = False
     unsettled_at: float = -inf  # since when
     mute: bool = False  # on a port that is open, it did not say whether it is
+    strayed: bool = False  # it was found elsewhere than it stood, and has not come over yet
     left_out: bool = False  # the last move of it went without it
     at: At = field(init=False)
     table: bytearray = field(init=False, repr=False)
@@ -186,6 +190,18 @@ class Joint:
         if covered * way <= 0:
             return state.position
         return state.position + min(covered, way, key=abs)
+
+    def stood(self, found: float) -> float | None:
+        """Return where it should stand that is ``found`` (radians) after it was away; None where that is so.
+
+        It was seen stiff, and may have ended the leg of its way that it was sent. A limp one may be anywhere.
+        """
+        state = self.reading.value
+        if state is None or not self.torque:
+            return None
+        ends = sorted((state.position, state.position if self.sent is None else self.angle(self.sent)))
+        place = min(max(found, ends[0]), ends[1])
+        return None if abs(found - place) <= ELSEWHERE else place
 
     def ticks(self, angle: float) -> int:
         """Return the servo's position for an angle of the joint."""

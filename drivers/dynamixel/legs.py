@@ -4,8 +4,9 @@ A servo that knows its whole goal goes on to it whatever becomes of the program 
 the way comes to rest by itself where that ends, and stays stiff.
 """
 
-from math import radians
+from math import inf, radians
 
+from drivers.dynamixel.following import NEAR, RUN_IN
 from drivers.dynamixel.joint import Joint
 
 AHEAD = 0.3
@@ -40,6 +41,17 @@ def leg(joint: Joint, now: float) -> int | None:
             return None
         far = max(far, LABOURED)
     return _towards(joint, end, here, far)
+
+
+def paced(joint: Joint, goal: float, speed: float, here: float | None) -> float:
+    """Return the speed (rad/s) at which a joint goes to ``goal`` (radians) that is told ``speed``.
+
+    One that was found elsewhere than it stood comes over slowly, until it is near where it is sent.
+    """
+    if joint.strayed and here is not None:
+        slow = joint.goal is not None and joint.speed <= RUN_IN  # it was sent on its way before
+        joint.strayed = min(abs(goal - here), abs((joint.goal or 0.0) - here) if slow else inf) > NEAR
+    return min(speed, RUN_IN) if joint.strayed else speed
 
 
 def nearest(joint: Joint, here: int) -> int:

@@ -1,7 +1,7 @@
 """What the driver of an arm tells of its servos: each thing once, with what may help."""
 
 from collections.abc import Iterable, Mapping
-from math import inf
+from math import degrees, inf
 
 from drivers.api import Notice, Report
 from drivers.dynamixel.gathering import duration
@@ -85,6 +85,16 @@ class Telling:
         how = "made stiff again where it stood" if joint.torque else "given them again"
         what = f"{joint.title} had lost its settings and was {how}"
         self._tell("fault", what, "its supply dips: measure it at the last servo while the arm moves")
+
+    def elsewhere(self, joint: Joint, stood: float, found: float) -> None:
+        """Tell of a joint that was away and is ``found`` elsewhere than it ``stood`` (radians)."""
+        what = (
+            f"{joint.title} stands at {degrees(found):.1f} deg, not at {degrees(stood):.1f} deg, where it stood before"
+        )
+        hint = (
+            "it goes on from there, slowly; if its servo is another, or its horn has slipped, its zero may have changed"
+        )
+        self._tell("fault", what, f"{hint}: mission servo calibrate --zero --robot FILE")
 
     def unled(self, follower: Joint, leader: Joint) -> None:
         """Tell of a follower that stands still because nothing is heard of its leader."""

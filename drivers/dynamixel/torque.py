@@ -4,16 +4,20 @@ Whenever torque is switched on, the goal is first set to where the servo stands,
 be taken up at once. On its way a joint is sent a short leg at a time: see ``legs``.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
+from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.legs import leg, nearest
+from drivers.dynamixel.legs import leg, nearest, paced
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
 
 RECENT = 0.06
 """Seconds for which a reading still says where a joint is."""
+
+PATIENCE, TRIES = 1.0, 10
+"""Seconds for which, and how often, joints are told to rest that have not confirmed that they do."""
 
 REBOOT = 0.5
 """Seconds that a servo of protocol 2.0 is given to start again."""
@@ -110,7 +114,8 @@ def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Ma
     for joint in joints:
         joint.left_out = joint not in going
     for joint in going:
-        goal, speed = goals[joint.name], speeds.get(joint.name, joint.limits.speed)
+        goal = goals[joint.name]
+        speed = paced(joint, goal, speeds.get(joint.name, joint.limits.speed), joint.position_at(now))
         if (goal, speed) != (joint.goal, joint.speed):
             joint.goal, joint.speed, joint.sent = goal, speed, None
         joint.wanted, joint.unsettled = True, False
@@ -192,6 +197,16 @@ def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: flo
             joint.goal = None
         return True
     return False
+
+
+def insisting(bus: Bus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
+    """Count out the tries in which those that have ``failed`` to confirm their rest yet may, as long as some can."""
+    until = clock.now() + PATIENCE
+    for _ in range(TRIES):
+        able = any(joint.driven or not joint.answers for joint in failed)
+        if not (able and bus.is_open and clock.now() < until):
+            return
+        yield
 
 
 def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:

@@ -127,6 +127,7 @@ class Watch:
                 complaint = difference(self._bus, joint)
                 joint.answers = True
                 if not complaint:
+                    self._compare(joint)
                     restore(self._bus, joint, now=self._clock.now())
             except NoReply:
                 complaint, joint.answers = absence(self._bus, joint), False
@@ -142,6 +143,13 @@ class Watch:
                     self._take(each)
             if joint.shut:
                 self._telling.shut(joint)
+
+    def _compare(self, joint: Joint) -> None:
+        """Tell if a joint that was away stands elsewhere than it stood. Raises NoReply, NotConnected, BadRequest."""
+        found = joint.angle(self._bus.read(joint.at, joint.model.table["present_position"]))
+        if (stood := joint.stood(found)) is not None:
+            joint.strayed = True
+            self._telling.elsewhere(joint, stood, found)
 
     def _take(self, joint: Joint) -> None:
         """Take in what a servo felt."""

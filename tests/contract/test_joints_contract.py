@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from functools import partial
-from math import inf, nan
+from math import degrees, inf, nan
 from typing import Literal
 
 import pytest
@@ -46,6 +46,10 @@ class JointsRig(Rig):
     @abstractmethod
     def turn_by_hand(self, joint: str, angle: float) -> None:
         """Turn a joint that is limp to an angle in radians."""
+
+    @abstractmethod
+    def exchange(self, joint: str, angle: float) -> None:
+        """Put another servo in the place of a joint's, which stands at an angle in radians, while it is unplugged."""
 
     def start(self) -> None:
         self.device.open()
@@ -98,6 +102,10 @@ class WireJoints(InRealTime, JointsRig):
         spec = SPECS[joint]
         self.terminal.ask(lambda: self.chain.servo(spec.id).turn_by_hand(spec.zero + spec.direction * angle))
 
+    def exchange(self, joint: str, angle: float) -> None:
+        self.chain.servo(SPECS[joint].id).power_cycle()
+        self.turn_by_hand(joint, angle)
+
     def unplug(self) -> None:
         self.terminal.unplug()
 
@@ -127,6 +135,9 @@ class TwinJoints(InSimulatedTime, JointsRig):
 
     def turn_by_hand(self, joint: str, angle: float) -> None:
         self.twin.turn_by_hand(joint, angle)
+
+    def exchange(self, joint: str, angle: float) -> None:
+        self.twin.exchange(joint, angle)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -504,6 +515,46 @@ def test_plugged_in_again_it_holds_where_it_is(arm: JointsRig) -> None:
     assert not arm.state("shoulder").torque
     arm.device.move({"elbow": 0.0})
     arm.until(lambda: arm.at("elbow", 0.0))
+
+
+def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from_where_it_stands(
+    arm: JointsRig,
+) -> None:
+    arm.device.move({"elbow": 0.7, "wrist": 0.2})
+    arm.until(lambda: arm.at("elbow", 0.7) and arm.at("wrist", 0.2))
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.exchange("elbow", 0.0)
+    arm.notices.clear()
+    arm.plug_in()
+    arm.until(lambda: arm.told("online") and arm.device.states()["elbow"].good)
+    (notice,) = [notice for notice in arm.notices if notice.kind == "fault"]
+    there, before = (float(word) for word in notice.what.split() if word.strip("-").replace(".", "").isdigit())
+    assert notice.what.startswith("elbow (servo 2) stands at ")
+    assert (there, before) == pytest.approx((0.0, degrees(0.7)), abs=0.4)
+    assert "slowly" in notice.hint
+    assert arm.fresh("elbow").torque
+    assert arm.near("elbow", 0.0)
+    began = arm.clock.now()
+    arm.device.move({"elbow": 0.7})
+    arm.until(lambda: arm.at("elbow", 0.7))
+    assert arm.clock.now() - began > 0.95 * (0.7 - NEAR) / RUN_IN
+    began = arm.clock.now()
+    arm.device.move({"elbow": 0.0})
+    arm.until(lambda: arm.state("elbow").velocity < -2 * RUN_IN)
+
+
+def test_a_joint_that_ended_its_leg_or_was_limp_while_it_was_unplugged_is_where_it_should_be(arm: JointsRig) -> None:
+    arm.device.move({"elbow": 1.4}, speeds={"elbow": 2.0})
+    arm.until(lambda: arm.state("elbow").position > 0.2)
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.turn_by_hand("shoulder", 1.0)
+    arm.wait(0.5)
+    arm.notices.clear()
+    arm.plug_in()
+    arm.until(lambda: arm.told("online") and arm.device.states()["shoulder"].good)
+    assert not arm.told("fault")
 
 
 def test_a_servo_that_shuts_itself_down_is_told_of_and_left_out(arm: JointsRig) -> None:

@@ -11,6 +11,7 @@ from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.driver import FRESH
 from drivers.dynamixel.following import Following
 from drivers.dynamixel.joint import Joint, JointSpec, check
+from drivers.dynamixel.legs import paced
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.dynamixel.telling import REMEDY, Telling
 from drivers.dynamixel.wire import Fault
@@ -182,6 +183,11 @@ class JointsTwin:
             self._telling.faults(servo.joint, Fault.OVERLOAD)
             self._telling.shut(servo.joint)
 
+    def exchange(self, joint: str, angle: float) -> None:
+        """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].exchange(angle, self._clock.now())
+
     def turn_by_hand(self, joint: str, angle: float) -> None:
         """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
         check_move(self.name, {joint: angle}, {}, self._servos)
@@ -194,6 +200,7 @@ class JointsTwin:
         """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""
         now = self._clock.now()
         for servo in self._servos.values():
+            self._compare(servo.joint, servo.position(now))
             if servo.joint.shut:
                 self._telling.shut(servo.joint)
             elif servo.joint.wanted is False:
@@ -204,6 +211,14 @@ class JointsTwin:
         self._following.pause()
         self._telling.unsettled()
         self._read(now)
+
+    def _compare(self, joint: Joint, found: float) -> None:
+        """Tell if a joint stands elsewhere than it stood when the arm was unplugged."""
+        if joint.name in self._readings:
+            joint.reading = self._readings[joint.name]
+            if (stood := joint.stood(found)) is not None:
+                joint.strayed = True
+                self._telling.elsewhere(joint, stood, found)
 
     def _gone(self) -> None:
         """Keep what is seen last; nobody sends the servos any farther."""
@@ -223,7 +238,8 @@ class JointsTwin:
             joint = servo.joint
             if not joint.shut:
                 joint.wanted = True
-                servo.go(goal, speeds.get(name, self._limits[name].speed), now)
+                speed = speeds.get(name, self._limits[name].speed)
+                servo.go(goal, paced(joint, goal, speed, servo.position(now)), now)
             if joint.left_out != joint.shut:
                 joint.left_out = joint.shut
                 self._telling.left_out()

@@ -22,15 +22,14 @@ class ServoTwin:
         self.joint = Joint(name, spec, MODELS[spec.model], complaint="")
         self._limits = self.joint.limits
         self._shaft = Shaft(0.0, 0.0, 0.0)
-        self._speed = 0.0  # asked for last, in rad/s
         self._still: JointState | None = None  # what it feels for as long as it stands still
 
     def go(self, goal: float, speed: float, now: float) -> None:
         """Turn to ``goal`` (radians, within the limits) at ``speed`` (rad/s) or what the motor can, from ``now`` on."""
         joint, shaft = self.joint, self._shaft
-        if joint.torque and goal == joint.goal and speed == self._speed:
+        if joint.torque and goal == joint.goal and speed == joint.speed:
             return  # it is on its way already
-        joint.goal, joint.torque, self._speed, self._still = goal, True, speed, None
+        joint.goal, joint.torque, joint.speed, self._still = goal, True, speed, None
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
         wanted = joint.model.speed_ticks(min(max(speed, 0.0), self._limits.speed)) * joint.model.speed_unit
@@ -42,10 +41,17 @@ class ServoTwin:
             here = self.joint.angle(self.joint.nearest(self.joint.ticks(self._shaft.advance(now))))
             self.go(here, self._limits.speed, now)
 
+    def exchange(self, angle: float, now: float) -> None:
+        """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""
+        self._shaft.advance(now)
+        self._shaft.position = self._shaft.goal = self.joint.angle(self.joint.ticks(angle))
+        self._still = None
+
     def strand(self, now: float) -> None:
         """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
-        here, far = self._shaft.advance(now), reach(self.joint, self._speed)
+        here, far = self._shaft.advance(now), reach(self.joint, self.joint.speed)
         self._shaft.goal = min(max(self._shaft.goal, here - far), here + far)
+        self.joint.sent = self.joint.ticks(self._shaft.goal)
 
     def relax(self, now: float) -> None:
         """Be limp."""
