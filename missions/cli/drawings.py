@@ -8,6 +8,8 @@ import cv2
 
 from drivers.api import Image
 from drivers.camera.source import Kind, kind_of
+from missions.cli.outputs import writing
+from missions.recording.outputs import write_private
 
 
 class Drawings:
@@ -15,7 +17,7 @@ class Drawings:
 
     def __init__(self, folder: Path, inputs: tuple[str, ...]) -> None:
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise click.BadParameter(f"{folder}: {error.strerror}", param_hint="--annotate") from error
         self._folder = folder
@@ -29,8 +31,11 @@ class Drawings:
         looked_at = (path, *self._inputs)
         if target.exists() and any(target.samefile(each) for each in looked_at if each.exists()):
             raise click.UsageError(f"--annotate: {target} is one of the pictures themselves; choose another folder")
-        if not cv2.imwrite(str(target), image):
+        done, packed = cv2.imencode(".png", image)
+        if not done:
             raise click.ClickException(f"{target}: cannot be written")
+        with writing(target, "--annotate"):
+            write_private(target, packed.tobytes())
 
     def _stem(self, path: Path) -> str:
         """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""

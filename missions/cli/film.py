@@ -32,6 +32,11 @@ class Film:
         self._trail: list[tuple[float, float]] = []
         self._open = False
 
+    @property
+    def trouble(self) -> str:
+        """From when on it could not be written, and why; empty while all is well."""
+        return self._movie.trouble
+
     def __enter__(self) -> Self:
         self._movie.__enter__()
         self._open = True

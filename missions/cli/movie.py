@@ -1,6 +1,13 @@
-"""Pictures one after another, into a film or a folder: for whatever films something."""
+"""Pictures one after another, into a film or a folder: for whatever films something.
 
+Films show people: only their owner can read them. The library that writes films tells nobody of a full disk: what
+became of one is found out here.
+"""
+
+import os
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -9,10 +16,21 @@ import click
 import cv2
 
 from drivers.api import Image
+from drivers.camera.decode import hush
 from missions.cli.outputs import check_folder
+from missions.recording.outputs import private, write_private
 
-CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
-"""By the ending of a film, codecs that come with OpenCV's wheels; any other name is a folder of pictures."""
+CODECS = {".webm": "VP80", ".mp4": "vp09", ".avi": "MJPG"}
+"""By the ending of a film, codecs of OpenCV's wheels; browsers play the first two, of which VP8 is written quicker.
+
+Any other name is a folder of pictures.
+"""
+
+RESERVE = 8_000_000
+"""Bytes of the disk that stay free: the library holds back up to five megabytes of a film until it is closed."""
+
+LOOK = 25
+"""Pictures of a film from one look at the room on the disk to the next."""
 
 
 def check_place(path: Path, option: str) -> None:
@@ -24,19 +42,20 @@ def check_place(path: Path, option: str) -> None:
         if not path.parent.is_dir():
             raise click.UsageError(f"{option}: {path.parent}: no such folder")
     elif path.is_file():
-        raise click.UsageError(f"{option}: {path} is a file; end it in {' or '.join(CODECS)}, or name a folder")
+        raise click.UsageError(f"{option}: {path} is a file; end it in {', '.join(CODECS)}, or name a folder")
     elif path.is_dir() and any(path.iterdir()):
         raise click.UsageError(f"{option}: the folder {path} is not empty")
     else:
         check_folder(
-            path, option, f"{option} {shlex.quote(str(path.with_suffix('.mp4')))}, or a name without an ending"
+            path, option, f"{option} {shlex.quote(str(path.with_suffix('.webm')))}, or a name without an ending"
         )
 
 
 class Movie:
     """Writes pictures of one size to ``path``: a film of ``rate`` pictures a second or, for any other name, a folder.
 
-    Raises click.UsageError, naming the ``option``, where that cannot be written.
+    ``trouble`` says from when on, or after all, it could not be written, and what to type; empty while all is well.
+    Raises click.UsageError, naming the ``option``, where it cannot even be begun.
     """
 
     def __init__(self, path: Path, *, rate: float, option: str) -> None:
@@ -45,13 +64,14 @@ class Movie:
         self._option = option
         self._writer: cv2.VideoWriter | None = None
         self.pictures = 0
+        self.trouble = ""
 
     def __enter__(self) -> Self:
         if not self.is_film:
             try:
-                self._path.mkdir(parents=True, exist_ok=True)
+                self._path.mkdir(mode=0o700, parents=True, exist_ok=True)
             except OSError as error:
-                raise click.UsageError(f"{self._option}: {self._path}: {error.strerror}") from error
+                raise self._refused(error) from error
         return self
 
     def __exit__(
@@ -59,6 +79,8 @@ class Movie:
     ) -> None:
         if self._writer is not None:
             self._writer.release()
+            if not self.trouble and not self._whole():
+                self._stop("it cannot be read to its end")
 
     @property
     def is_film(self) -> bool:
@@ -66,15 +88,80 @@ class Movie:
         return self._path.suffix in CODECS
 
     def write(self, picture: Image) -> None:
-        """Add one picture."""
+        """Add one picture; none once there is trouble."""
+        if self.trouble:
+            return
         if not self.is_film:
-            written = cv2.imwrite(str(self._path / f"{self.pictures:05d}.jpg"), picture)
+            self._keep(picture)
         else:
-            if self._writer is None:
-                codec = cv2.VideoWriter.fourcc(*CODECS[self._path.suffix])
-                self._writer = cv2.VideoWriter(str(self._path), codec, self._rate, (picture.shape[1], picture.shape[0]))
-            written = self._writer.isOpened()
+            self._writer = self._writer or self._begun(picture)
+            if self.pictures % LOOK == 0 and _room(self._path.parent) < RESERVE:
+                self._stop("there is no more room on the disk")
+                return
             self._writer.write(picture)
-        if not written:
+        self.pictures += not self.trouble
+
+    def _keep(self, picture: Image) -> None:
+        """Write a picture into the folder."""
+        done, packed = cv2.imencode(".jpg", picture)
+        try:
+            write_private(self._path / f"{self.pictures:05d}.jpg", packed.tobytes() if done else b"")
+        except OSError as error:
+            if not self.pictures:
+                raise self._refused(error) from error
+            self._stop(error.strerror or str(error))
+
+    def _begun(self, first: Image) -> cv2.VideoWriter:
+        """Return what writes the film, into a file that only its owner can read. Raises click.UsageError."""
+        try:
+            with open(self._path, "wb", opener=private):
+                pass  # the library opens it anew, and leaves its rights alone
+        except OSError as error:
+            raise self._refused(error) from error
+        codec, size = cv2.VideoWriter.fourcc(*CODECS[self._path.suffix]), (first.shape[1], first.shape[0])
+        with _unheard():
+            writer = cv2.VideoWriter(str(self._path), codec, self._rate, size)
+        if not writer.isOpened():
             raise click.UsageError(f"{self._option}: cannot write {self._path}")
-        self.pictures += 1
+        return writer
+
+    def _whole(self) -> bool:
+        """Say whether the last picture of the closed film can be read, at its time."""
+        with _unheard():
+            video = cv2.VideoCapture(str(self._path))
+            video.set(cv2.CAP_PROP_POS_FRAMES, self.pictures - 1)
+            found, _ = video.read()
+            last = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
+            counted = video.get(cv2.CAP_PROP_FRAME_COUNT)
+            video.release()
+        return found and last > (self.pictures - 2.5) / self._rate and counted > self.pictures - 2.5
+
+    def _stop(self, why: str) -> None:
+        seconds = f", {self.pictures / self._rate:.1f} s," if self.is_film else ""
+        self.trouble = (
+            f"{self._path}: ends after {self.pictures} pictures{seconds} or before: {why}\n"
+            f"  try: df -h {shlex.quote(str(self._path.parent))}  (is there room?)"
+        )
+
+    def _refused(self, error: OSError) -> click.UsageError:
+        return click.UsageError(f"{self._option}: {self._path}: {error.strerror or error}")
+
+
+def _room(folder: Path) -> int:
+    """Return how many bytes the disk of a folder has left."""
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Keep what OpenCV says on stderr from the terminal: past its own levels, that WebM has no number for VP8."""
+    hush()
+    before, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
+        os.close(nowhere)

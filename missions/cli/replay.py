@@ -44,7 +44,7 @@ REFRESH = 0.1
     "--frames",
     type=click.Path(path_type=Path),
     metavar="OUT",
-    help="Write the pictures, with what was seen in them: an .mp4, or a folder.",
+    help="Write the pictures, with what was seen in them: a .webm, or a folder.",
 )
 @click.option("--rerun", "decide", is_flag=True, help="Decide it all again, and compare: nothing moves.")
 @click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
@@ -125,6 +125,8 @@ def _film(record: Record, path: Path) -> int:
             movie.write(picture)
     if not movie.pictures:
         raise click.UsageError(_no_pictures(record))
+    if movie.trouble:
+        raise click.ClickException(movie.trouble)
     click.echo(f"{path}: {movie.pictures} pictures")
     return SUCCESS
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from missions.cli.outputs import check_folder, writing
+from missions.recording.outputs import write_private
 from missions.recording.read import open_record
 from missions.report.page import page
 from missions.report.study import Study, study
@@ -59,7 +60,7 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
     try:
         if output is not None:
             with writing(output, "-o"):
-                output.write_text(page(found), encoding="utf-8")
+                write_private(output, page(found).encode())
             click.echo(f"wrote {output}")
         if plots is not None:
             _plot(found, plots)

@@ -104,7 +104,7 @@ class RunCommand(MissionCommand):
     "--film",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="In simulated time: film what the camera sees, beside the room from above: an .mp4, or a folder of pictures.",
+    help="In simulated time: film what the camera sees, beside the room from above: a .webm, or a folder of pictures.",
 )
 @click.option(
     "--pad",

@@ -28,6 +28,7 @@ from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
 from missions.library import behaviour_files
 from missions.order import Order
+from missions.recording.outputs import open_private
 from missions.runner import Runner, end_process
 from missions.view.terminal import unviewable
 
@@ -122,14 +123,23 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
     if outputs.events is not None:
         check_events(outputs.events, runner.plan)
         with writing(outputs.events, "--events"):
-            file = outputs.events.open("w", encoding="utf-8")
+            file = open_private(outputs.events)
         closing.callback(_close, file)
         runner.stream.listeners.append(JsonLines(file))
         read.append(file)
     if outputs.film is not None and runner.twins is not None:
-        closing.enter_context(Film(outputs.film, runner.twins))
+        film = Film(outputs.film, runner.twins)
+        closing.callback(_tell_trouble, film)
+        closing.enter_context(film)
     if outputs.leash is None:  # which tells that the server has gone
         closing.enter_context(heeded(read, runner.executive.stop))
+
+
+def _tell_trouble(film: Film) -> None:
+    """Say what became of a film that could not be written to its end; the run's result is another thing."""
+    if film.trouble:
+        with suppress(OSError):
+            click.echo(f"mission: {film.trouble}", err=True)
 
 
 def _close(file: TextIO) -> None:

@@ -16,6 +16,7 @@ from missions.pictures.drawing import Drawing
 from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
 from missions.pictures.side_by_side import side_by_side
 from missions.pictures.states import now_of
+from missions.recording.outputs import write_private
 from missions.recording.read import open_record
 
 RECORD = ".mcap"
@@ -67,7 +68,7 @@ def command(
         dump = FORMS[form](drawings[0]) if other is None else _pair(drawings[0], drawings[1], form, output)
     except ImportError as error:
         raise click.UsageError(NO_PLOTS.format(stem=Path(name).stem)) from error
-    _write(dump, output, form, name)
+    _write(dump, output, form, name, private=any(map(_is_record, names)))
 
 
 def _form_of(output: Path | None) -> str:
@@ -108,13 +109,17 @@ def _pair(left: Drawing, right: Drawing, form: str, output: Path | None) -> Dump
     return PAIR_FORMS[form](comparison)
 
 
-def _write(dump: Dump, output: Path | None, form: str, name: str) -> None:
-    """Write to a file, as UTF-8, or to stdout; bytes never to a terminal."""
+def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bool) -> None:
+    """Write to a file, as UTF-8, or to stdout; bytes never to a terminal. A ``private`` file is for its owner only."""
     if output is None:
         if isinstance(dump, bytes) and sys.stdout.isatty():
             raise click.UsageError(f"a terminal cannot show {form}\n  try: -o {Path(name).stem}.{form}")
         click.echo(dump, nl=False)
         return
     with writing(output, "-o"):
-        output.write_bytes(dump if isinstance(dump, bytes) else dump.encode())
+        data = dump if isinstance(dump, bytes) else dump.encode()
+        if private:
+            write_private(output, data)
+        else:
+            output.write_bytes(data)
     click.echo(f"wrote {output}", err=True)

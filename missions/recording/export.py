@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.recording.faults import message_in, understanding
-from missions.recording.outputs import inside, new_file, new_folder, private
+from missions.recording.outputs import inside, new_file, new_folder, private, write_private
 from missions.recording.read import Record, began_at
 
 NO_TABLE = frozenset({"/camera", "/camera/marks"})
@@ -71,18 +71,13 @@ def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int
         each.mkdir(mode=0o700, exist_ok=True)
     count = 0
     for stamp, jpeg in record.frames():
-        _write(pictures / f"{stamp:010.3f}.jpg", jpeg)
+        write_private(pictures / f"{stamp:010.3f}.jpg", jpeg)
         count += 1
     for name, data in record.files.items():
         path = files / inside(name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, data)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_private(path, data)
     return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
-
-
-def _write(path: Path, data: bytes) -> None:
-    with open(path, "wb", opener=private) as file:
-        file.write(data)
 
 
 def _messages(record: Record) -> Iterator[tuple[str, float, Any]]:

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 
 class ExistsError(ValueError):
@@ -21,6 +21,17 @@ def private(path: str, flags: int) -> int:
     with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
         os.fchmod(number, 0o600)
     return number
+
+
+def write_private(path: Path, data: bytes) -> None:
+    """Write a file that only its owner can read, in the place of one that is there. Raises OSError."""
+    with open(path, "wb", opener=private) as file:
+        file.write(data)
+
+
+def open_private(path: Path) -> TextIO:
+    """Open a file that only its owner can read, to write text. Raises OSError."""
+    return open(path, "w", encoding="utf-8", opener=private)
 
 
 @contextmanager

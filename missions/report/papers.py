@@ -8,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from missions.pictures.drawing import Status
+from missions.recording.outputs import private
 from missions.report.study import Study
 from missions.report.timeline import Lane
 from missions.report.traces import SHORTEST, Chart, Line, Route, unbroken
@@ -35,7 +36,7 @@ LONGEST = 34
 
 def draw(study: Study, folder: Path) -> Iterator[Path]:
     """Draw all that there is to draw into a folder, and yield where each picture is. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     for chart in study.charts:
         figure, axes = _figure(2.2)
         _chart(axes, chart, study.moments.begin, study.moments.end)
@@ -116,5 +117,6 @@ def _quiet(axes: Axes) -> None:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, dpi=DPI)
+    with open(path, "wb", opener=private) as file:
+        figure.savefig(file, dpi=DPI, format="png")
     return path

@@ -5,15 +5,20 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
+from missions.cli.drawings import Drawings
 from missions.recording.cut import cut
 from missions.recording.export import to_csv, to_folder, to_jsonl
 from missions.recording.head import Contents
+from missions.recording.items import Picture
 from missions.recording.read import open_record
 from missions.recording.recorder import Recorder
+from tests.missions.command import command
 from tests.missions.recording.small_record import FILES, HEAD, items, moments, write
+from tests.missions.report.told_record import picture
 
 
 @pytest.fixture(autouse=True)
@@ -85,3 +90,24 @@ def test_what_is_exported_into_a_folder_that_is_there_is_for_its_owner_only_too(
     to_folder(open_record(path), there, force=True)
     assert rights(there) == 0o777, "the folder itself is its owner's business"
     assert of_all_in(there)[1] == {0o600}
+
+
+def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report, events, frames, film = (tmp_path / name for name in ("r.html", "e.jsonl", "frames", "film.webm"))
+    for there in (report, events):
+        there.touch(0o666)
+    assert command(capsys, "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
+    assert command(capsys, "show", str(path), "-o", str(tmp_path / "tree.svg")).code == 0
+    pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, Picture) else item
+                                                  for item in items()])  # fmt: skip
+    assert command(capsys, "replay", str(pictured), "--frames", str(frames)).code == 0
+    run = ("run", "motions/forward", "--events", str(events), "--film", str(film))
+    assert command(capsys, *run).code == 0
+    Drawings(tmp_path / "drawn", ()).write(tmp_path / "a.png", 0, np.zeros((8, 8, 3), np.uint8))
+    for given in (path, pictured):  # written by the test itself
+        given.unlink()
+    folders, files = of_all_in(tmp_path)
+    assert folders == {0o700}
+    assert files == {0o600}
+    assert {each.name for each in (tmp_path / "drawn").iterdir()} == {"a.png"}
+    assert len(list(frames.iterdir())) == 4

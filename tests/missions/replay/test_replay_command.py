@@ -119,7 +119,7 @@ def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: 
         (["--frames", "out.mp4"], "has no pictures"),
         (["--see"], "has no pictures"),
         (["--frames", "no/such/folder/out.mp4"], "no such folder"),
-        (["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.mp4"),
+        (["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.webm"),
     ],
 )
 def test_what_cannot_be_is_refused_with_words(
@@ -143,7 +143,7 @@ def test_without_a_terminal_it_writes_lines(greeted: Record) -> None:
 
 
 def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: Record, tmp_path: Path) -> None:
-    out = tmp_path / "out.mp4"
+    out = tmp_path / "out.webm"
     assert replay(pictured.path, "--frames", out).return_value == 0
     stamps = [stamp for stamp, _ in pictured.frames()]
     film = cv2.VideoCapture(str(out))

@@ -1,0 +1,113 @@
+"""Films: what plays them, who can read them, and what is said where the disk has no room for them."""
+
+import resource
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api import Image
+from missions.cli import movie
+from missions.cli.movie import CODECS, LOOK, Movie
+from tests.browser import Browser, chromium
+
+RATE = 12.5
+
+
+def picture(number: int) -> Image:
+    """Return noise, which cannot be packed well."""
+    return np.random.default_rng(number).integers(0, 255, (120, 160, 3), dtype=np.uint8)
+
+
+def filmed(path: Path, pictures: int) -> Movie:
+    with Movie(path, rate=RATE, option="--film") as film:
+        for number in range(pictures):
+            film.write(picture(number))
+    return film
+
+
+def frames(path: Path) -> int:
+    """Return how many pictures of a film can be read."""
+    video, count = cv2.VideoCapture(str(path)), 0
+    while video.grab():
+        count += 1
+    video.release()
+    return count
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """Let no file grow larger, as if the disk were full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("ending", CODECS)
+def test_a_film_is_whole_and_for_its_owner_only(tmp_path: Path, ending: str, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"film{ending}"
+    path.touch(0o666)
+    film = filmed(path, 30)
+    assert (film.trouble, film.pictures, frames(path)) == ("", 30, 30)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert capfd.readouterr().err == "", "OpenCV's own remarks are no news"
+
+
+@pytest.mark.parametrize("ending", [".webm", ".mp4"])
+def test_a_browser_plays_it(tmp_path: Path, ending: str) -> None:
+    filmed(tmp_path / f"film{ending}", 25)
+    page = tmp_path / "page.html"
+    page.write_text(f"<title>film</title><video src='film{ending}' muted></video>")
+    played = """new Promise(done => {
+        const film = document.querySelector("video");
+        film.onended = () => done([film.videoWidth, film.duration]);
+        film.onerror = () => done(film.error.message);
+        film.play().catch(error => done(String(error)));
+    })"""
+    with Browser(chromium()) as browser:
+        found = browser.open(page).evaluate(played)
+    assert found == [160, pytest.approx(2.0, abs=0.2)]
+
+
+def test_a_film_ends_in_time_where_the_disk_gets_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rooms = iter([10**9, 10**9])
+    monkeypatch.setattr(movie, "_room", lambda _: next(rooms, 1000))
+    path = tmp_path / "film.webm"
+    film = filmed(path, 3 * LOOK)
+    assert film.trouble.startswith(
+        f"{path}: ends after 50 pictures, 4.0 s, or before: there is no more room on the disk"
+    )
+    assert frames(path) == 2 * LOOK, "what is there can be seen"
+
+
+@pytest.mark.parametrize("ending", CODECS)
+def test_a_film_that_cannot_be_read_to_its_end_is_told(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"film{ending}"
+    with files_of_at_most(100_000):
+        film = filmed(path, 60)
+    assert "it cannot be read to its end" in film.trouble
+
+
+def test_pictures_in_a_folder_end_where_the_disk_is_full(tmp_path: Path) -> None:
+    folder = tmp_path / "frames"
+    with Movie(folder, rate=RATE, option="--film") as film:
+        film.write(picture(0))
+        with files_of_at_most(1000):
+            film.write(picture(1))
+        film.write(picture(2))
+    assert film.trouble.startswith(f"{folder}: ends after 1 pictures or before: File too large")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o600}
+
+
+def test_a_film_that_cannot_be_begun_is_refused() -> None:
+    with pytest.raises(click.UsageError, match=r"--film: /proc/film\.webm: No such file"):
+        filmed(Path("/proc/film.webm"), 1)
