@@ -9,7 +9,7 @@ from behaviours.leaf import Leaf
 from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
 from config.library import UnknownNameError, find
-from config.marked import Scalar
+from config.marked import Listing, Scalar
 from config.robot import RobotConfig, load_robot
 from config.units import seen
 from config.world import load_world
@@ -17,6 +17,7 @@ from missions.assembly.assemble import with_carriers
 from missions.assembly.target import target_of
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import Plan, Step
+from missions.language.written import as_written
 from missions.library import behaviour_files, find_mission, load_mission
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
@@ -135,8 +136,11 @@ class Context:
         for name, value in () if section is None else section.entries():
             if isinstance(value, Scalar):
                 found[name.text] = name, value
+            elif isinstance(value, Listing):
+                text = as_written(value)
+                found[name.text] = name, Scalar(value.mark, text, text)
             else:
-                fields.fault(value.mark, f"'{name.text}' needs one value")
+                fields.fault(value.mark, f"'{name.text}' needs one value, or a list")
         return found
 
     def _plan(self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig) -> Plan | None:

@@ -153,3 +153,13 @@ def test_every_value_has_a_plain_form() -> None:
     assert plain({1: (True, "a"), "b": {2}}) == {"1": [True, "a"], "b": [2]}
     assert plain(range(2)) == "range(0, 2)"
     assert plain(HeadPose(0.5, 0.25)) == {"pan": 0.5, "tilt": 0.25}
+
+
+def test_the_member_whose_turn_it_is_is_told_with_its_number(tmp_path: Path) -> None:
+    text = "mission: m\ntree:\n  for_each: {in: [a, b], as: x, number: n, do: {pretend: [running, success]}}\n"
+    assert heard(tmp_path / "m.yaml", text, 4) == [
+        (1, "", "x", "a"),
+        (1, "", "n", 1),
+        (3, "", "x", "b"),
+        (3, "", "n", 2),
+    ]

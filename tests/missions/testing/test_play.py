@@ -107,6 +107,41 @@ def test_what_became_of_every_node_is_told_for_coverage(tmp_path: Path) -> None:
     assert {Path(node.file).name for node in verdict.nodes} == {"m.yaml"}
 
 
+ROOMS = """\
+mission: m
+params: {rooms: [kitchen, hall]}
+tree:
+  sequence:
+    - for_each:
+        in: rooms
+        as: room
+        do:
+          parallel: [{drive: 20 cm}, {say: "${room}"}, {wait: 1 s}]
+          success_count: 2
+          failure_count: all
+          name: there
+      name: round
+    - reactive_switch: {on: base.bumper, cases: {true: {fail: bumped}}, default: {wait: 2 s}}
+    - wait: 9 s
+      on_running: succeed
+"""
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "given: [{drive: fails}], expect: {result: success, ran: {round: 1, there: 2, say: 2, drive: 2}, within: 6 s}",
+        "given: [{drive: fails}, {say: fails}], expect: {result: failure, reason: 'for_each kitchen: 2 of 3'}",
+        'given: [{round: fails because "no way"}], expect: {result: failure, reason: no way, never_said: kitchen}',
+        "given: [{drive: succeeds}, base bumped when wait starts for 3 s], expect: {result: failure, reason: bumped}",
+        "params: {rooms: [cellar]}, expect: {result: success, said: [cellar]}",
+        "params: {rooms: []}, expect: {result: success, said: [], ran: {round: 1}}",
+    ],
+)
+def test_loops_counts_and_switches_are_tried_like_any_node(body: str, tmp_path: Path) -> None:
+    assert seen(played(tmp_path, ROOMS, body)) == []
+
+
 def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
     bench = Bench()
     root = bench.put(Drive("root"), distance=1.0)
