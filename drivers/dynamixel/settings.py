@@ -106,6 +106,9 @@ def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register
         elif name == "torque_enable" and value:
             faults.append(f"{name} {value} could make it leap: a servo takes up its old goal at once")
             hints.append("mission servo torque on --robot FILE  (makes joints stiff where they stand)")
+        elif name == table.goal:
+            faults.append(f"{name} {value} would send it all the way, and nobody could stop it")
+            hints.append("mission servo move JOINT ANGLE --robot FILE  (sends it a short way at a time)")
     if faults:
         raise BadRequest(f"{who}: {'; '.join(faults)}", hint="; ".join(hints))
     return registers

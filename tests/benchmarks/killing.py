@@ -28,8 +28,9 @@ def main(moments: int) -> int:
     found: list[Silence] = []
     with tempfile.TemporaryDirectory() as folder, campaign(Path(folder)) as trials:
         for number in count():
-            found += trials.round(list(WAYS)[number % len(WAYS)])
-            print(f"{len(found)} of {moments}", end="\r", file=sys.stderr, flush=True)
+            for silence in trials.round(list(WAYS)[number % len(WAYS)]):
+                found.append(silence)
+                print(silence, file=sys.stderr, flush=True)
             if len(found) >= moments:
                 break
     print(f"{'':<12} {'moments':>8} {'moving':>7} {'median':>8} {'longest':>8}   once let go on, fastest and step")

@@ -111,6 +111,9 @@ def test_torque_is_not_switched_on_over_an_old_goal(name: str) -> None:
     assert "mission servo torque on" in refusal.value.hint
     bench.servo.set("torque_enable", 1)
     assert named(bench.plan(torque_enable=0)) == [("torque_enable", 1, 0)]
+    with pytest.raises(BadRequest, match="goal_position 700 would send it all the way") as refusal:
+        bench.plan(goal_position=700)
+    assert "mission servo move" in refusal.value.hint
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -28,7 +28,7 @@ WITHIN = 0.5
 LONGEST = 2.5
 """Seconds for which a program moves something, at most, before it is silenced."""
 
-PATIENCE = 90.0
+PATIENCE = 180.0
 """Seconds within which all programs have moved something and are silenced: many of them start at once."""
 
 SOON = 8.0
@@ -115,10 +115,13 @@ class Campaign:
                 yield Silence(kind, way, took, moving[kind], fastest, after.step)
         finally:
             for process in running.values():
-                _end(process)
+                _tell(process, signal.SIGKILL)  # a stopped one too
 
-    def _silence(self, running: Mapping[str, int], number: int) -> dict[str, bool]:
-        """Silence each program some time after its limbs have begun to move; return which moved at that moment."""
+    def _silence(self, running: dict[str, int], number: int) -> dict[str, bool]:
+        """Silence each program some time after its limbs have begun to move; return which moved at that moment.
+
+        On a busy machine servos seem to be missing now and then, and a program ends before anything moves: once more.
+        """
         clock, due, moving = SystemClock(), dict[str, float](), dict[str, bool]()
         began = {kind: self._limbs[kind].seen().now for kind in running}
         while len(moving) < len(running):
@@ -126,9 +129,11 @@ class Campaign:
             for kind in running.keys() - moving.keys():
                 if kind in due and clock.now() >= due[kind]:
                     moving[kind] = self._limbs[kind].seen().moving
-                    os.kill(running[kind], number)
+                    _tell(running[kind], number)
                 elif kind not in due and self._limbs[kind].seen().moved_at > began[kind]:
                     due[kind] = clock.now() + self._chance.uniform(0.0, LONGEST)
+                elif kind not in due and not _runs(running[kind]):
+                    running[kind] = self._program.start(*self._words(kind))
             self._pause.wait(0.01)
         return moving
 
@@ -136,7 +141,7 @@ class Campaign:
         """Let a stopped program go on; return what was seen of it until it moved, and a little longer."""
         self._pause.wait(self._chance.uniform(0.0, 1.5))
         limbs.seen(forget=True)
-        os.kill(process, signal.SIGCONT)
+        _tell(process, signal.SIGCONT)
         for _ in range(int(SOON / 0.05)):
             self._pause.wait(0.05)
             if limbs.seen().moving:
@@ -170,12 +175,17 @@ def _quiet(limbs: LoneLimbs) -> bool:
     return (first.heard_at, first.moved_at) == (second.heard_at, second.moved_at)
 
 
-def _end(process: int) -> None:
-    for number in (signal.SIGKILL, signal.SIGCONT):
-        try:
-            os.kill(process, number)
-        except ProcessLookupError:
-            return
+def _runs(process: int) -> bool:
+    return _tell(process, 0)
+
+
+def _tell(process: int, number: int) -> bool:
+    """Send a signal; return whether there is somebody who gets it."""
+    try:
+        os.kill(process, number)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 @contextmanager
