@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from math import degrees
 from typing import NamedTuple
 
+from config.away import AwayConfig, read_away
 from config.faults import one_of
 from config.fields import Fields
 from config.marked import Listing, Node, Scalar
@@ -64,6 +65,7 @@ class ArmConfig:
     joints: Mapping[str, JointConfig]
     rate: float = 100.0
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    away: AwayConfig = field(default_factory=AwayConfig)
 
     @property
     def reaches(self) -> dict[str, tuple[float, float]]:
@@ -84,6 +86,7 @@ def read_arm(fields: Fields | None) -> ArmConfig | None:
         joints=joints,
         rate=fields.quantity("rate", "frequency", 100.0, low=5.0, high=500.0),
         groups=_groups(fields.section("groups"), joints),
+        away=read_away(fields.section("away")),
     )
     fields.done()
     return arm

@@ -34,6 +34,10 @@ class Absence:
             self.latch(f"it was away for {lasted:.0f} s")
         return True
 
+    def unheard(self, now: float) -> bool:
+        """Whether it was silent for so long by ``now`` that it is to be heard again before anything moves."""
+        return -inf < self._heard_at < now - self._away.decide
+
     def require(self, who: str) -> None:
         """Raise DeviceFault while it is latched; ``who`` is the part."""
         if self.latched:
@@ -46,3 +50,18 @@ class Absence:
     def enable(self) -> None:
         """Let it be moved again."""
         self.latched = ""
+
+
+class Enabling:
+    """A ``drivers.api.Latching`` part, by its ``_absence``."""
+
+    _absence: Absence
+
+    @property
+    def latched(self) -> str:
+        """Why it moves no more until it is enabled; empty while it does."""
+        return self._absence.latched
+
+    def enable(self) -> None:
+        """Let it move again, after it was away for long."""
+        self._absence.enable()

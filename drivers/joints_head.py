@@ -20,7 +20,7 @@ from drivers.api import (
     unreported,
 )
 from drivers.clock import Clock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.guard import guarded
 from drivers.history import History
 from drivers.pantilt import AHEAD, LARGEST_TRIM, PanTilt
@@ -123,12 +123,14 @@ class JointsHead(Generic[J]):
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
-        Raises BadRequest if it is not finite, NotConnected while one of its joints is not there.
+        Raises BadRequest if it is not finite, NotConnected while one of its joints is not there, DeviceFault while they
+        are latched.
         """
         self._way.check(target)
         if not self._there:
             health = self.health()
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
+        self._joints.move({})  # may they be moved at all?
         return self._way.look(target, self._clock.now())
 
     def pose(self) -> Reading[HeadPose]:
@@ -176,13 +178,13 @@ class JointsHead(Generic[J]):
         if not self._open:
             return Health(False, f"{self.name}: not opened yet", "open it first")
         health, states = self._joints.health(), self._joints.states()
+        returned = health.returned
         silent = [axis.joint for axis in self._way.axes if not states[axis.joint].good]
         if silent or not health.online:
             what = f"nothing heard of joint {' and '.join(silent)}" if silent else "its joints are gone"
-            return Health(
-                False, f"{self.name}: {what}" + (f": {health.detail}" if health.detail else ""), _cure(health)
-            )
-        return Health(self._there, "" if self._there else f"{self.name}: about to start")
+            detail = f"{self.name}: {what}" + (f": {health.detail}" if health.detail else "")
+            return Health(False, detail, _cure(health), returned=returned)
+        return Health(self._there, "" if self._there else f"{self.name}: about to start", returned=returned)
 
     # --- whoever steps it ---------------------------------------------------------------------------------------------
 
@@ -205,6 +207,8 @@ class JointsHead(Generic[J]):
             self._lead(now)
         except NotConnected:
             self._lose()
+        except DeviceFault:  # latched: whoever looks somewhere is told so
+            self._way.halt()
 
     def _take(self, pan: JointState, tilt: JointState, stamp: float) -> HeadPose:
         """Take in where the joints are; tell it when that has changed."""

@@ -10,7 +10,7 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
-from drivers.api import Notice
+from drivers.api import Latching, Notice
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
@@ -156,7 +156,13 @@ class Runner:
         """Return who looks at the base, where the mission uses one."""
         if robot.base_part is None or config.base is None:
             return None
-        return Guard(robot.base_part, reflexes(config.base), self._context, self.stream)
+        return Guard(robot.base_part, reflexes(config.base), self._context, self.stream, self._enable)
+
+    def _enable(self) -> None:
+        """Enable what stands still because it was away: the base is so already."""
+        for part, device in self._robot.devices.items():
+            if part != "base" and isinstance(device, Latching):
+                device.enable()
 
     @property
     def _audience(self) -> Audience:

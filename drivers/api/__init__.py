@@ -13,7 +13,7 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 
 from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
 from drivers.api.camera import Camera, CameraFrame, Image
-from drivers.api.device import Away, Device, Health, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api.device import Away, Device, Health, Latching, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Duration, Length
@@ -54,6 +54,7 @@ __all__ = [
     "Joints",
     "Keyframe",
     "Lamp",
+    "Latching",
     "Length",
     "Manner",
     "Microphone",

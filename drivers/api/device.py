@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 T = TypeVar("T")
 
@@ -109,4 +109,18 @@ class Device(Protocol):
 
     def health(self) -> Health:
         """Say whether the hardware is there."""
+        ...
+
+
+@runtime_checkable
+class Latching(Protocol):
+    """A part that moves, and may stand still until somebody enables it: see ``Away``."""
+
+    @property
+    def latched(self) -> str:
+        """Why it is latched; empty while it is not."""
+        ...
+
+    def enable(self) -> None:
+        """Let it move again: for a person to ask for, who has looked at it."""
         ...

@@ -11,17 +11,19 @@ from math import inf
 from threading import Event, RLock, Thread
 from typing import Literal
 
-from drivers.api import Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.absence import Absence, Enabling
+from drivers.api import Away, Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report
+from drivers.api.device import unheard, unreported
 from drivers.clock import Clock
-from drivers.dynamixel.adapter import timer_of
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.clamping import Clamping
+from drivers.dynamixel.figures import counted, health_of
 from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.leading import Leading
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import Pace
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
-from drivers.dynamixel.telling import REMEDY, Telling
+from drivers.dynamixel.telling import Telling
 from drivers.dynamixel.torque import go, go_on, insisting, recover, settle
 from drivers.dynamixel.watch import GRACE, Watch
 from drivers.errors import BadRequest, NotConnected
@@ -39,16 +41,13 @@ FRESH = 0.25
 GO_ON = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
 
-SLOW_ADAPTER = 0.004
-"""Seconds for which an adapter may hold a reply back before it is worth a word."""
 
-
-class DynamixelJoints:
+class DynamixelJoints(Enabling):
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
-    ``rate`` (Hz) is how often the joints are read, unless the wire needs longer. ``at_rest`` says what rest means for
-    this arm: stiff where it is, or without torque. ``report`` hears what the servos tell, ``changed`` is called after
-    every round of readings, both mostly from the driver's thread.
+    ``rate`` (Hz) is how often they are read, unless the wire needs longer. ``at_rest`` says what rest means for
+    this arm: stiff where it is, or without torque; ``away`` what of before goes on when it is back. ``report`` hears
+    what the servos tell, ``changed`` is called after every round of readings, both mostly from the driver's thread.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
@@ -60,6 +59,7 @@ class DynamixelJoints:
         *,
         rate: float = RATE,
         at_rest: Literal["hold", "relax"] = "hold",
+        away: Away | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "arm",
@@ -76,6 +76,7 @@ class DynamixelJoints:
         self._report = guarded(report)
         self._changed = guarded(changed)
         self._lock = RLock()
+        self._absence = Absence(away)
         self._telling = Telling(name, self._joints, self._report)
         self._clamping = Clamping(name, self._joints, self._report)
         self._leading = Leading(bus, self._joints, self._clamping, self._telling)
@@ -104,6 +105,7 @@ class DynamixelJoints:
         if self._thread is None:
             self._ending.clear()
             self._connections = 0
+            self._absence.begin()
             self._thread = Thread(target=self._run, name=f"joints {self._name}", daemon=True)
             self._thread.start()
 
@@ -160,7 +162,8 @@ class DynamixelJoints:
 
         Joints that followed others do so no more. Goals that had to be clamped are told, once an episode. Joints whose
         servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
-        for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back.
+        for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
+        DeviceFault while it is latched.
         """
         speeds = speeds or {}
         check_move(self._name, goals, speeds, self._joints)
@@ -191,9 +194,10 @@ class DynamixelJoints:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
 
         Those of protocol 2.0 start again for it, and are stiff about half a second later. For a person to ask for who
-        has removed the cause. Raises NotConnected.
+        has removed the cause; so it enables the arm as well. Raises NotConnected.
         """
         with self._lock:
+            self._absence.enable()
             return tuple(joint.name for joint in recover(self._bus, self._joints.values(), now=self._clock.now()))
 
     def states(self) -> Mapping[str, Reading[JointState]]:
@@ -203,31 +207,10 @@ class DynamixelJoints:
 
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
-        counters = self._counters()
-        try:
-            self._bus.require()
-        except NotConnected as error:
-            return Health(False, str(error), error.hint, counters)
-        wrong = [] if self._watch.connected else ["looking for the servos"]
-        wrong += [f"{j.title} {j.complaint}" for j in self._joints.values() if not j.driven]
-        hint = self._watch.hint if wrong else ""
-        if shut := [f"{j.title} has shut down" for j in self._joints.values() if j.driven and j.shut]:
-            wrong, hint = wrong + shut, hint or REMEDY
-        if not wrong and self._bus.latency > SLOW_ADAPTER:
-            wrong = [f"the adapter holds every reply back for {self._bus.latency * 1000:.0f} ms"]
-            hint = f"echo 1 | sudo tee {timer_of(self._bus.port)}"
-        online = self._watch.online and self._thread is not None and self._thread.is_alive()
-        return Health(online, f"{self._name}: {'; '.join(wrong)}" if wrong else "", hint, counters)
-
-    def _counters(self) -> dict[str, int]:
-        """Return the figures of the wire and of each servo."""
-        pace = self._pace
-        counters = {"connections": self._connections, "rounds": pace.rounds, **self._bus.exchanges.counters("exchange")}
-        counters |= {"achieved rate (Hz)": round(pace.achieved), "utilisation (%)": round(100 * pace.share)}
-        tallies = {name: self._bus.tally(joint.spec.id) for name, joint in self._joints.items()}
-        for figure in ("tries", "misses", "corrupt", "late", "refused"):
-            counters[figure] = sum(getattr(tally, figure) for tally in tallies.values())
-        return counters | {f"misses of {name}": tally.misses for name, tally in tallies.items()}
+        counters = counted(self._bus, self._joints, self._pace, connections=self._connections)
+        runs = self._thread is not None and self._thread.is_alive()
+        health = health_of(self._name, self._bus, self._joints, self._watch, runs=runs)
+        return replace(health, counters=counters, returned=self._absence.returned)
 
     def _quality(self, reading: Reading[JointState]) -> Quality:
         if reading.value is None:
@@ -237,8 +220,9 @@ class DynamixelJoints:
     def _require(self) -> None:
         """Raise NotConnected unless what is told to a servo now lasts: restoring its settings would undo it."""
         self._bus.require()
-        if not self._watch.connected:
+        if not self._watch.connected or self._absence.unheard(self._clock.now()):
             raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
+        self._absence.require(self._name)
 
     def _command(self, names: Collection[str], *, stiff: bool) -> None:
         """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
@@ -282,11 +266,19 @@ class DynamixelJoints:
             self._pace.begin(self._clock.now(), self._bus.busy())
             return
         began = self._clock.now()
+        if self._absence.heard(began):
+            self._stand()
         self._watch.read(meanwhile=self._go_on)
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())
         self._go_on()
         self._watch.tend()
+
+    def _stand(self) -> None:
+        """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""
+        with self._lock:
+            self._leading.begin(())
+            self._command([name for name, joint in self._joints.items() if joint.wanted], stiff=True)
 
     def _go_on(self) -> None:
         """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait."""

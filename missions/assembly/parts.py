@@ -132,7 +132,9 @@ def joint_axis(config: NeckJointConfig) -> JointAxis:
 def arm(config: ArmConfig, clock: Clock, *, port: str, patience: float, report: Report) -> DynamixelJoints:
     """Return the driver of the arm's servos; ``patience`` is how long (s) a reply may be late, beside its wire time."""
     bus = Bus(port, clock, baud=config.baud, name="arm", patience=patience)
-    return DynamixelJoints(bus, joints(config), clock, rate=config.rate, at_rest=at_rest(config), report=report)
+    return DynamixelJoints(
+        bus, joints(config), clock, rate=config.rate, at_rest=at_rest(config), away=away(config.away), report=report
+    )
 
 
 def joints(config: ArmConfig) -> dict[str, JointSpec]:

@@ -168,7 +168,13 @@ class _Maker:
 
     def arm(self, config: ArmConfig) -> JointsTwin:
         joints = parts.joints(config)
-        return JointsTwin(joints, self._clock, at_rest=parts.at_rest(config), report=self._audience.report)
+        return JointsTwin(
+            joints,
+            self._clock,
+            at_rest=parts.at_rest(config),
+            away=parts.away(config.away),
+            report=self._audience.report,
+        )
 
     def ranger(self, config: RangeConfig) -> RangerTwin:
         place, twins = parts.place(config), self._twins

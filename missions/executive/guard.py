@@ -1,7 +1,9 @@
 """Looks at the base before every tick, above the tree: tells what it felt, and ends a mission that must end."""
 
+from collections.abc import Callable
+
 from behaviours.run import Run
-from drivers.api import Base, BaseState, Reflexes, Sides
+from drivers.api import Base, BaseState, Reflexes, Sides, unheard
 from missions.executive.battery import BatteryWatch
 from missions.executive.events import ReflexFired, Stream
 
@@ -18,10 +20,15 @@ _NOTHING: _Felt = (Sides(), Sides(), Sides(), frozenset(), False, False)
 class Guard:
     """What a ``base`` does about all this by itself is its driver's business; see ``drivers.api.Reflexes``.
 
-    ``battery`` is what the readings of its battery come to, by the thresholds of ``reflexes``.
+    ``battery`` is what the readings of its battery come to, by the thresholds of ``reflexes``. ``enabled`` is called
+    when a person enables the base, or presses its button for that: it enables all other parts as well.
     """
 
-    def __init__(self, base: Base, reflexes: Reflexes, run: Run, stream: Stream) -> None:
+    def __init__(
+        self, base: Base, reflexes: Reflexes, run: Run, stream: Stream, enabled: Callable[[], None] = unheard
+    ) -> None:
+        self._enabled = enabled
+        self._button = reflexes.enable_button
         self.battery = BatteryWatch(reflexes.battery_low, reflexes.battery_critical)
         self._base = base
         self._run = run
@@ -36,6 +43,8 @@ class Guard:
         if latched != self._latched:
             self._tell("latched", latched or self._latched, on=bool(latched))
             self._latched = latched
+            if not latched:
+                self._enabled()
         reading = self._base.state()
         state = reading.value
         if state is None or not reading.good:
@@ -63,6 +72,8 @@ class Guard:
                 self._tell(what, str(now or was), on=bool(now))
         for number in sorted(buttons ^ buttons_before):
             self._tell("button", str(number), on=number in buttons)
+            if number == self._button and number in buttons:
+                self._enabled()
         if docked != docked_before:
             self._tell("docked", "", on=docked)
         if charging != charging_before:

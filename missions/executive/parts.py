@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Literal, TypeVar
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, Device, Health, JointState, Reading
+from drivers.api import BaseState, Device, Health, JointState, Latching, Reading
 from missions.executive.events import Event, ReflexFired
 
 T = TypeVar("T")
@@ -110,11 +110,11 @@ class PartsWatch:
 
     def _refusal(self, part: str) -> str:
         """Return why a part that is there does nothing any more."""
-        base = self._robot.base_part
-        if part != "base" or base is None:
+        device = self._devices[part]
+        if isinstance(device, Latching) and device.latched:
+            return f"stopped until it is enabled: {device.latched}"
+        if part != "base":
             return ""
-        if latched := base.latched:
-            return f"stopped until it is enabled: {latched}"
         return BATTERY["battery_critical"] if "battery_critical" in self._battery else ""
 
     def _concern(self, part: str) -> str:

@@ -8,13 +8,13 @@ from typing import Literal
 
 import pytest
 
-from drivers.api import Coupling, Joints, JointState, Quality
+from drivers.api import Away, Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
 from drivers.dynamixel.following import NEAR, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.sim.twins.joints import JointsTwin
 from drivers.virtual.terminal import Terminal
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
@@ -65,6 +65,10 @@ class JointsRig(Rig):
         """Whether it is there, by its own account and in truth."""
         return abs(self.state(joint).position - angle) <= TICK and abs(self.truth(joint) - angle) <= TICK
 
+    def is_back(self, before: float | None) -> bool:
+        """Whether it is back from a long absence, and not from the one that it was back from ``before``."""
+        return self.device.health().returned not in (None, before)
+
     def near(self, joint: str, angle: float) -> bool:
         """Whether it is there in truth, within what two sensors round."""
         return abs(self.truth(joint) - angle) <= 2 * TICK
@@ -76,8 +80,12 @@ class JointsRig(Rig):
         return self.state(joint)
 
 
+PATIENT = Away(decide=30.0, latch=60.0)
+"""So that a slow machine does not make a long absence of a short one."""
+
+
 class WireJoints(InRealTime, JointsRig):
-    def __init__(self, at_rest: Literal["hold", "relax"] = "hold") -> None:
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
         self.chain = chain(3)
         self.chain.servo(2).turn_by_hand(SPECS["elbow"].zero)
@@ -85,7 +93,7 @@ class WireJoints(InRealTime, JointsRig):
         self.terminal.open()
         bus = Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
         self.device = DynamixelJoints(
-            bus, SPECS, self.clock, at_rest=at_rest, report=self.notices.append, changed=self.changed
+            bus, SPECS, self.clock, at_rest=at_rest, away=away, report=self.notices.append, changed=self.changed
         )
 
     def make(self, specs: Mapping[str, JointSpec]) -> DynamixelJoints:
@@ -118,9 +126,11 @@ class WireJoints(InRealTime, JointsRig):
 
 
 class TwinJoints(InSimulatedTime, JointsRig):
-    def __init__(self, at_rest: Literal["hold", "relax"] = "hold") -> None:
+    def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
-        self.device = JointsTwin(SPECS, self.clock, at_rest=at_rest, report=self.notices.append, changed=self.changed)
+        self.device = JointsTwin(
+            SPECS, self.clock, at_rest=at_rest, away=away, report=self.notices.append, changed=self.changed
+        )
         self.twin = self.device
         self.timeline.every(self.twin.PERIOD, self.twin.step)
 
@@ -405,6 +415,40 @@ def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
     arm.turn_by_hand("elbow", 0.1)
     arm.plug_in()
     arm.until(lambda: arm.at("wrist", 0.1))
+
+
+@pytest.mark.parametrize("kind", RIGS)
+def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until_it_is_enabled(
+    kind: type[WireJoints | TwinJoints],
+) -> None:
+    rig = kind(away=Away(decide=0.4, latch=1.5))
+    try:
+        rig.device.open()
+        rig.until(lambda: rig.device.health().online and all(each.good for each in rig.device.states().values()))
+        for gone, latched in ((0.6, False), (2.0, True)):
+            rig.device.follow([Coupling("elbow", "wrist")])
+            rig.device.move({"shoulder": 1.2}, speeds={"shoulder": 0.3})
+            rig.until(lambda: rig.state("shoulder").velocity > 0.1)
+            before = rig.device.health().returned
+            rig.unplug()
+            rig.wait(gone)
+            rig.plug_in()
+            rig.until(partial(rig.is_back, before))
+            rig.wait(0.5)
+            here = rig.truth("shoulder")
+            rig.turn_by_hand("elbow", rig.truth("elbow") + 0.3)
+            rig.wait(0.5)
+            assert rig.truth("shoulder") == here < 1.1
+            assert abs(rig.truth("wrist") - rig.truth("elbow")) > 0.2
+            assert bool(rig.device.latched) is latched
+            if latched:
+                with pytest.raises(DeviceFault, match="arm: stopped: it was away for"):
+                    rig.device.move({"shoulder": 0.0})
+                rig.device.enable()
+            rig.device.move({"shoulder": 0.0})
+            rig.until(lambda: rig.at("shoulder", 0.0))
+    finally:
+        rig.close()
 
 
 def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus(arm: JointsRig) -> None:

@@ -229,3 +229,21 @@ def test_a_signal_is_the_end_of_a_mission_that_is_being_ended(watched: Watched) 
     run.tick()
     run.stop("SIGINT")
     assert run.loop().result == "interrupted"
+
+
+def test_a_person_who_enables_the_base_enables_all_else(watched: Watched) -> None:
+    bench, enabled = watched.bench, []
+    guard = Guard(
+        bench.base, Reflexes(enable_button=2), bench.run, watched.stream, lambda: enabled.append(bench.clock.now())
+    )
+    bench.base.latch("it was away for 7 s")
+    guard.look()
+    assert not enabled
+    bench.base.enable()
+    guard.look()
+    guard.look()
+    assert len(enabled) == 1
+    for pressed in ((), (0,), (2,), (2,), ()):
+        bench.base.reading = good(replace(REST, buttons=frozenset(pressed)))
+        guard.look()
+    assert len(enabled) == 2

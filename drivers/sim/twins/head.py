@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
-from drivers.absence import Absence
+from drivers.absence import Absence, Enabling
 from drivers.api import (
     HEAD_ACCELERATION,
     Away,
@@ -27,7 +27,7 @@ from drivers.sim.twins.plug import Plug
 from drivers.virtual.rodney import SERVO_SPEED
 
 
-class HeadTwin:
+class HeadTwin(Enabling):
     """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
@@ -113,15 +113,6 @@ class HeadTwin:
     def stay(self) -> None:
         """Go nowhere when it is there. To be called before ``open``."""
         self._began = True
-
-    @property
-    def latched(self) -> str:
-        """Why it moves no more until it is enabled; empty while it does."""
-        return self._absence.latched
-
-    def enable(self) -> None:
-        """Let it move again, after it was away for long."""
-        self._absence.enable()
 
     # --- life ---------------------------------------------------------------------------------------------------------
 

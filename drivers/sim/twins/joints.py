@@ -5,7 +5,8 @@ from dataclasses import replace
 from math import inf
 from typing import Literal
 
-from drivers.api import Coupling, Health, JointLimits, JointState, Quality, Reading, Report, unheard, unreported
+from drivers.absence import Absence, Enabling
+from drivers.api import Away, Coupling, Health, JointLimits, JointState, Quality, Reading, Report, unheard, unreported
 from drivers.clock import Clock
 from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.driver import FRESH
@@ -20,12 +21,12 @@ from drivers.sim.twins.plug import Plug
 from drivers.sim.twins.servo import ServoTwin
 
 
-class JointsTwin:
+class JointsTwin(Enabling):
     """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
-    ``joints`` and ``at_rest`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves or holds
-    them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are meant to
-    be stiff hold where they are. With every ``step`` followers are led, and ``changed`` is called: new readings.
+    ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
+    or holds them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are
+    meant to be stiff hold where they are. With every ``step`` followers are led, and ``changed`` is called.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
@@ -38,6 +39,7 @@ class JointsTwin:
         clock: Clock,
         *,
         at_rest: Literal["hold", "relax"] = "hold",
+        away: Away | None = None,
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "arm",
@@ -48,6 +50,7 @@ class JointsTwin:
         self._servos = {joint: ServoTwin(joint, spec) for joint, spec in joints.items()}
         self._limits = {joint: servo.joint.limits for joint, servo in self._servos.items()}
         self._clock = clock
+        self._absence = Absence(away)
         self._stiff_at_rest = at_rest == "hold"
         self._report = guarded(report)
         self._changed = guarded(changed)
@@ -73,7 +76,7 @@ class JointsTwin:
         """
         speeds = speeds or {}
         check_move(self.name, goals, speeds, self._servos)
-        self.plug.require()
+        self._require()
         now = self._clock.now()
         accepted = self._clamping.accept(goals, now)
         self._following.end(goals)
@@ -89,7 +92,7 @@ class JointsTwin:
         """
         check_couplings(self.name, couplings, self._servos)
         if couplings:
-            self.plug.require()
+            self._require()
         freed = self._following.freed_by(couplings)
         self._following = Following(couplings)
         self._command(freed, stiff=True)
@@ -121,9 +124,10 @@ class JointsTwin:
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut down stiff again where they stand; return the names of the joints.
 
-        Raises NotConnected.
+        It enables the arm as well. Raises NotConnected.
         """
         self.plug.require()
+        self._absence.enable()
         shut = [servo for servo in self._servos.values() if servo.joint.shut]
         for servo in shut:
             servo.joint.shut, servo.joint.wanted = False, True
@@ -135,6 +139,7 @@ class JointsTwin:
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
+        self._absence.begin()
         self.plug.open()
 
     def rest(self) -> None:
@@ -151,7 +156,7 @@ class JointsTwin:
 
     def health(self) -> Health:
         """Say whether the arm is there, and which servos have shut down."""
-        health = self.plug.health({})
+        health = replace(self.plug.health({}), returned=self._absence.returned)
         shut = [servo.joint.title for servo in self._servos.values() if servo.joint.shut]
         if not health.online or not shut:
             return health
@@ -160,6 +165,7 @@ class JointsTwin:
     def step(self) -> None:
         """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
         if self.plug.online:
+            self._absence.heard(self._clock.now())
             if self._following:
                 self._lead(self._clock.now())
             self._changed()
@@ -209,6 +215,8 @@ class JointsTwin:
                 servo.hold(now)
             servo.joint.unsettled = False
         self._following.pause()
+        if self._absence.heard(now):
+            self._following = Following()
         self._telling.unsettled()
         self._read(now)
 
@@ -219,6 +227,11 @@ class JointsTwin:
             if (stood := joint.stood(found)) is not None:
                 joint.strayed = True
                 self._telling.elsewhere(joint, stood, found)
+
+    def _require(self) -> None:
+        """Raise NotConnected while it is unplugged, DeviceFault while it is latched."""
+        self.plug.require()
+        self._absence.require(self.name)
 
     def _gone(self) -> None:
         """Keep what is seen last; nobody sends the servos any farther."""
