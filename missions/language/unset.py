@@ -82,7 +82,7 @@ class _Ways:
         return self._modifier(step, unset, here)
 
     def _read(self, step: Step, value: Value, unset: Unset, here: Here) -> None:
-        for name in sorted(_surely_read(value)):
+        for name in sorted(surely_read(value)):
             if name in unset and not (name in here.granted or here.caught or here.guarded):
                 self.found.append(Reading(step, name, unset[name]))
 
@@ -116,8 +116,7 @@ class _Ways:
         for child in step.children:
             if now is None:
                 break
-            last = child is step.children[-1]
-            after = self.after(child, now, replace(here, caught=here.caught or (passes == FAILURE and not last)))
+            after = self.after(child, now, replace(here, caught=here.caught or catches(step, child)))
             now, stopped = after if passes == SUCCESS else (after.failure, after.success)
             stops.append(stopped)
             if stopped is not None and _asks_variables(child):
@@ -126,19 +125,19 @@ class _Ways:
 
     def at_once(self, step: Step, unset: Unset, here: Here, *, all_succeed: bool) -> After:
         """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
-        counted = bool(step.arguments)
-        caught = here.caught or counted or step.kind == "random_selector"
-        found = [
-            self.after(child, unset, replace(here, caught=caught, granted=here.granted | self._beside(step, child)))
-            for child in step.children
-        ]
+        found = []
+        for child in step.children:
+            granted = here.granted | self._beside(step, child)
+            found.append(
+                self.after(child, unset, replace(here, caught=here.caught or catches(step, child), granted=granted))
+            )
         if step.kind == "race":
             found = [
                 After(_by(f"{_shown(child)} ends first", after.success), after.failure)
                 for child, after in zip(step.children, found, strict=True)
             ]
         success = _either(after.success for after in found)
-        if all_succeed and not counted and success is not None:
+        if all_succeed and not step.arguments and success is not None:
             still = [after.success for after in found if after.success is not None]
             success = {name: way for name, way in success.items() if all(name in each for each in still)}
         return After(success, _either(after.failure for after in found))
@@ -173,7 +172,7 @@ class _Ways:
 
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
         guarded = here.guarded or (step.kind in _CUTS and _asks_variables(step))
-        caught = here.caught or step.kind in ("on_failure", "invert", "hold")
+        caught = here.caught or catches(step, step.children[0])
         value = step.arguments["value"]
         known = value.template is None
         if step.kind == "if" and known and not value.constant:
@@ -237,6 +236,15 @@ WAYS: Mapping[str, _Follow] = {
 """How a run goes through each kind of composite."""
 
 
+def catches(step: Step, child: Step) -> bool:
+    """Say whether a failure of ``child`` is nothing bad to ``step``: another has its turn, or it is taken otherwise."""
+    if step.kind in ("selector", "reactive_selector"):
+        return child is not step.children[-1]
+    return step.kind in ("random_selector", "on_failure", "invert", "hold") or (
+        step.kind == "parallel" and bool(step.arguments)
+    )
+
+
 def _by(event: str, unset: Unset | None) -> Unset | None:
     """Return what is unset, once ``event`` has happened besides."""
     return None if unset is None else {name: (*way, event) for name, way in unset.items()}
@@ -270,7 +278,7 @@ def _asks_variables(step: Step) -> bool:
     return any(read.name not in STATE for template in values if template is not None for read in template.reads)
 
 
-def _surely_read(value: Value) -> frozenset[str]:
+def surely_read(value: Value) -> frozenset[str]:
     """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
     formula = value.template
     if formula is None:

@@ -8,6 +8,7 @@ from missions.language.flow import sets
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Plan, Step
+from missions.language.unset import surely_read
 from missions.language.values import Value
 from missions.verify.choices import Oracle
 from missions.verify.guesses import MOST, TWICE, UNKNOWN, Anything, Guess, Many, Several, widened
@@ -23,22 +24,27 @@ OTHERWISE = "anything else"
 """What a ``switch`` finds that is none of its cases."""
 
 
-def abstract(step: Step, oracle: Oracle, watch: Watch) -> Step:
-    """Return ``step``, and all below it, for a model that asks ``oracle`` and is followed by ``watch``."""
-    children = tuple(abstract(child, oracle, watch) for child in step.children)
+def abstract(step: Step, oracle: Oracle, watch: Watch, names: frozenset[str]) -> Step:
+    """Return ``step``, and all below it, for a model that asks ``oracle`` and is followed by ``watch``.
+
+    ``names`` are the variables that something sets in its mission.
+    """
+    inner = sets(step.children[0]) if step.kind == MISSION else names
+    children = tuple(abstract(child, oracle, watch, inner) for child in step.children)
     if step.leaf is not None:
-        return replace(step, leaf=stand_in(step, oracle, watch), arguments=_arguments(step, step.leaf, oracle))
+        return replace(step, leaf=stand_in(step, oracle, watch), arguments=_arguments(step, step.leaf, oracle, names))
     returns = {name: _stored(value, oracle) for name, value in step.returns.items()}
     arguments = {name: _setting(step, value, oracle) for name, value in step.arguments.items()}
     return replace(step, children=children, arguments=arguments, returns=returns)
 
 
-def _arguments(step: Step, leaf: type[Leaf], oracle: Oracle) -> dict[str, Value]:
+def _arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[str]) -> dict[str, Value]:
     """Return the arguments that matter: what a leaf stores, and what can keep one from starting that cannot fail."""
     if leaf.open_ended:
         return {name: _stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
-        return {}
+        asked = {name: value for name, value in step.arguments.items() if surely_read(value) & names}
+        return {f"argument_{name}": replace(_guess(value, oracle), asked=True) for name, value in asked.items()}
     computed = {name: value for name, value in step.arguments.items() if value.template is not None}
     return {f"argument_{name}": _guess(value, oracle) for name, value in computed.items()}
 
@@ -64,7 +70,7 @@ def _setting(step: Step, value: Value, oracle: Oracle) -> Value:
     return _guess(value, oracle, True, False)
 
 
-def _guess(value: Value, oracle: Oracle, *options: object) -> Value:
+def _guess(value: Value, oracle: Oracle, *options: object) -> Guess:
     return Guess(
         template=value.template,
         convert=value.convert,

@@ -14,6 +14,7 @@ from typing import Any, Self
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
+from missions.language.unset import surely_read
 from missions.language.values import Value
 from missions.verify.choices import Oracle
 
@@ -126,16 +127,22 @@ def _is(name: str, value: object) -> str:
 class Guess(Value):
     """A value that is computed where all that it reads is known, and else one of ``options``.
 
-    ``blind`` ones are never computed. ``kept`` says what to make of a value that was.
+    ``blind`` ones are never computed. ``kept`` says what to make of a value that was. Of one that is ``asked`` alone
+    nothing matters but whether all that it reads is set.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
     options: Sequence[object] = (UNKNOWN,)
     blind: bool = False
+    asked: bool = False
     kept: Callable[[object], object] = lambda found: found
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """See missions.language.values.Value."""
+        if not self.blind:
+            self._all_set(scope)
+        if self.asked:
+            return UNKNOWN
         if not self.blind and not self._unknown(scope):
             return self.kept(Value.resolve(self, scope))
         options = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
@@ -143,6 +150,12 @@ class Guess(Value):
         if failed:
             raise ExpressionError("cannot be calculated")
         return found
+
+    def _all_set(self, scope: Mapping[str, object]) -> None:
+        """Raise ExpressionError for a variable that has to be there, and is not."""
+        for name in surely_read(self):
+            if name not in scope:
+                raise ExpressionError(f"'{name}' is not set")
 
     def _unknown(self, scope: Mapping[str, object]) -> bool:
         """Say whether something that it reads is unknown here."""

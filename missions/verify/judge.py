@@ -13,7 +13,7 @@ from missions.verify.mocks import StandIn
 from missions.verify.monitors import Following
 from missions.verify.trace import run_that_found, run_to
 from missions.verify.verdicts import PROVED, REFUTED, UNDECIDED, Finding, Verdict
-from missions.verify.watch import ALONE, CLEAN
+from missions.verify.watch import ALONE, CLEAN, SET
 
 ENDS = ("success", "failure")
 
@@ -38,6 +38,7 @@ class Judge:
             *self._times(),
             self._unbroken(ALONE, "no two behaviours drive one actuator at the same time"),
             self._clean(),
+            *([self._unbroken(SET, "every variable is set when it is read")] if self._space.model.watch.reads else []),
             *(self._property(place, each) for place, each in enumerate(self._space.model.monitors)),
         ]
 
@@ -119,10 +120,20 @@ class Judge:
             (number for number, place in enumerate(self._space.places) if place.kind not in (GOING, HALTING)),
             lambda kind: kind == HALTING,
         )
+        restless = tuple(
+            Finding(self._never_rests(leaf)) for leaf in self._space.model.watch.leaves if leaf.never_rests
+        )
+        if restless:
+            return Verdict(rule, REFUTED, (*found.findings, *restless))
         if found.outcome == REFUTED or stuck is None:
             return found
         fault = Fault(self._plan.source, self._plan.tree.mark, "told to stop, it never comes to rest")
         return Verdict(rule, REFUTED, (Finding(fault, run_to(self._space, stuck)),))
+
+    def _never_rests(self, leaf: StandIn) -> Fault:
+        step = self._steps[leaf.key]
+        message = f"told to stop, '{step.kind}' never comes to rest: its 'halting' always says that it still stops"
+        return Fault(step.source, step.mark, message, f"its actuators are stopped for it after {leaf.halt_limit:g} s")
 
     # --- the mission's own properties ---------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from missions.language.plan import Step
 from missions.verify.choices import Oracle
+from missions.verify.fields import always_true
 from missions.verify.guesses import UNKNOWN
 from missions.verify.watch import Watch
 
@@ -39,6 +40,7 @@ class StandIn(Leaf):
     watch: ClassVar[Watch]
     outcomes: ClassVar[tuple[Outcome, ...]]
     lingers: ClassVar[bool]
+    never_rests: ClassVar[bool]
     stops: ClassVar[bool]
     live = False
     ends_alike = False
@@ -140,6 +142,7 @@ def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
             "oracle": oracle,
             "watch": watch,
             "outcomes": outcomes(step),
+            "never_rests": always_true(real.halting),
             "lingers": real.halting is not Leaf.halting,
             "stops": not real.drives or real.terminate is not Leaf.terminate,
         },

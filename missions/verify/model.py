@@ -14,6 +14,7 @@ from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
 from missions.executive.build import build
 from missions.executive.modifiers import Hold, Repeat, Timeout
+from missions.language.flow import sets
 from missions.language.kinds import STATE
 from missions.language.plan import Plan
 from missions.verify.abstract import abstract, durations, missing
@@ -23,6 +24,7 @@ from missions.verify.guesses import UNKNOWN, Sensed
 from missions.verify.instants import Timing
 from missions.verify.mocks import StandIn, WaitStandIn
 from missions.verify.monitors import Following, follow
+from missions.verify.readers import readers
 from missions.verify.scopes import Scopes
 from missions.verify.snapshot import Row, Rows, Snapshots
 from missions.verify.watch import Watch
@@ -56,7 +58,7 @@ class Model:
         self.run.observer = NodeByNode(self.watch.changed)
         self.run.variables.update({part: Sensed(self.oracle, part) for part in STATE})
         self.run.variables.update(dict.fromkeys(missing(plan), UNKNOWN))
-        tree = abstract(plan.tree, self.oracle, self.watch)
+        tree = abstract(plan.tree, self.oracle, self.watch, sets(plan.tree))
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
         self.monitors: tuple[Following, ...] = tuple(follow(promise, self.nodes) for promise in plan.properties)
@@ -67,6 +69,7 @@ class Model:
         self.watch.timed = {
             node: _when_over(node) for node in self.nodes if isinstance(node, Timeout | Hold | WaitStandIn)
         }
+        self.watch.reads = readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)
         self._scopes = Scopes(tree, self.nodes, self.run.variables)
         self._seconds = sorted(durations(plan.tree))

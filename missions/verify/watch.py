@@ -12,8 +12,8 @@ from behaviours.node import Node
 if TYPE_CHECKING:
     from missions.verify.mocks import StandIn
 
-ALONE, CLEAN = "alone", "clean"
-"""The rules that hold for every mission: one behaviour to an actuator, and all at rest after a halt."""
+ALONE, CLEAN, SET = "alone", "clean", "set"
+"""The rules that hold for every mission: one to an actuator, all at rest after a halt, what is read has been set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +54,7 @@ class Watch:
 
     ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so. ``timed`` are the
     nodes that wait for a time, each with the status that shows that it is over; ``over`` those of which it ever was.
+    ``reads`` has the variables that nodes read when they start, and without which they fail.
     """
 
     leaves: "list[StandIn]" = field(default_factory=list)
@@ -64,6 +65,7 @@ class Watch:
     breaches: list[Breach] = field(default_factory=list)
     changes: list[tuple[Node, Status]] = field(default_factory=list)
     reached: set[Node] = field(default_factory=set)
+    reads: Mapping[Node, frozenset[str]] = field(default_factory=dict)
     over: set[Node] = field(default_factory=set)
     went_round: bool = False
     _rivals: "dict[StandIn, list[StandIn]]" = field(default_factory=dict)
@@ -100,6 +102,10 @@ class Watch:
         self.reached.add(node)
         if self.timed.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
             self.over.add(node)  # of a timeout: it is not the child that has failed
+        if node.status is FAILURE:
+            for name in sorted(self.reads.get(node, frozenset()) - node.scope.keys()):
+                if f"'{name}' is not set" in node.feedback_message:
+                    self.breaches.append(Breach(SET, f"'{name}' is read here, but nothing has set it", node))
         if node.status is SUCCESS:
             self.went_round = self.went_round or node in self.rounds
             for monitor in self.monitors:

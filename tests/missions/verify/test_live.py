@@ -25,7 +25,7 @@ from tests.missions.verify.exploring import explored, outcome, outcomes, plan_of
 
 def live_at(word: str, tree: str) -> set[str]:
     """What is live while the one leaf with this word, or the one node of this kind, runs after two were set."""
-    step = abstract(plan_of(f"sequence: [{{set: {{a: 1, b: 2}}}}, {tree}]").tree, Oracle(), Watch())
+    step = abstract(plan_of(f"sequence: [{{set: {{a: 1, b: 2}}}}, {tree}]").tree, Oracle(), Watch(), frozenset())
     live = live_while_running(step)
     (key,) = (key for key, each in keyed(step, "1").items() if each.kind == word)
     return set(live[key])

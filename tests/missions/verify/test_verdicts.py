@@ -183,8 +183,11 @@ class Careful(Leaf):
     word = "careful"
     drives = frozenset({"base"})
 
+    _left = 0
+
     def halting(self) -> bool:
-        return True
+        self._left -= 1
+        return self._left > 0
 
     def terminate(self, new_status: Status) -> None:
         del new_status
@@ -205,6 +208,49 @@ reactive_selector:
     found = explored(tree, "never: drive while careful", leaves=[Careful])
     assert found.outcome == PROVED
     assert found.states > 8
+
+
+class Restless(Careful):
+    """Never stop to stop."""
+
+    word = "restless"
+
+    def halting(self) -> bool:
+        return True
+
+
+def test_a_leaf_that_never_comes_to_rest_by_itself_is_found() -> None:
+    tree = "selector:\n  - restless\n  - careful\n"
+    found = explored(tree, leaves=[Careful, Restless])
+    (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
+    assert finding.fault.mark.line == 5
+    assert finding.fault.message.startswith("told to stop, 'restless' never comes to rest")
+    assert finding.fault.suggestion == "its actuators are stopped for it after 1 s"
+    assert explored("careful", leaves=[Careful]).outcome == PROVED
+
+
+# Variables that are read before they are set
+
+
+SETS = "every variable is set when it is read"
+
+
+def test_a_run_that_reads_what_is_not_set_is_shown() -> None:
+    tree = "parallel:\n  - find_face: {}\n    as: who\n  - sequence: [{wait: 1 s}, {say: 'It is ${who.id}'}]"
+    found = explored(tree)
+    (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
+    assert finding.fault.message == "'who' is read here, but nothing has set it"
+    assert finding.run is not None
+    assert len(finding.run) == 2
+    assert outcomes(found)[SETS] == REFUTED
+
+
+def test_what_is_asked_for_first_or_may_fail_is_no_fault() -> None:
+    flag = "{set: {ok: false}}, {sequence: [{find_face: {}, as: who}, {set: {ok: true}}], on_failure: succeed}"
+    found = explored(f"sequence: [{flag}, {{say: '${{who.id}}', if: ok}}]")
+    assert outcomes(found)[SETS] == PROVED
+    tree = "sequence: [{find_face: {}, as: who, on_failure: succeed}, {selector: [{say: '${who.id}'}, {say: Hello}]}]"
+    assert SETS not in outcomes(explored(tree))
 
 
 # Properties that hold
