@@ -95,7 +95,8 @@ def command(
         click.echo(keymap.HELP if held is None else pad.HELP)
         typed: Callable[[float], str] = _pause
         if sys.stdin.isatty():
-            open_things.callback(click.echo)  # below the line to be seen
+            if sys.stdout.isatty():
+                open_things.callback(click.echo)  # below the line to be seen
             typed = open_things.enter_context(Keys(sys.stdin.fileno())).read
         drive_by_hand(Pilot(base, head, pace=pace), typed, held, clock, _shower(clock))
     return SUCCESS

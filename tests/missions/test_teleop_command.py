@@ -102,6 +102,24 @@ def test_a_signal_ends_it_with_the_base_at_rest() -> None:
         wait_until(lambda: not base.seen().moving)
 
 
+def test_a_reader_of_its_output_that_goes_ends_it() -> None:
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "missions", "teleop"],
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    with process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(20.0) == 130
+    os.close(slave)
+    os.close(master)
+
+
 def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.hang_up()
