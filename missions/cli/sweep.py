@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from config.units import in_dimension
 from drivers.clock import SystemClock
 from missions.cli.console import console
+from missions.cli.keys import interruptible
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
@@ -145,11 +147,11 @@ def command(
     except OSError as error:
         raise click.UsageError(f"{folder.path}: {error.strerror}") from error
     clock = SystemClock()
-    rows, where = _run(sweep, range(seed, seed + runs), jobs or cores(), dask)
-    click.echo(f"{plan.mission} in {sweep.file}: {len(rows)} runs, eyes: {eyes}; {clock.now():.1f} s on {where}\n")
-    summary = summarise(rows, sweep.variations)
-    if rows:
-        _tell(sweep, folder, plan.mission, rows, summary)
+    with interruptible():
+        rows, where = _run(sweep, range(seed, seed + runs), jobs or cores(), dask, partial(folder.keep, sweep))
+        took = f"{clock.now():.1f} s on {where}"
+        summary = summarise(rows, sweep.variations)
+        _tell(sweep, folder, plan.mission, rows, summary, took)
     if len(rows) < runs:
         click.echo(f"mission: interrupted; {runs - len(rows)} runs are missing", err=True)
         return INTERRUPTED
@@ -160,13 +162,17 @@ def command(
     return SUCCESS
 
 
-def _run(sweep: Sweep, seeds: range, jobs: int, dask: str | None) -> tuple[list[Row], str]:
-    """Run all seeds, or as many as there is time for before Ctrl-C; return their rows in order, and who ran them."""
+def _run(sweep: Sweep, seeds: range, jobs: int, dask: str | None, keep: Callable[[Row], None]) -> tuple[list[Row], str]:
+    """Run all seeds, or as many as there is time for before Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row.
+
+    Returns their rows in order, and who ran them.
+    """
     found: list[Row] = []
     work, where = _workers(sweep, seeds, jobs, dask)
     with closing(work), _progress(len(seeds)) as progress:
         try:
             for row in work:
+                keep(row)
                 found.append(row)
                 progress(found)
         except KeyboardInterrupt:
@@ -205,15 +211,19 @@ def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
         yield told
 
 
-def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summary: Summary) -> None:
-    """Print the table and write the files."""
+def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summary: Summary, took: str) -> None:
+    """Write the files, print the table and draw the picture; the files first, for the terminal may have gone."""
 
     def again(row: Row) -> tuple[str, str]:
         world = folder.world(row.seed)
         return told(sweep, row.values), sweep.command(row.seed, world) if world.exists() else ""
 
-    about = {"mission": mission, "world": sweep.file, "eyes": sweep.eyes, "limit": sweep.limit}
-    folder.write(sweep, rows, summary, about)
+    if rows:
+        about = {"mission": mission, "world": sweep.file, "eyes": sweep.eyes, "limit": sweep.limit}
+        folder.write(sweep, rows, summary, about)
+    click.echo(f"{mission} in {sweep.file}: {len(rows)} runs, eyes: {sweep.eyes}; {took}\n")
+    if not rows:
+        return
     click.echo(report(summary, again))
     written = [RUNS, SUMMARY]
     try:

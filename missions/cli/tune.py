@@ -15,7 +15,9 @@ from config.library import find
 from config.marked import read_source
 from missions.cli.console import console
 from missions.cli.controller import read
+from missions.cli.keys import interruptible
 from missions.cli.outputs import writing
+from missions.cli.root import INTERRUPTED, SUCCESS
 from missions.controllers.bench import bench, table
 from missions.controllers.scenario import SCENARIOS
 
@@ -53,11 +55,12 @@ def command() -> None:
     help="How many variants to try, in all.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
-def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> None:
+def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
     """Tune the numbers of a controller (a name or a file), and write them into a new file.
 
     Differential evolution: variants are tried on the simulated robot, in the step and the walk of `mission controller
     bench`, and the better ones are mixed. The same command finds the same numbers. All else in the file stays as it is.
+    Whatever ends it, the best numbers by then are in the new file.
     """
     try:
         from missions.controllers.tuning import Tuning  # noqa: PLC0415 - an extra, and slow to import
@@ -70,12 +73,26 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
         raise click.UsageError(f"'{output}' exists: name another file with --output, or add --force")
     chosen = tuple(dict.fromkeys(rules)) or tuple(each for each in RULES if each in config.values)
     source = read_source(path)
+    kept: list[str] = []
+
+    def keep(text: str) -> None:
+        """Write the best so far, which is there then whatever ends the search."""
+        found = Source(source.name, text)
+        kept.append(rewritten(found, renamed(found, output.stem, f"{config.summary} Tuned.")))
+        with writing(output, "-o"):
+            output.write_text(kept[-1], encoding="utf-8")
+
     try:
-        with _progress(evaluations) as told:
+        with interruptible(), _progress(evaluations) as told:
             for each in chosen:
-                source = Source(
-                    source.name, Tuning(source, each).search(evaluations // len(chosen), seed=seed, progress=told).text
-                )
+                tuning = Tuning(source, each)
+                found = tuning.search(evaluations // len(chosen), seed=seed, progress=told, better=keep)
+                source = Source(source.name, found.text)
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        click.echo(f"mission: interrupted; {output} has the best numbers so far", err=True)
+        return INTERRUPTED
     except ValueError as error:
         raise click.UsageError(str(error)) from error
     text = rewritten(source, renamed(source, output.stem, f"{config.summary} Tuned."))
@@ -85,6 +102,7 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
     with writing(output, "-o"):
         output.write_text(text, encoding="utf-8")
     click.echo(f"\nwrote {output}; to use it: track_face: {output}")
+    return SUCCESS
 
 
 @contextmanager

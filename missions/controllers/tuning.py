@@ -68,13 +68,25 @@ class Tuning:
             raise ValueError(f"{source.name}: has no numbers under '{rules}' to tune")
         RuleBases.from_mapping(parse_controller(source).values)
 
-    def search(self, evaluations: int, *, seed: int, progress: Callable[[float], object]) -> Tuned:
-        """Try about ``evaluations`` variants, and return the best; ``progress`` is told the cost of each."""
+    def search(
+        self,
+        evaluations: int,
+        *,
+        seed: int,
+        progress: Callable[[float], object],
+        better: Callable[[str], object] = lambda _: None,
+    ) -> Tuned:
+        """Try about ``evaluations`` variants, and return the best; ``progress`` is told the cost of each.
+
+        ``better`` is told the text of each that is better than all before it, the numbers of today among them.
+        """
         size = max(5, min(2 * len(self.knobs), evaluations // 4))
         spent: list[float] = []
 
         def cost(factors: Sequence[float]) -> float:
             found = self.cost(factors)
+            if spent and found < min(spent):  # the first are the numbers of today
+                better(self.text(factors))
             spent.append(found)
             progress(found)
             return found

@@ -17,12 +17,13 @@ RUNS, SUMMARY, PICTURE, WORLDS = "runs.csv", "summary.json", "sweep.png", "world
 """The files in the folder, and the folder of worlds in it."""
 
 
-def runs_csv(rows: Iterable[Row], variations: Sequence[Variation]) -> str:
+def runs_csv(rows: Iterable[Row], variations: Sequence[Variation], *, heading: bool = True) -> str:
     """Return all runs as CSV: the same text wherever and on however many workers they ran."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    titles = [variation.title for variation in variations]
-    writer.writerow(["seed", *titles, "result", "cause", "reason", "seconds", "ticks"])
+    if heading:
+        titles = [variation.title for variation in variations]
+        writer.writerow(["seed", *titles, "result", "cause", "reason", "seconds", "ticks"])
     for row in rows:
         writer.writerow([row.seed, *row.values, row.result, cause(row), row.reason, row.seconds, row.ticks])
     return out.getvalue()
@@ -68,6 +69,7 @@ class Folder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._worlds = path / WORLDS
+        self._begun = False
 
     def prepare(self, *, force: bool) -> None:
         """Make the folder, so that what is wrong with it is known before the first run.
@@ -85,10 +87,24 @@ class Folder:
         left = [*(self.path / name for name in (RUNS, SUMMARY, PICTURE)), *self._worlds.glob("*.yaml")]
         return [path for path in left if path.exists()]
 
-    def write(self, sweep: Sweep, rows: Sequence[Row], summary: Summary, about: Mapping[str, object]) -> None:
-        """Write all but the picture, in the place of what an earlier sweep has left. Raises OSError."""
+    def keep(self, sweep: Sweep, row: Row) -> None:
+        """Write a run as soon as it is done, so that it is there whatever ends the sweep. Raises OSError.
+
+        The first takes the place of what an earlier sweep has left.
+        """
+        if not self._begun:
+            self._clear()
+        with (self.path / RUNS).open("a", encoding="utf-8") as file:
+            file.write(runs_csv([row], sweep.variations, heading=not self._begun))
+        self._begun = True
+
+    def _clear(self) -> None:
         for path in self._old():
             path.unlink()
+
+    def write(self, sweep: Sweep, rows: Sequence[Row], summary: Summary, about: Mapping[str, object]) -> None:
+        """Write all but the picture, in the place of what an earlier sweep has left. Raises OSError."""
+        self._clear()
         for row in summary.worst:
             with suppress(ValueError):  # what is wrong with this world is the reason of its row
                 write_world(sweep, row.seed, self.world(row.seed))

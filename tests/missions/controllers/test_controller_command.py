@@ -2,7 +2,11 @@
 
 import io
 import json
+import os
+import signal
 import sys
+from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +17,7 @@ from matplotlib.figure import Figure
 from config.controller import load_controller
 from config.library import shipped
 from missions.cli.root import SUCCESS, USAGE
+from missions.controllers.tuning import Tuning
 from tests.missions.command import command
 
 PNG = b"\x89PNG"
@@ -144,6 +149,24 @@ def test_tuning_writes_over_nothing_unless_forced(small: Path, capsys: pytest.Ca
     assert other.read_text(encoding="utf-8") == "mine"
     assert command(capsys, *wish, "--force").code == SUCCESS
     assert load_controller(other).name == "other"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_the_best_numbers_so_far_are_kept_whatever_ends_it(
+    small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    asked = count(1)
+
+    def cost(_: Tuning, factors: Sequence[float]) -> float:
+        if next(asked) > 12:
+            os.kill(os.getpid(), number)
+        return abs(factors[0] - 0.5)
+
+    monkeypatch.setattr(Tuning, "cost", cost)
+    found = command(capsys, "tune", "tracker", "--controller", small.name, "--evaluations", "100")
+    assert (found.code, found.out) == (130, "")
+    assert found.err == "mission: interrupted; small_tuned.yaml has the best numbers so far\n"
+    assert load_controller(small.parent / "small_tuned.yaml").values != load_controller(small).values
 
 
 def test_rules_that_are_not_there_cannot_be_tuned(small: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -226,6 +226,23 @@ def test_ctrl_c_ends_at_once_and_what_was_run_is_written(folder: Path) -> None:
     wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+def test_what_was_run_is_kept_whatever_ends_the_sweep(folder: Path, number: signal.Signals) -> None:
+    runs = folder / "sweep-glance" / "runs.csv"
+    process = Process("sweep", "glance.yaml", "--runs", "100000", "--jobs", "1", folder=folder)
+    try:
+        wait_until(lambda: runs.exists() and len(runs.read_text().splitlines()) > 3, seconds=60.0)
+    finally:
+        code = process.end(number)
+    lines = runs.read_text().splitlines()
+    assert lines[0].startswith("seed,")
+    assert len(lines) > 3
+    if number != signal.SIGKILL:
+        assert code == 130
+        assert process.errors[-1] == f"mission: interrupted; {100_001 - len(lines)} runs are missing\n"
+        assert (runs.parent / "summary.json").exists()
+
+
 def test_workers_end_with_a_sweep_that_is_killed(folder: Path) -> None:
     process = Process("sweep", "glance.yaml", "--runs", "100000", folder=folder)
     try:
