@@ -13,7 +13,7 @@ from missions.vocabulary import vocabulary
 
 FOLDER = Path(__file__).parent / "faulty"
 
-ENDS, REACHED, TIMES, CLEAN = "it can end", "each of its", "its ", "after every halt"
+ENDS, REACHED, TIMES, CLEAN, SET = "it can end", "each of its", "its ", "after every halt", "every variable"
 
 FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "retry_what_always_fails": (ENDS, 11, "'retry' goes on for ever", 1),
@@ -38,11 +38,23 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "never_stops": ("always eventually: base stopped", 8, "from here on it goes on moving", 1),
     "silent_end": ("always eventually: say", 9, "from here on say does not run", 1),
     "cannot_fail": ("can: fail", 9, "no run ends with failure", None),
+    "wait_longer_than_timeout": (TIMES, 5, "'wait' of 10 s is never over", None),
+    "waits_that_add_up": (TIMES, 6, "'wait' of 3 s is never over", None),
+    "inner_timeout_never_fires": (TIMES, 6, "'timeout' of 20 s is never over", None),
+    "says_after_too_short_a_time": (REACHED, 6, "'say' is never reached", None),
+    "greets_too_early": (SET, 9, "'guest' is read here, but nothing has set it", 2),
+    "asks_what_nobody_set": (SET, 9, "'guest' is read here, but nothing has set it", 1),
+    "never_comes_to_rest": (CLEAN, 6, "told to stop, 'dither' never comes to rest", None),
     "holds_too_long": ("can: succeed", 8, "no run ends with success", None),
 }
 """Of each file: the rule that is refuted, the line, words of the message, and the ticks of a shortest run, if any."""
 
-ALSO = {"never_stops": {ENDS}, "second_try_out_of_time": {TIMES}, "holds_too_long": {TIMES}}
+ALSO = {
+    "never_stops": {ENDS},
+    "second_try_out_of_time": {TIMES},
+    "holds_too_long": {TIMES},
+    "says_after_too_short_a_time": {TIMES},
+}
 """Rules that a fault breaks besides the one it was planted for."""
 
 
@@ -54,7 +66,7 @@ def report(name: str) -> Report:
 
 def test_every_faulty_mission_is_in_the_table() -> None:
     assert {path.stem for path in FOLDER.glob("*.yaml")} == FAULTS.keys()
-    assert len(FAULTS) >= 12
+    assert len(FAULTS) >= 25
 
 
 @pytest.mark.parametrize("name", list(FAULTS))

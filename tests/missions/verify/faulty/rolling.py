@@ -31,3 +31,17 @@ class RollOn(RollAway):
     def terminate(self, new_status: Status) -> None:
         del new_status
         self.robot.base.stop()
+
+
+class Dither(RollAway):
+    """Say for ever that it still stops."""
+
+    word = "dither"
+    ends = frozenset({"success", "failure"})
+
+    def halting(self) -> bool:
+        return True
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self.robot.base.stop()
