@@ -5,6 +5,7 @@ from abc import abstractmethod
 from py_trees.common import Status
 
 from behaviours.node import Node
+from drivers.errors import NotConnected
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
@@ -13,30 +14,37 @@ class Parent(Node):
     """A node with ``members``, its children, as the tick walks them.
 
     ``ending`` is the result that will stand once every member that still runs has been halted; IDLE when it was this
-    node that was told to halt.
+    node that was told to halt. ``unstarted`` is whether its start waits for a part of the robot to report.
     """
 
     members: tuple[Node, ...] = ()
     ending: Status | None = None
+    unstarted = False
 
     def work(self) -> Status:
         """Start if need be, then go on.
 
         Ticked again before its halt is through, it finishes that first and starts afresh.
         """
-        afresh = self.status is not RUNNING
+        afresh = self.unstarted or self.status is not RUNNING
         if self.ending is not None:
             status = self.end(self.ending)
             if status is not IDLE:
                 return status
             afresh = True
-        if afresh:
-            self.feedback_message = ""
-            problem = self.start()
-            if problem:
-                self.feedback_message = problem
-                return FAILURE
-        return self.go_on()
+        try:
+            if afresh:
+                self.feedback_message = ""
+                self.unstarted = True
+                problem = self.start()
+                self.unstarted = False
+                if problem:
+                    self.feedback_message = problem
+                    return FAILURE
+            return self.go_on()
+        except NotConnected as error:  # what an expression asks for is not reported just now
+            self.feedback_message = f"waiting: {error}"
+            return RUNNING
 
     def start(self) -> str:
         """Forget an earlier run; return why it cannot start, or nothing."""

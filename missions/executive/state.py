@@ -1,6 +1,7 @@
 """The robot's state as expressions read it: ``battery.percent``, ``face.seen``, ``base.bumper``.
 
-What is not known is None, so that a comparison with it fails with a reason instead of being true by chance.
+What nobody sees is None, so that a comparison with it fails with a reason instead of being true by chance. A part that
+does not report raises NotConnected, so that whatever asks waits for it.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import TypeVar
 from behaviours.robot import Robot
 from drivers.api import BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
+from drivers.errors import NotConnected
 from missions.executive.battery import BatteryWatch
 from missions.executive.guard import Guard
 from perception.api import Face
@@ -83,7 +85,7 @@ class _OfBase:
 
     @property
     def _state(self) -> BaseState | None:
-        return None if self.robot.base_part is None else fresh(self.robot.base_part.state())
+        return None if self.robot.base_part is None else fresh(self.robot.base_part.state(), "base")
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ class HeadState:
 
     @property
     def _pose(self) -> HeadPose | None:
-        return None if self.robot.head_part is None else fresh(self.robot.head_part.pose())
+        return None if self.robot.head_part is None else fresh(self.robot.head_part.pose(), "head")
 
 
 @dataclass(frozen=True)
@@ -212,12 +214,14 @@ class RangeState:
 
     @property
     def _scan(self) -> RangeScan | None:
-        return None if self.robot.ranger_part is None else fresh(self.robot.ranger_part.scan())
+        return None if self.robot.ranger_part is None else fresh(self.robot.ranger_part.scan(), "range finder")
 
 
-def fresh(reading: Reading[T]) -> T | None:
-    """Return what was measured, if it was lately."""
-    return reading.value if reading.good else None
+def fresh(reading: Reading[T], part: str) -> T:
+    """Return what was measured lately. Raises NotConnected where nothing was."""
+    if reading.value is None or not reading.good:
+        raise NotConnected(f"the {part} does not report")
+    return reading.value
 
 
 def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str, object]:

@@ -6,7 +6,8 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from behaviours.node import Node
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
+from drivers.errors import NotConnected
+from missions.executive.parent import FAILURE, IDLE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import ExpressionError
 from missions.language.values import Value
 
@@ -51,10 +52,11 @@ class Submission(Parent, Decorator):
 
     def go_on(self) -> Status:
         (child,) = self.members
-        status = child.advance()
+        # One that has ended may wait for what it returns to be reported.
+        status = child.advance() if child.status in (RUNNING, IDLE) else child.status
         if status is RUNNING:
             return status
-        problem = self._hand_back()
+        problem = self._hand_back(waits=status is SUCCESS)
         if status is FAILURE:
             return self.blame(child)
         if problem:
@@ -62,13 +64,15 @@ class Submission(Parent, Decorator):
             return FAILURE
         return SUCCESS
 
-    def _hand_back(self) -> str:
+    def _hand_back(self, *, waits: bool) -> str:
         """Keep the results that can be computed; return why another cannot, or nothing."""
         results, problem = {}, ""
         for name, value in self.returns.items():
             try:
                 results[name] = value.resolve(self.inner)
-            except (ExpressionError, ValueError) as error:
+            except (ExpressionError, ValueError, NotConnected) as error:
+                if waits and isinstance(error, NotConnected):
+                    raise
                 problem = problem or str(error)
         self.scope.update(results if self.keep_as is None else {self.keep_as: results})
         self.run.stored = True

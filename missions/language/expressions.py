@@ -13,6 +13,7 @@ from typing import Any
 
 from config.faults import one_of
 from config.units import UNITS, Quantity, seen
+from drivers.errors import NotConnected
 from missions.language.kinds import STATE, dimensions_of
 from missions.language.members import members_in
 from missions.language.operators import (
@@ -85,7 +86,10 @@ class Expression:
         return self.column + start, end - start
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
-        """Return its value, with the names of ``scope``. Raises ExpressionError, never anything else."""
+        """Return its value, with the names of ``scope``.
+
+        Raises ExpressionError, or NotConnected where a part of the robot does not report just now.
+        """
         try:
             return _value(self.tree, scope)
         except ExpressionError:
@@ -262,6 +266,8 @@ def _member(owner: object, name: str) -> object:
     elif owner is not None and not isinstance(owner, str | int | float | list):
         try:
             found = getattr(owner, name, _MISSING)
+        except NotConnected:  # whatever asks waits for it
+            raise
         except Exception as error:  # a property may raise what it likes, such as a driver's error
             raise ExpressionError(f"'{name}' cannot be read: {error}") from error
         if found is not _MISSING and not callable(found):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from drivers.api import HeadPose, Pose2D, Velocity
-from drivers.errors import DriverError
+from drivers.errors import DriverError, NotConnected
 from missions.assembly.twins import Twins
 from missions.executive.events import Ended, Event
 from missions.executive.executive import Result
@@ -127,6 +127,6 @@ def _returns(runner: Runner) -> dict[str, object]:
     for name, value in runner.plan.returns.items():
         try:
             found[name] = value.resolve(runner.root.scope)
-        except (ExpressionError, ValueError):  # it reads what was never set
+        except (ExpressionError, ValueError, NotConnected):  # it reads what was never set
             found[name] = None
     return found

@@ -9,6 +9,7 @@ from py_trees.common import Status
 from behaviours.driving.stop import Stop
 from behaviours.driving.straight import Drive
 from drivers.api import BaseState, Pose2D, Reflexes, Sides, Source, Steering, Velocity
+from drivers.errors import NotConnected
 from missions.executive.battery import CONFIRM
 from missions.executive.events import Event, NodeChanged, ReflexFired, Stream, Ticked
 from missions.executive.executive import HALT_TIME, Executive
@@ -137,7 +138,9 @@ def test_expressions_read_what_the_guard_knows_of_the_battery(watched: Watched) 
     assert [getattr(battery, name) for name in ("low", "critical")] == [True, False]
     assert [getattr(unwatched, name) for name in ("low", "critical")] == [None, None]
     watched.bench.base.reading = stale(REST)
-    assert [getattr(battery, name) for name in ("low", "critical")] == [None, None]
+    for name in ("low", "critical", "percent", "voltage", "charging"):
+        with pytest.raises(NotConnected, match="the base does not report"):
+            getattr(battery, name)
 
 
 def test_expressions_read_who_drives_the_base_and_what_it_stands_on(watched: Watched) -> None:
