@@ -15,12 +15,14 @@ import pytest
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.pictures.tree_json import to_json
 from missions.recording.head import Contents, Head
-from missions.recording.items import packed, unpacked
+from missions.recording.items import Picture, Seen, packed, unpacked
 from missions.recording.sink import Sink
 from missions.recording.topics import Message
 from missions.recording.writer import RecordWriter
+from perception.api import View
 from tests.missions.command import command
-from tests.missions.recording.small_record import HEAD, TREE, Item, items, moments
+from tests.missions.recording.small_record import HEAD, TREE, Item, face, items, moments
+from tests.missions.report.told_record import picture as small_picture
 
 LONGEST = 20.0
 """Seconds that one command may take with one record: none takes a tenth of that."""
@@ -82,6 +84,14 @@ def hostile_items() -> list[Item]:
     ]
 
 
+def picture(width: int, height: int) -> bytes:
+    """Return a JPEG whose header says that it is so large."""
+    found = bytearray(small_picture(9))
+    at = found.index(b"\xff\xc0") + 5
+    found[at : at + 4] = height.to_bytes(2) + width.to_bytes(2)
+    return bytes(found)
+
+
 def raw(topic: str, data: object) -> Message:
     return Message(topic, 1.0, data if isinstance(data, bytes) else json.dumps(data).encode())
 
@@ -123,6 +133,10 @@ def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
         yield what, {"files": {**FILES, "mission/greet.yaml": text.encode()}}
     model = ROBOT + f"\n  detector: yunet\n  model: {folder / 'FIFO'}\n".encode()
     yield "a model that is a pipe", {"files": {**FILES, "robot/turtlebot2.yaml": model}}
+    for width, height in ((65500, 65500), (65500, 1), (20000, 20000)):
+        shown = [Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)]
+        pictures = [Picture(float(second), picture(width, height), None) for second in range(4)]
+        yield f"pictures of {width} x {height}", {"what": [*moments(), *shown, *pictures]}
     texts = replace(
         HEAD, mission=ESCAPES, file=ESCAPES, robot=ESCAPES, world=ESCAPES, params={ESCAPES: ESCAPES},
         versions={ESCAPES: ESCAPES}, command=(ESCAPES,), paths={"mission/greet.yaml": ESCAPES},
