@@ -94,7 +94,32 @@ def _pointless(notes: Notes, step: Step, child: Step) -> None:
     if step.kind in ("timeout", "on_running") and leaf is not None and leaf.instant:
         notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
     elif step.kind in never and never[step.kind][0] not in ends(child):
-        notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.name}' {never[step.kind][1]}")
+        said = f"'{step.kind}' cannot matter here: '{child.name}' {never[step.kind][1]}"
+        notes.fault_at(step, said, _order(step, child, never[step.kind][0]))
+    elif step.kind == "timeout":
+        _too_late(notes, step, child)
+
+
+def _order(step: Step, child: Step, end: str) -> str:
+    """Say so where only the order of two modifiers keeps an end of the behaviour from the outer one, ``step``."""
+    while child.leaf is None and "value" in child.arguments:
+        (below,) = child.children
+        if end in ends(below):
+            return f"the order is the cause: write '{step.kind}' above '{child.kind}' (line {child.mark.line})"
+        child = below
+    return ""
+
+
+def _too_late(notes: Notes, step: Step, child: Step) -> None:
+    """Note a ``delay`` that goes on for longer than the ``timeout`` that is written below it."""
+    limit = step.arguments["value"].constant
+    while child.leaf is None and "value" in child.arguments:
+        wait = child.arguments["value"].constant
+        if child.kind == "delay" and isinstance(wait, float) and isinstance(limit, float) and wait >= limit:
+            what = f"the 'delay' of {child.text} goes on for longer than the 'timeout' of {step.text} around it"
+            hint = f"the order is the cause: write 'timeout' above 'delay' (line {child.mark.line})"
+            notes.fault_at(_inner(child), f"'{child.name}' is never reached: {what}", hint)
+        child = child.children[0]
 
 
 def _inner(step: Step) -> Step:

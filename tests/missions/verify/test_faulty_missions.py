@@ -20,7 +20,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "once_remembers_a_failure": (ENDS, 6, "'retry' goes on for ever", 1),
     "waits_for_what_never_comes": (ENDS, 6, "'pretend' goes on for ever", 0),
     "stuck_after_a_bump": (ENDS, 11, "'retry' goes on for ever", 1),
-    "delay_longer_than_timeout": (REACHED, 5, "'say' is never reached", None),
+    "delay_longer_than_timeout": (REACHED, 6, "'say' is never reached", None),
     "second_try_out_of_time": (REACHED, 7, "'say' is never reached", None),
     "race_with_a_question": (REACHED, 6, "'look' is never reached", None),
     "case_that_never_comes": (REACHED, 13, "'say' is never reached", None),

@@ -1,0 +1,35 @@
+"""Two modifiers in an order in which one of them keeps the other, or the behaviour, from its turn."""
+
+import pytest
+
+from config.faults import InvalidFileError
+from tests.missions.verify.exploring import plan_of
+
+CASES = {
+    "drive: 1 m\ndelay: 10 s\ntimeout: 5 s": (
+        "'drive' is never reached: the 'delay' of 10 s goes on for longer than the 'timeout' of 5 s around it",
+        "the order is the cause: write 'timeout' above 'delay' (line 5)",
+    ),
+    "drive: 1 m\non_failure: succeed\nretry: 3": (
+        "'retry' cannot matter here: 'drive' never fails",
+        "the order is the cause: write 'retry' above 'on_failure' (line 5)",
+    ),
+    "drive: 1 m\non_success: fail\nname: go\nrepeat: 3": (
+        "'repeat' cannot matter here: 'go' never succeeds",
+        "the order is the cause: write 'repeat' above 'on_success' (line 5)",
+    ),
+    "wait: 1 s\nretry: 3": ("'retry' cannot matter here: 'wait' never fails", ""),
+}
+
+
+def test_where_the_order_of_two_modifiers_is_the_cause_it_says_so() -> None:
+    for tree, said in CASES.items():
+        with pytest.raises(InvalidFileError) as caught:
+            plan_of(tree)
+        assert [(fault.message, fault.suggestion) for fault in caught.value.faults] == [said], tree
+
+
+def test_the_same_modifiers_in_the_other_order_are_good() -> None:
+    for tree in ("drive: 1 m\ntimeout: 5 s\ndelay: 10 s", "drive: 1 m\nretry: 3\non_failure: succeed"):
+        assert plan_of(tree).tree.children
+    assert plan_of("drive: 1 m\ndelay: 4 s\ntimeout: 5 s").tree.kind == "timeout"
