@@ -1,9 +1,13 @@
 """Variables that are not set on every way to their readers: found, with the way; and what is left in peace."""
 
+import pytest
+
 from config.faults import InvalidFileError
+from missions.language import document
 from missions.language.plan import COMPOSITES, FOR_EACH, SWITCHES
 from missions.language.unset import WAYS
-from tests.missions.verify.exploring import plan_of
+from missions.verify.verdicts import REFUTED
+from tests.missions.verify.exploring import explored, outcomes, plan_of
 
 SHORT = {
     "TRIED": "FOUND, on_failure: succeed",
@@ -57,12 +61,17 @@ IN_PEACE = (
 )
 
 
-def said(tree: str) -> str:
-    """What the checker says of a tree, all of it; nothing where it is good."""
+def written(tree: str) -> str:
+    """The tree, in full."""
     for word, meant in SHORT.items():
         tree = tree.replace(word, meant)
+    return tree.replace("FOUND", SHORT["FOUND"])
+
+
+def said(tree: str) -> str:
+    """What the checker says of a tree, all of it; nothing where it is good."""
     try:
-        plan_of(tree.replace("FOUND", SHORT["FOUND"]))
+        plan_of(written(tree))
     except InvalidFileError as error:
         return str(error)
     return ""
@@ -86,3 +95,10 @@ def test_what_to_write_is_said() -> None:
 
 def test_every_composite_has_its_ways() -> None:
     assert WAYS.keys() == {*COMPOSITES, *SWITCHES, FOR_EACH}
+
+
+def test_verify_shows_a_run_for_each_of_these_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(document, "check_flow", lambda *_: None)
+    trees = [tree for tree in TOO_SOON if "for_each" not in tree]  # whose list, it knows, has members
+    found = {tree: outcomes(explored(written(tree)))["every variable is set when it is read"] for tree in trees}
+    assert set(found.values()) == {REFUTED}, found
