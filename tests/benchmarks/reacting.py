@@ -109,10 +109,10 @@ class Stage:
 
 
 class Board(VirtualRodney):
-    """A board that notes when an angle came."""
+    """A board with a later sketch that notes when an angle came."""
 
     def __init__(self, clock: Clock, baud: int) -> None:
-        super().__init__(baud=baud)
+        super().__init__(baud=baud, tacho=True)
         self._clock = clock
         self.times: list[float] = []
 
