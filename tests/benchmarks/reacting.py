@@ -160,7 +160,7 @@ def measured(count: int = REACTIONS) -> list[Reaction]:
         raise TypeError(f"{DEFAULT_ROBOT}: has no head on an Arduino")
     board, run = Board(clock, config.baud), Run(clock)
     terminal = Terminal("nano", board, clock)
-    head = parts.head(config, clock, port=terminal.path, boot=0.0, report=unreported)
+    head = parts.head(config, clock, port=terminal.path, boot=None, report=unreported)
     stage = Stage(clock, head)
     searches = Searches(clock)
     vision = _vision(clock, head, lambda view: searches.note(view, vision, run))
