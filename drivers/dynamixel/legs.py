@@ -37,8 +37,8 @@ def leg(joint: Joint, now: float) -> int | None:
         return None
     here, far = joint.ticks(place), reach(joint, joint.speed)
     if joint.sent is not None and abs(joint.sent - here) > LEFT * far / joint.model.tick:
-        if now - joint.sent_at <= far / _pace(joint, joint.speed):
-            return None
+        if joint.reading.stamp - joint.sent_at <= far / _pace(joint, joint.speed):
+            return None  # on a busy machine the reading may be older than that
         far = max(far, LABOURED)
     return _towards(joint, end, here, far)
 
