@@ -8,11 +8,13 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Coupling, Notice
+from drivers.api import Coupling, JointState, Notice, Quality, Reading
 from drivers.clock import ManualClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.legs import LABOURED, leg
+from drivers.dynamixel.models import MODELS as MODELS_BY_NAME
 from drivers.errors import NotConnected
 from drivers.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
@@ -238,3 +240,17 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
     arm.line.plugged = True
     arm.run(1.0)
     assert arm.angles() == pytest.approx(rested, abs=0.006)
+
+
+def test_a_reading_that_is_older_than_the_leg_does_not_say_that_the_joint_labours() -> None:
+    joint = Joint("a", JointSpec(1), MODELS_BY_NAME["AX-12A"], goal=1.0, speed=0.2, sent_at=0.9, torque=True)
+    joint.sent = joint.ticks(0.06)
+
+    def seen_at(stamp: float) -> None:
+        state = JointState(0.0, 0.0, 1.0, 0.0, 12.0, 35.0, moving=True, torque=True)
+        joint.reading = Reading(state, stamp, Quality.GOOD)
+
+    seen_at(1.0)
+    assert leg(joint, 1.24) is None
+    seen_at(1.23)
+    assert leg(joint, 1.24) == joint.ticks(LABOURED)
