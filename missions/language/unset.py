@@ -6,19 +6,17 @@ condition on a variable may be safe, one whose failure is caught may fail, and o
 may have set something for another.
 """
 
-import ast
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from behaviours.basics import Fail, Log, Set, Succeed
-from missions.language.expressions import Expression
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.outcomes import FAILURE, SUCCESS
 from missions.language.outcomes import ends as ends_of
 from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
-from missions.language.spelling import WORDS
+from missions.language.reading import may_fail, surely_read
 from missions.language.values import Value
 
 Way = tuple[str, ...]
@@ -87,9 +85,9 @@ class _Ways:
                 self.found.append(Reading(step, name, unset[name]))
 
     def _leaf(self, step: Step, unset: Unset) -> After:
-        known = {name: way for name, way in unset.items() if name not in self._sets(step)}
+        known = _without(step.own_names, unset)
         ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
-        if step.leaf in (Log, Set, Succeed) and all(value.template is None for value in step.arguments.values()):
+        if step.leaf in (Log, Set, Succeed) and not any(may_fail(value, unset) for value in step.arguments.values()):
             ends.discard(FAILURE)
         return After(
             known if SUCCESS in ends else None, _by(f"{_shown(step)} fails", unset) if FAILURE in ends else None
@@ -101,10 +99,11 @@ class _Ways:
         after = self.after(tree, dict.fromkeys(names, ()), replace(here, granted=frozenset()))
         for value in step.returns.values():
             self._read(step, value, after.success or {}, here)
-        known = {name: way for name, way in unset.items() if name not in self._sets(step)}
+        lost = [name for name, value in step.returns.items() if surely_read(value) & (after.failure or {}).keys()]
+        kept = step.own_names.difference(lost if step.keep_as is None else [step.keep_as] if lost else [])
         return After(
-            None if after.success is None else known,
-            None if after.failure is None else _by(f"{_shown(step)} fails", unset),
+            None if after.success is None else _without(step.own_names, unset),
+            None if after.failure is None else _by(f"{_shown(step)} fails", _without(kept, unset)),
         )
 
     # --- composites -----------------------------------------------------------------------------------------------
@@ -140,6 +139,9 @@ class _Ways:
         if all_succeed and not step.arguments and success is not None:
             still = [after.success for after in found if after.success is not None]
             success = {name: way for name, way in success.items() if all(name in each for each in still)}
+        elif step.arguments and success is not None:
+            enough = (f"{_shown(step)} succeeds without it",)
+            success = {name: way or (enough if name in self._sets(step) else way) for name, way in success.items()}
         return After(success, _either(after.failure for after in found))
 
     def _beside(self, step: Step, child: Step) -> frozenset[str]:
@@ -162,8 +164,7 @@ class _Ways:
 
     def for_each(self, step: Step, unset: Unset, here: Here) -> After:
         """Follow one round of a for_each, and the way around it where its list may be empty."""
-        bound = {name: way for name, way in unset.items() if name not in step.binds}
-        after = self.after(step.children[0], bound, here)
+        after = self.after(step.children[0], _without(step.binds, unset), here)
         among = step.arguments["in"].constant
         empty = None if isinstance(among, Members) and among.count else _by(f"{_shown(step)} has no member", unset)
         return After(_either((after.success, empty)), after.failure)
@@ -250,6 +251,11 @@ def _by(event: str, unset: Unset | None) -> Unset | None:
     return None if unset is None else {name: (*way, event) for name, way in unset.items()}
 
 
+def _without(names: Collection[str], unset: Unset) -> Unset:
+    """Return what is unset still, once ``names`` are set."""
+    return {name: way for name, way in unset.items() if name not in names}
+
+
 def _either(ways: Iterable[Unset | None]) -> Unset | None:
     """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
     found: dict[str, Way] | None = None
@@ -276,29 +282,3 @@ def _asks_variables(step: Step) -> bool:
     asked = (each for each in step.walk() if each.kind in ("if", "while", "until", *SWITCHES))
     values = (value.template for each in asked for value in each.arguments.values())
     return any(read.name not in STATE for template in values if template is not None for read in template.reads)
-
-
-def surely_read(value: Value) -> frozenset[str]:
-    """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
-    formula = value.template
-    if formula is None:
-        return frozenset()
-    parts = (formula,) if isinstance(formula, Expression) else formula.parts
-    trees = [part.tree for part in parts if isinstance(part, Expression)]
-    return frozenset(name for tree in trees for name in _names(tree))
-
-
-def _names(node: ast.expr) -> Iterator[str]:
-    match node:
-        case ast.Name(id=name):
-            if name not in WORDS:
-                yield name
-        case ast.BoolOp(values=[first, *_]) | ast.IfExp(test=first):
-            yield from _names(first)
-        case ast.Call(args=parts):
-            for part in parts:
-                yield from _names(part)
-        case _:
-            for below in ast.iter_child_nodes(node):
-                if isinstance(below, ast.expr):
-                    yield from _names(below)

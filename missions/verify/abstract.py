@@ -8,7 +8,7 @@ from missions.language.flow import sets
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Plan, Step
-from missions.language.unset import surely_read
+from missions.language.reading import surely_read
 from missions.language.values import Value
 from missions.verify.choices import Oracle
 from missions.verify.guesses import MOST, TWICE, UNKNOWN, Anything, Guess, Many, Several, widened

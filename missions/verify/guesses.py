@@ -14,7 +14,7 @@ from typing import Any, Self
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
-from missions.language.unset import surely_read
+from missions.language.reading import surely_read
 from missions.language.values import Value
 from missions.verify.choices import Oracle
 

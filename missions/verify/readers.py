@@ -5,7 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from behaviours.node import Node
 from missions.language.flow import sets
 from missions.language.plan import MISSION, Step
-from missions.language.unset import catches, surely_read
+from missions.language.reading import surely_read
+from missions.language.unset import catches
 from missions.verify.abstract import TIMES
 
 

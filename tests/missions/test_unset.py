@@ -1,5 +1,7 @@
 """Variables that are not set on every way to their readers: found, with the way; and what is left in peace."""
 
+from pathlib import Path
+
 import pytest
 
 from config.faults import InvalidFileError
@@ -37,6 +39,12 @@ TOO_SOON = {
     ),
     "sequence: [{set: {l: [1, 2]}}, {for_each: {in: l, as: k, do: {set: {n: '${k}'}}}}, {log: '${n}'}]": (
         "not set where 'for_each' (line 4) has no member"
+    ),
+    "sequence: [{parallel: [{wait: 9 s}, {sequence: [find_face, {set: {n: 1}}]}], success_count: 1}, {log: '${n}'}]": (
+        "not set where 'parallel' (line 4) succeeds without it"
+    ),
+    "sequence: [{set: {n: '${face.count}'}}, {set: {m: '${1 / n}'}, on_failure: succeed}, {log: '${m}'}]": (
+        "not set where 'set' (line 4) fails"
     ),
 }
 
@@ -88,6 +96,19 @@ def test_what_may_be_set_or_asks_for_it_or_has_a_way_out_is_left_in_peace() -> N
     assert {tree: found for tree in IN_PEACE if (found := said(tree))} == {}
 
 
+def test_what_a_mission_has_set_before_it_can_fail_is_handed_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tree = "{sequence: [{set: {gone: '${way / 2}'}}, {drive: '${gone}'}, {set: {late: 1}}]}"
+    Path("try.yaml").write_text(f"mission: try\nparams: {{way: 1 m}}\ntree: {tree}\nreturns: {{gone: gone, to: way}}\n")
+    kept = "{mission: try.yaml, as: it, on_failure: succeed}"
+    assert said(f"sequence: [{kept}, {{log: '${{it.gone}} ${{it.to}}'}}]") == ""
+    assert said("sequence: [{mission: try.yaml, on_failure: succeed}, {log: '${gone} ${to}'}]") == ""
+    lost = said("sequence: [{mission: try.yaml, returns: {late: late}, on_failure: succeed}, {log: '${late}'}]")
+    assert "not set where 'try' (line 4) fails" in lost
+
+
 def test_what_to_write_is_said() -> None:
     hint = "set it before, such as set: {guest: null}, and ask for it here with if: guest != null"
     assert hint in said("sequence: [{TRIED}, {GREETED}]")
@@ -99,6 +120,7 @@ def test_every_composite_has_its_ways() -> None:
 
 def test_verify_shows_a_run_for_each_of_these_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(document, "check_flow", lambda *_: None)
-    trees = [tree for tree in TOO_SOON if "for_each" not in tree]  # whose list, it knows, has members
+    # It knows that the list of a for_each has members, and takes calculations to succeed.
+    trees = [tree for tree in TOO_SOON if "for_each" not in tree and "1 / n" not in tree]
     found = {tree: outcomes(explored(written(tree)))["every variable is set when it is read"] for tree in trees}
     assert set(found.values()) == {REFUTED}, found

@@ -1,0 +1,65 @@
+"""What expressions read in any case, and whether they may fail in a run."""
+
+import ast
+from collections.abc import Collection, Iterator
+
+from missions.language.expressions import Expression
+from missions.language.kinds import STATE
+from missions.language.spelling import WORDS
+from missions.language.values import Template, Value
+
+
+def surely_read(value: Value) -> frozenset[str]:
+    """Return the names that computing ``value`` reads whatever the others are: not behind ``and``, ``or``, ``if``."""
+    formula = value.template
+    if formula is None:
+        return frozenset()
+    return frozenset(name for tree in _trees(formula) for name in _names(tree))
+
+
+def may_fail(value: Value, unset: Collection[str]) -> bool:
+    """Say whether computing ``value`` may fail for what a run finds, where ``unset`` names may have no value.
+
+    A mixture of dimensions is none of that: it is a mistake for itself.
+    """
+    formula = value.template
+    if formula is None:
+        return False
+    return any(read.name in unset for read in formula.reads) or not all(map(_always_known, _trees(formula)))
+
+
+def _always_known(node: ast.expr) -> bool:
+    """Say whether an expression has a value whatever its names hold: no members, no division by what may be zero."""
+    match node:
+        case ast.Name() | ast.Constant():
+            return True
+        case ast.BinOp(op=ast.Div() | ast.FloorDiv() | ast.Mod(), right=right):
+            if not (isinstance(right, ast.Constant) and right.value):
+                return False
+        case ast.Attribute(value=ast.Name(id=part)) if part in STATE:
+            return True
+        case ast.Attribute() | ast.Subscript() | ast.Call():
+            return False
+    below = (part for part in ast.iter_child_nodes(node) if isinstance(part, ast.expr))
+    return all(map(_always_known, below))
+
+
+def _trees(formula: Template | Expression) -> list[ast.expr]:
+    parts = (formula,) if isinstance(formula, Expression) else formula.parts
+    return [part.tree for part in parts if isinstance(part, Expression)]
+
+
+def _names(node: ast.expr) -> Iterator[str]:
+    match node:
+        case ast.Name(id=name):
+            if name not in WORDS:
+                yield name
+        case ast.BoolOp(values=[first, *_]) | ast.IfExp(test=first):
+            yield from _names(first)
+        case ast.Call(args=parts):
+            for part in parts:
+                yield from _names(part)
+        case _:
+            for below in ast.iter_child_nodes(node):
+                if isinstance(below, ast.expr):
+                    yield from _names(below)
