@@ -24,6 +24,9 @@ NAMED = ("person", "place", "gesture", "move", MISSION, "file")
 TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAMED, LIST)
 """What the ``type`` of a param in its long form may be."""
 
+WRONG = object()
+"""Stands for a default that was refused: what would come of it is no fault of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
@@ -61,8 +64,10 @@ class ParamType:
         """Read a default, which cannot be calculated; ``what`` begins the message of a fault."""
         if isinstance(node, Scalar) and "${" in node.text:
             notes.fault(node.mark, f"the default of {what} cannot be calculated", "write a plain value")
-            return None
-        return self.read(notes, node, what).constant
+            return WRONG
+        before = len(notes.faults)
+        found = self.read(notes, node, what).constant
+        return found if len(notes.faults) == before else WRONG
 
     def read(self, notes: Notes, node: Node, what: str) -> Value:
         """Read the value that a mission gives; ``what`` begins the message of a fault."""

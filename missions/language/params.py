@@ -8,7 +8,7 @@ from config.faults import Fault, Mark, Source, note, one_of
 from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.notes import Notes
-from missions.language.param_types import ParamType, declared, inferred
+from missions.language.param_types import WRONG, ParamType, declared, inferred
 
 KEYS = ("default", "type", "of", "choices", "help", "low", "high")
 """The keys of a param in its long form."""
@@ -16,7 +16,7 @@ KEYS = ("default", "type", "of", "choices", "help", "low", "high")
 
 @dataclass(frozen=True, slots=True)
 class Param:
-    """One param: an argument of the mission. ``default`` is REQUIRED for one that the caller must give."""
+    """One param: an argument of the mission. ``default`` is REQUIRED for one that the caller must give, or WRONG."""
 
     name: str
     default: object
@@ -32,6 +32,11 @@ class Param:
     def required(self) -> bool:
         """True when the caller must give it."""
         return self.default is REQUIRED
+
+    @property
+    def known(self) -> bool:
+        """True when it has a value even where the caller gives none."""
+        return self.default not in (REQUIRED, WRONG)
 
     def take(self, text: str) -> object:
         """Read a value from a command line. Raises ValueError that says what was expected."""
@@ -73,13 +78,13 @@ def take_params(
 ) -> None:
     """Put the caller's values in the place of the defaults; where ``complete``, note what is still missing."""
     for name, param in params.items():
-        if not param.required:
+        if param.known:
             notes.params[name] = param.default
         elif name not in given:
             notes.stored.add(name)
             notes.awaited.add(name)
             notes.kinds[name] = param.type.values
-            if complete:
+            if complete and param.required:
                 source = Source("--param", "")
                 hint = f'--param {name}="..."' + (f"  ({param.help})" if param.help else "")
                 message = f"mission '{mission}' needs '{name}', {article(param.kind)}"

@@ -88,6 +88,7 @@ def _take(
 ) -> dict[str, Value]:
     """Return the values of all params of a sub-mission: those given in ``with``, else the defaults."""
     values: dict[str, Value] = {}
+    refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
         notes.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
     for name, given in node.entries if isinstance(node, Mapping) else ():
@@ -96,13 +97,16 @@ def _take(
             hint = outdent(name.text, MISSION) or one_of(name.text, params) or "it has none"
             notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
         else:
+            before = len(notes.faults)
             values[name.text] = param.type.read(notes, given, f"'{name.text}'")
+            if len(notes.faults) > before:
+                refused.add(name.text)
     for param in params.values():
-        missing = param.required and param.name not in values
-        if missing:
+        unknown = param.name in refused or (param.name not in values and not param.known)
+        if param.required and param.name not in values:
             notes.fault(value.mark, f"mission '{mission}' needs '{param.name}', {article(param.kind)}", param.help)
-        formula = values.setdefault(param.name, Value(None if missing else param.default)).template
-        if missing:  # said once: what comes of it is no fault of its own
+        formula = values.setdefault(param.name, Value(param.default if param.known else None)).template
+        if unknown:  # said once: what comes of it is no fault of its own
             inner.stored.add(param.name)
             inner.awaited.add(param.name)
             inner.kinds[param.name] = param.type.values

@@ -189,6 +189,16 @@ def test_a_mistake_is_told_where_it_stands(tree: str, expected: str, folder: Pat
     assert any(line.startswith(expected) for line in messages(folder, tree)), messages(folder, tree)
 
 
+def test_a_param_that_was_refused_makes_no_mistakes_where_it_is_read(folder: Path) -> None:
+    (folder / "far.yaml").write_text("mission: far\nparams: {way: 1 m}\ntree: {drive: '${way * 2}'}\n")
+    assert len(messages(folder, "  mission: far.yaml\n  with: {way: 3}\n")) == 1
+    (folder / "far.yaml").write_text(
+        "mission: far\nparams: {way: {type: length, default: 3}}\ntree: {drive: '${way * 2}'}\n"
+    )
+    assert len(messages(folder, "  mission: far.yaml\n")) == 1
+    assert len(messages(folder, "  drive: ${way * 2}\nparams: {way: {type: length, default: 3}}\n")) == 1
+
+
 def test_a_mistake_inside_a_submission_is_told_in_its_own_file(folder: Path) -> None:
     (folder / "bad.yaml").write_text("mission: bad\ntree:\n  parallel:\n    - say: a\n    - say: b\n")
     lines = messages(folder, "  sequence:\n    - mission: bad.yaml\n    - mission: bad.yaml\n")
