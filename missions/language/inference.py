@@ -4,6 +4,7 @@ import ast
 from collections.abc import Callable, Mapping
 
 from config.dimensions import NUMBER
+from missions.language.expressions import Expression
 from missions.language.kinds import (
     FLAG,
     NOTHING,
@@ -21,7 +22,7 @@ from missions.language.kinds import (
 )
 from missions.language.operators import combined
 from missions.language.spelling import WORDS
-from missions.language.values import multiply
+from missions.language.values import Template, Value, multiply
 
 Report = Callable[[ast.expr, str, str], None]
 """Takes a part of an expression, what is wrong with it, and what to write."""
@@ -154,3 +155,13 @@ def _cure(left: Kind, right: Kind) -> str:
     if NUMBER in (left, right) and len(sizes) == 1:
         return f"a plain number is no quantity: write its unit, or {multiply(sizes[0])}"
     return ""
+
+
+def kind_made(value: Value, kinds: Mapping[str, Kind]) -> Kind:
+    """Return the kind of what a value of a mission makes, where names are of these kinds."""
+    match value.template:
+        case None:
+            return kind_of_value(value.constant)
+        case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
+            return Inference(kinds).kind(tree)
+    return TEXT

@@ -76,6 +76,11 @@ class Notes:
         """How gestures and controllers are found."""
         return self.words.things
 
+    @property
+    def known_kinds(self) -> Mapping[str, Kind]:
+        """The kinds of the params that nothing else gives a value to."""
+        return {name: kind_of_value(value) for name, value in self.params.items() if name not in self.stored}
+
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
         """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
         if sure or not self.torn:

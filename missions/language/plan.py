@@ -90,6 +90,7 @@ class Step:
     arguments: Mapping[str, Value] = field(default_factory=dict)
     keep_as: str | None = None
     cases: tuple[object, ...] = ()
+    case_marks: tuple[Mark, ...] = field(default=(), compare=False)
     returns: Mapping[str, Value] = field(default_factory=dict)
     binds: tuple[str, ...] = ()
     text: str = ""

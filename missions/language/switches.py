@@ -2,19 +2,17 @@
 
 from collections.abc import Callable
 
-from config.faults import one_of
+from config.faults import Mark, one_of
 from config.marked import Mapping, Node, Scalar
-from config.units import seen
 from missions.language.arguments import default_value
-from missions.language.flags import is_flag
+from missions.language.cases import misfit_cases
+from missions.language.inference import kind_made
 from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
 from missions.language.plan import Step
 
 KEYS = ("on", "cases", "default")
 FORM = "write {}: {{on: face.count, cases: {{1: ..., 2: ...}}, default: ...}}"
-MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
-"""What people write for true and false."""
 
 
 def read_switch(
@@ -40,17 +38,17 @@ def read_switch(
         return None
     children: list[Step] = []
     values: list[object] = []
+    marks: list[Mark] = []
     for case, node in cases.entries:
         child = read_step(notes, node)
         if child is not None:
             children.append(child)
             values.append(default_value(case))
-    if is_flag(chosen, notes.params):
-        _check_flags(notes, cases)
+            marks.append(case.mark)
     otherwise = None if default is None else read_step(notes, default)
     if otherwise is not None:
         children.append(otherwise)
-    return Step(
+    step = Step(
         word,
         name,
         key.mark,
@@ -58,15 +56,9 @@ def read_switch(
         tuple(children),
         arguments={"on": chosen},
         cases=tuple(values),
+        case_marks=tuple(marks),
         written={"on": on.text},
     )
-
-
-def _check_flags(notes: Notes, cases: Mapping) -> None:
-    """Note cases of what is true or false that are meant for that and are neither; all, where none of them is."""
-    known = any(isinstance(default_value(case), bool) for case, _ in cases.entries)
-    for case, _ in cases.entries:
-        meant = MEANT.get(case.text.lower())
-        if meant or not known:
-            hint = f"write {meant}: for {case.text}:" if meant else "the cases can be true: and false:"
-            notes.fault(case.mark, f"'on' is true or false, and never {seen(case.text)}", hint)
+    for fault in misfit_cases(step, kind_made(chosen, notes.known_kinds)):
+        notes.fault(fault.mark, fault.message, fault.suggestion)
+    return step

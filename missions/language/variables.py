@@ -5,15 +5,15 @@ from functools import partial
 
 from config.dimensions import NUMBER
 from config.faults import Fault, note
-from missions.language.expressions import Expression
+from missions.language.cases import misfit_cases
 from missions.language.fitting import misfits
 from missions.language.for_each import Members, own_steps
-from missions.language.inference import Inference
-from missions.language.kinds import NOTHING, TEXT, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
+from missions.language.inference import kind_made
+from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
 from missions.language.notes import Notes
 from missions.language.param_types import param_kind
-from missions.language.plan import FOR_EACH, MISSION, Step
-from missions.language.values import Template, Value
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
+from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]
 
@@ -37,6 +37,8 @@ def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[F
     for step in own_steps(tree):
         if step.kind == MISSION:
             _check(step.children[0], step.returns, _given(step), found)
+        elif step.kind in SWITCHES:
+            found += misfit_cases(step, kind_made(step.arguments["on"], kinds))
 
 
 def kinds_in(tree: Step, given: Kinds) -> Kinds:
@@ -46,7 +48,7 @@ def kinds_in(tree: Step, given: Kinds) -> Kinds:
     for _ in range(len(setters) + 1):  # each round settles one variable at least
         settled = dict(kinds)
         for name, what in setters:
-            kind = _kind(what, kinds) if isinstance(what, Value) else what(kinds) if callable(what) else what
+            kind = kind_made(what, kinds) if isinstance(what, Value) else what(kinds) if callable(what) else what
             settled[name] = joined(settled[name], kind)
         if settled == kinds:
             break
@@ -58,7 +60,7 @@ def _set_by(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], 
     """Yield the variables that a step sets, each with its value, or with the kind of that, or with what finds that."""
     if step.kind == MISSION:
         inner = kinds_in(step.children[0], _given(step)) if step.returns else {}
-        results = {name: _kind(value, inner) for name, value in step.returns.items()}
+        results = {name: kind_made(value, inner) for name, value in step.returns.items()}
         if step.keep_as is None:
             yield from results.items()
         else:
@@ -75,7 +77,7 @@ def _member(among: Value, kinds: Kinds) -> Kind:
     """Return the kind of the members of a list."""
     if isinstance(among.constant, Members):
         return kind_of_value(among.constant.values[0]) if among.constant.values else UNSETTLED
-    kind = _kind(among, kinds)
+    kind = kind_made(among, kinds)
     return kind.of if isinstance(kind, ListOf) else UNSETTLED if kind == UNSETTLED else None
 
 
@@ -90,12 +92,3 @@ def _declared(value: Value) -> Kind:
         kind = kind_of_value(value.constant)
         return None if kind == NOTHING else kind
     return param_kind(value.where.wants) if value.where is not None else None
-
-
-def _kind(value: Value, kinds: Kinds) -> Kind:
-    match value.template:
-        case None:
-            return kind_of_value(value.constant)
-        case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
-            return Inference(kinds).kind(tree)
-    return TEXT

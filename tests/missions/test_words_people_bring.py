@@ -14,7 +14,7 @@ from missions.assembly.things import THINGS
 from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
-from missions.language.flags import FLAGS
+from missions.language.kinds import FLAG, STATE
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import BRANCHES
 from missions.language.steps import BESIDE
@@ -80,6 +80,22 @@ MISTAKES = [
         "- switch: {on: battery.percent > 20, cases: {full: stop}}",
         "'on' is true or false, and never 'full' > the cases can be true: and false:",
     ),
+    a(
+        "- set: {known: true}\n- switch: {on: known, cases: {yes: stop}}",
+        "'on' is true or false, and never 'yes' > write true: for yes:",
+    ),
+    a(
+        "- switch: {on: face.count, cases: {0: stop, none: stop, true: stop, many: stop}}",
+        "'on' is a number, and never 'true'",
+        "'on' is a number, and never 'many'",
+    ),
+    a(
+        "- switch: {on: base.x, cases: {1 m: stop, 20 cm: stop, 3: stop, 3 s: stop}}",
+        "'on' is a length, and never '3'",
+        "'on' is a length, and never '3 s'",
+    ),
+    a("- set: {word: '3'}\n- switch: {on: word, cases: {3: stop, yes: {say: Hi}}}", ""),
+    a("- set: {seen: null}\n- set: {seen: true}\n- switch: {on: seen, cases: {null: stop, true: {say: Hi}}}", ""),
     a(
         "- switch: face.seen",
         "'switch' needs 'on' and 'cases' > write switch: {on: face.count, cases: {1: ..., 2: ...}",
@@ -227,7 +243,7 @@ def test_the_state_that_is_true_or_false_is_known() -> None:
         for member, kept in vars(type(part)).items()
         if isinstance(kept, property) and "bool" in str(get_type_hints(kept.fget)["return"])
     }
-    assert truly == FLAGS
+    assert truly == {f"{part}.{name}" for part in STATE for name, kind in STATE[part].items() if kind == FLAG}
 
 
 SLIPS: dict[str, Callable[[str], str]] = {
