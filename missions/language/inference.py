@@ -4,6 +4,7 @@ import ast
 from collections.abc import Callable, Mapping
 
 from config.dimensions import NUMBER
+from config.faults import one_of
 from missions.language.expressions import Expression
 from missions.language.kinds import (
     FLAG,
@@ -70,6 +71,8 @@ class Inference:
                 return STATE[part].get(name)
             case ast.Attribute(value=value, attr=name):
                 kind = self.kind(value)
+                if isinstance(kind, Record) and kind.lacks(name):
+                    return self._wrong(node, f"'{name}' is not there", one_of(name, kind.named))
                 return kind.member(name) if isinstance(kind, Record) else None
             case ast.Subscript(value=value, slice=place):
                 kind, at = self.kind(value), self.kind(place)

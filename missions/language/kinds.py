@@ -44,6 +44,10 @@ class Record:
         known = self.named if self.of is None else kinds_of(self.of)
         return known.get(name, self.others)
 
+    def lacks(self, name: str) -> bool:
+        """True where all members are known by name, and this is none of them."""
+        return self.of is None and self.others is None and bool(self.named) and name not in self.named
+
 
 Kind = str | ListOf | Record | None
 

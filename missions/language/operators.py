@@ -145,7 +145,7 @@ def _absolute(number: Any) -> int | float:
 
 def _rounded(number: Any, digits: Any = None) -> int | float:
     """Round a quantity as people are told of it: an angle in degrees."""
-    if digits is not None and digits not in range(16):
+    if digits is not None and (not isinstance(digits, int) or digits not in range(16)):
         raise ValueError("round takes 0 to 15 digits")
     dimension = dimension_of(number)
     factor = factor_of(dimension)

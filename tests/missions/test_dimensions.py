@@ -232,6 +232,7 @@ tree:
     assert run_mission(written(tmp_path, outer=outer, inner=INNER)).said == ["4 m^2, 4 m^2, 4 m, 2 m/s", "90 deg"]
     for line, under, message in (
         ("wait: ${way}", "way", "needs a duration such as '2 s', got a length"),
+        ("turn: ${all.sped}", "all.sped", "'sped' is not there"),
         ("turn: ${all.speed}", "all.speed", "needs an angle such as '30 deg', got a speed"),
         ("drive: ${all.area + way}", "all.area + way", "cannot add a quantity in m^2 and a length"),
         ('mission: inner.yaml\n      with: {side: "${speed}"}', "speed", "needs a length such as '0.5 m', got a speed"),

@@ -226,6 +226,7 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("not contrary", "'not contrary': neither true nor false"),
         ("[names]", "'[names]': a list cannot stand in a list"),
         ("round(1, 0 - 99999)", "'round(1, 0 - 99999)': round takes 0 to 15 digits"),
+        ("round(1.5, 2 m)", "'round(1.5, 2 m)': round takes 0 to 15 digits"),
         ("round(1.5, 'x')", "'round(1.5, 'x')': round takes 0 to 15 digits"),
         ("abs(name)", "'abs(name)': cannot calculate with the text 'Anna'"),
         ("1e300 * 1e300", "'1e300 * 1e300': a number out of range"),
