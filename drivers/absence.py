@@ -26,12 +26,15 @@ class Absence:
     def heard(self, now: float, *, anew: bool = False) -> bool:
         """Note that it is there at ``now`` seconds, and may have started ``anew``; say if nothing of before goes on."""
         before, self._heard_at = self._heard_at, now
-        lasted = now - before
-        if before == -inf or not (anew or lasted > self._away.decide):
+        return before > -inf and self.back(now, now - before, anew=anew)
+
+    def back(self, now: float, lasted: float, *, who: str = "it", anew: bool = False) -> bool:
+        """Note that it, or one servo of it (``who``), is back at ``now`` after ``lasted`` seconds; say as ``heard``."""
+        if not (anew or lasted > self._away.decide):
             return False
         self.returned = now
         if lasted > self._away.latch:
-            self.latch(f"it was away for {lasted:.0f} s")
+            self.latch(f"{who} was away for {lasted:.0f} s")
         return True
 
     def unheard(self, now: float) -> bool:

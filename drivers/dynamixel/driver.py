@@ -80,7 +80,7 @@ class DynamixelJoints(Enabling):
         self._telling = Telling(name, self._joints, self._report)
         self._clamping = Clamping(name, self._joints, self._report)
         self._leading = Leading(bus, self._joints, self._clamping, self._telling)
-        self._watch = Watch(bus, self._joints, self._lock, clock, self._telling)
+        self._watch = Watch(bus, self._joints, self._lock, clock, self._telling, self._absence)
         self._pace = Pace(rate)
         self._ending = Event()
         self._thread: Thread | None = None
@@ -272,7 +272,8 @@ class DynamixelJoints(Enabling):
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())
         self._go_on()
-        self._watch.tend()
+        if self._watch.tend():
+            self._stand()
 
     def _stand(self) -> None:
         """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from threading import RLock
 
+from drivers.absence import Absence
 from drivers.api import Quality, Reading
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
@@ -35,16 +36,25 @@ class Watch:
     """Keeps the driver's picture of its joints up to date. For one thread.
 
     ``connected`` is True once every servo was looked for on a port that is open. ``lock`` is the driver's own, held
-    wherever a servo's torque or goal is changed.
+    wherever a servo's torque or goal is changed. ``absence`` is that of the arm, which one servo of it may cause.
     """
 
-    def __init__(self, bus: Bus, joints: Mapping[str, Joint], lock: RLock, clock: Clock, telling: Telling) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        joints: Mapping[str, Joint],
+        lock: RLock,
+        clock: Clock,
+        telling: Telling,
+        absence: Absence,
+    ) -> None:
         self.connected = False
         self._bus = bus
         self._joints = tuple(joints.values())
         self._lock = lock
         self._clock = clock
         self._telling = telling
+        self._absence = absence
         self._gathering = Gathering(bus, clock)
 
     @property
@@ -95,30 +105,36 @@ class Watch:
                 self._miss(joint)
             meanwhile()
 
-    def tend(self) -> None:
+    def tend(self) -> bool:
         """Do what is due but seldom, for one servo each: look for one that is missing, and check one that is not.
 
-        Raises NotConnected.
+        Say if one is back after which nothing of before goes on. Raises NotConnected.
         """
-        now = self._clock.now()
+        now, returned = self._clock.now(), False
         if missing := [joint for joint in self._joints if not joint.driven and now >= joint.due]:
-            self._find(min(missing, key=lambda joint: joint.due))
+            returned = self._find(min(missing, key=lambda joint: joint.due))
         if waiting := [joint for joint in self._joints if joint.driven and now - joint.checked >= _interval(joint)]:
             self._check(min(waiting, key=lambda joint: joint.checked))
         self._tell_presence()
         self._telling.left_out()
         with self._lock:
             self._telling.unsettled(since=now - GRACE)
+        return returned
 
-    def _find(self, joint: Joint) -> None:
-        """Look for a servo that is not driven, and tell if something about it has changed."""
-        before = joint.complaint
-        self.look_for(joint)
+    def _find(self, joint: Joint) -> bool:
+        """Look for a servo that is not driven, and tell if something about it has changed; say as ``tend``."""
+        before, seen = joint.complaint, joint.reading
+        with self._lock:  # nobody moves it before it is known how long it was away
+            self.look_for(joint)
+            now = self._clock.now()
+            back = joint.driven and seen.value is not None
+            returned = back and self._absence.back(now, now - seen.stamp, who=joint.title)
         if joint.unsettled and joint.answers:
             with self._lock:
                 self._settle(joint)
         if joint.complaint != before:
             self._telling.found(joint, self.hint)
+        return returned
 
     def look_for(self, joint: Joint) -> None:
         """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""

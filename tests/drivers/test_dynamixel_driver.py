@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import JointState, Quality, Reading
+from drivers.api import Away, JointState, Quality, Reading
 from drivers.clock import SystemClock
 from drivers.dynamixel import tables as m
 from drivers.dynamixel.bus import Bus
@@ -17,7 +17,7 @@ from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.register import Register
 from drivers.dynamixel.torque import settle
 from drivers.dynamixel.wire import Fault, Instruction, status
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from tests.drivers.arms import PLAIN, TICK, Make, making
 from tests.waiting import wait_until
 
@@ -461,6 +461,31 @@ def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
     arm.chain.servo(2).present = True
     wait_until(lambda: arm.told("elbow (servo 2) is back"))
     assert arm.limp(2)
+
+
+@pytest.mark.parametrize("latch", [1000.0, 0.2], ids=["for a while", "for long"])
+@pytest.mark.parametrize("gone", [(2,), (1, 2, 3)], ids=["one servo", "the power of all"])
+def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_decided_before(
+    make: Make, gone: tuple[int, ...], latch: float
+) -> None:
+    arm = make(away=Away(decide=0.1, latch=latch)).start()
+    arm.joints.move({"shoulder": 1.5, "elbow": 1.5}, speeds={"shoulder": 0.1, "elbow": 0.1})
+    for number in gone:
+        arm.chain.servo(number).present = False
+    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    seen = arm.joints.states()["elbow"].stamp
+    wait_until(lambda: arm.clock.now() - seen > 0.6)
+    for number in gone:
+        arm.chain.servo(number).present = True
+    wait_until(lambda: arm.joints.health().online and not arm.joints.health().detail)
+    assert arm.joints.health().returned is not None
+    wait_until(lambda: all(arm.state(joint).goal != 1.5 for joint in ("shoulder", "elbow")))
+    if latch < 1:
+        with pytest.raises(DeviceFault, match="was away for"):
+            arm.joints.move({"shoulder": 0.0})
+        arm.joints.enable()
+    arm.joints.move({"shoulder": 0.0, "elbow": 0.0})
+    wait_until(lambda: arm.at("shoulder", 0.0) and arm.at("elbow", 0.0))
 
 
 def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make: Make) -> None:
