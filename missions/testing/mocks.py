@@ -52,11 +52,12 @@ class Mock(Leaf):
     _turns: Turns
     _turn: Turn
     _outcome: Callable[[], object]
+    _keeps_failed = False
     _ticks = 0
 
-    def follow(self, turns: Turns, outcome: Callable[[], object]) -> None:
-        """Set what it does, and what gives the result that it keeps when it succeeds."""
-        self._turns, self._outcome = turns, outcome
+    def follow(self, turns: Turns, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
+        """Set what it does, and what gives the result of a success; ``keeps_failed`` where that of a failure too."""
+        self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
 
     def initialise(self) -> None:
         """Take the next turn."""
@@ -71,6 +72,8 @@ class Mock(Leaf):
             return RUNNING
         if turn.end == "failure":
             self.feedback_message = turn.reason
+            if self._keeps_failed:
+                self._outcome()
             return FAILURE
         self.result = self._outcome()
         return SUCCESS
@@ -126,12 +129,11 @@ def _of_step(step: Step, turns: Turns, told: Mapping[str, object] | str | None) 
 
     def outcome() -> object:
         results = {name: _face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()}
-        if step.keep_as is None:
-            mock.scope.update(results)
-            mock.run.stored = True
+        mock.scope.update(results if step.keep_as is None else {step.keep_as: results})
+        mock.run.stored = True
         return results
 
-    mock.follow(turns, outcome)
+    mock.follow(turns, outcome, keeps_failed=step.kind == MISSION)
     return mock
 
 

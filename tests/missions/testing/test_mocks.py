@@ -109,6 +109,17 @@ def test_what_another_mock_keeps_is_what_it_was_told(bench: Bench) -> None:
     assert bench.run.variables["seen"] == {"count": 3}
 
 
+def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(bench: Bench) -> None:
+    for keep_as, kept in ((None, {"gone": 2.0}), ("way", {"way": {"gone": 2.0}})):
+        mission = Step("mission", "go", Mark(), Source("a", ""), text="go", keep_as=keep_as)
+        stand_in = Cast([spec("go", "fails", {"gone": 2.0})])(mission, None)
+        assert stand_in is not None
+        leaf = bench.put(stand_in)
+        leaf.scope.clear()
+        assert bench.tick(leaf) is FAILURE
+        assert leaf.scope == kept
+
+
 def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: Bench) -> None:
     def unknown() -> object:
         raise LookupError("'x' is not set")
