@@ -119,10 +119,14 @@ class Inference:
         parts = [node.left, *node.comparators]
         kinds = [self.kind(part) for part in parts]
         for op, left, right in zip(node.ops, kinds, kinds[1:], strict=False):
+            if isinstance(op, ast.In | ast.NotIn) and (is_size(right) or right == FLAG):
+                self._wrong(node, f"'in' needs a list or a text, not {told(right)}")
+                continue
             among = right.of if isinstance(right, ListOf) else TEXT if right == TEXT else None
             other = among if isinstance(op, ast.In | ast.NotIn) else right
-            if not _comparable(op, left, other):
-                self._wrong(node, f"cannot compare {told(left)} and {told(other)}", _cure(left, other))
+            one, two = (left.of, other.of) if isinstance(left, ListOf) and isinstance(other, ListOf) else (left, other)
+            if not _comparable(op, one, two):
+                self._wrong(node, f"cannot compare {told(one)} and {told(two)}", _cure(one, two))
         return FLAG
 
     def _alike(self, parts: list[ast.expr], rule: str) -> Kind:
@@ -141,13 +145,13 @@ class Inference:
 
 
 def _comparable(op: ast.cmpop, left: Kind, right: Kind) -> bool:
-    if not (isinstance(left, str) and isinstance(right, str)) or UNSETTLED in (left, right):
+    if None in (left, right) or UNSETTLED in (left, right):
         return True
     if NOTHING in (left, right):
         return isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn)
     if is_size(left) and is_size(right):
         return joined(left, right) is not None
-    return left == right
+    return left == right or (type(left) is type(right) and not isinstance(left, str))
 
 
 def _cure(left: Kind, right: Kind) -> str:

@@ -137,6 +137,9 @@ WRONG = [
     ("wait: 1 s\n      if: face.name < 2", "face.name < 2", "cannot compare a text and a number"),
     ("wait: 1 s\n      if: to in [1, 2]", "to in [1, 2]", "cannot compare a text and a number"),
     ("wait: 1 s\n      if: face.seen == 1", "face.seen == 1", "cannot compare true or false and a number"),
+    ("wait: 1 s\n      if: names == 'a'", "names == 'a'", "cannot compare a list and a text"),
+    ("wait: 1 s\n      if: far in gap", "far in gap", "'in' needs a list or a text, not a length"),
+    ("wait: 1 s\n      if: ways == [1 s]", "ways == [1 s]", "cannot compare a length and a duration"),
     ("set: {x: '${word + 1}'}", "word", "cannot calculate with a text"),
     ("drive: '${answer}'", "answer", "needs a length such as '0.5 m', got a text"),
 ]
@@ -171,6 +174,7 @@ RIGHT = [
     "wait: '${gone / 0.2 m/s}'",
     "wait: 1 s\n      if: face_of.distance < 1.5 m and base.heading > 20 deg",
     "wait: 1 s\n      if: answer == 'yes' and to in names and word != null",
+    "wait: 1 s\n      if: names == ['a', 'b'] and ways != [] and face_of != null and ways != null",
     "wait: 1 s\n      while: battery.percent > 20",
     "wait: 1 s\n      repeat: '${n + total}'",
     "battery_below: '${part / 2}'",
