@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+MOST = 10_000
+"""Bytes of such a file at most."""
+
 
 class Memory:
     """What is kept of the board at ``port``, in a file of its own in ``folder``.
@@ -26,12 +29,15 @@ class Memory:
     def take(self) -> dict[int, int]:
         """Return what was kept, if it still holds, and keep it no longer: from now on the servos are moved."""
         try:
-            found = json.loads(self._path.read_text(encoding="utf-8"))
+            if not self._path.is_file():  # a pipe would be waited for
+                return {}
+            with self._path.open("rb") as file:
+                found = json.loads(file.read(MOST))
             self._path.unlink()
             if found["of"] != self._node():
                 return {}
             return {int(index): min(max(int(angle), 0), 180) for index, angle in found["degrees"].items()}
-        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
             return {}
 
     def _node(self) -> list[int]:

@@ -96,6 +96,8 @@ def load(name: str, path: Path) -> Samples:
     that no recording has, and longer than five minutes.
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
+    if path.exists() and not path.is_file():
+        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: it is no regular file", hint=hint)
     try:
         with wave.open(str(path), "rb") as file:
             width, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
@@ -111,7 +113,7 @@ def load(name: str, path: Path) -> Samples:
         raise
     except FileNotFoundError:
         raise NotConnected(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there") from None
-    except (OSError, EOFError, wave.Error) as error:
+    except (OSError, EOFError, RuntimeError, wave.Error) as error:  # RuntimeError: a chunk that ends behind the file
         raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {error}", hint=hint) from error
     if width != 2:
         raise NotConnected(f"{name}: {path}: has {8 * width} bits a sample, not 16", hint=hint)

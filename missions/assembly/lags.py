@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
+from config.reading import read_regular
 from missions.folders import state_folder
 from perception.delay import GRID, Delay
 
@@ -26,8 +27,7 @@ def lags_file(robot: str) -> Path:
 def believed(robot: str, told: float) -> float:
     """Return how late the camera of ``robot`` stamps its pictures, in seconds: as learnt before, else as ``told``."""
     try:
-        with lags_file(robot).open(encoding="utf-8") as file:
-            found = json.loads(file.read(1000))["camera"]
+        found = json.loads(read_regular(lags_file(robot), 1000))["camera"]
     except (OSError, ValueError, KeyError, TypeError):
         return told
     sound = isinstance(found, float) and math.isfinite(found) and GRID[0] <= found <= GRID[-1]

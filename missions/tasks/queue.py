@@ -272,9 +272,14 @@ def _clock(time: float, zone: tzinfo) -> str:
 def _task(row: sqlite3.Row) -> Task:
     values = dict(row)
     policy = Policy(values.pop("interrupted"), values.pop("most"), values.pop("retries"))
-    values["params"] = json.loads(values["params"])
-    for name in ("options", "channels"):
-        values[name] = tuple(json.loads(values[name]))
+    try:
+        values["params"] = dict(json.loads(values["params"]))
+        for name in ("options", "channels"):
+            values[name] = tuple(json.loads(values[name]))
+        for name in ("added", "due", "not_before"):
+            values[name] = float(values[name])
+    except (ValueError, TypeError, RecursionError) as error:
+        raise sqlite3.DatabaseError(f"task {values['id']} is not as it was written: {error}") from error
     values["cancelling"] = bool(values["cancelling"])
     return Task(policy=policy, **values)
 

@@ -1,6 +1,7 @@
 """The head: its arithmetic, its conversation with the board on a hand-cranked clock, and the whole in real time."""
 
 import math
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -666,6 +667,22 @@ def test_a_board_that_has_been_running_is_found_out_at_once_and_its_servos_stand
     node.touch()
     (tmp_path / "another").touch()
     assert Memory(tmp_path, str(tmp_path / "another")).take() == {}
+
+
+def test_of_a_damaged_memory_nothing_is_known_and_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
+    node = tmp_path / "ttyACM0"
+    node.touch()
+    memory = Memory(tmp_path, str(node))
+    memory.keep({0: 90})
+    (kept,) = tmp_path.glob("servos*.json")
+    whole = kept.read_text()
+    angles = [whole.replace('"0": 90', f'"0": {each}') for each in ("1e999", "NaN", '"x"', "[]")]
+    for text in ("", "[" * 100_000, "[" * 9_000, *angles):
+        kept.write_text(text)
+        assert memory.take() == {}, text[:80]
+        kept.unlink(missing_ok=True)
+    os.mkfifo(kept)
+    assert memory.take() == {}
 
 
 def test_the_pose_is_stale_from_when_a_reset_is_noticed_until_the_board_takes_angles_again() -> None:

@@ -125,6 +125,11 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
             load("microphone", path)
     path.write_bytes(whole[:40] + (0xFFFFFFF0).to_bytes(4, "little") + whole[44:])
     assert load("microphone", path).tolist() == ramp(10).tolist(), "as much as is there"
+    path.write_bytes(whole[:16] + (0xFFFFFFFF).to_bytes(4, "little") + whole[20:])
+    os.mkfifo(path.with_name("fifo.wav"))
+    for each in (path, path.with_name("fifo.wav"), Path("/dev/zero")):
+        with pytest.raises(NotConnected, match="cannot be read as a WAV file"):
+            load("microphone", each)
 
 
 def test_a_recording_that_is_too_long_is_refused_with_what_to_type(

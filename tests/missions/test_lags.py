@@ -1,5 +1,6 @@
 """What was learnt of a robot's delays outlives the run, and a file that is damaged does no harm."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,6 @@ def test_a_file_that_is_damaged_counts_as_none() -> None:
     for text in ("", "{", "[]", "7", '{"camera": "x"}', '{"camera": 9.0}', '{"camera": NaN}', "\x00" * 5000):
         lags_file("rodney").write_text(text)
         assert believed("rodney", 0.02) == 0.02, text
+    lags_file("rodney").unlink()
+    os.mkfifo(lags_file("rodney"))
+    assert believed("rodney", 0.02) == 0.02, "a pipe, which nobody waits for"

@@ -120,6 +120,18 @@ def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path
         open_db(path)
 
 
+@pytest.mark.parametrize("column", ["params", "options", "channels", "due", "added", "not_before"])
+def test_a_task_that_is_not_as_it_was_written_is_damage_and_no_fault_of_ours(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+        for wrong in ("", "7x", "[" * 100_000):
+            with closing(sqlite3.connect(path)) as other, other:
+                other.execute(f"UPDATE task SET {column} = ?", (wrong,))  # noqa: S608 - ours
+            with pytest.raises(TaskError, match="task 1 is not as it was written"), in_words(path):
+                opened.queue.tasks()
+
+
 def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with pytest.raises(TaskError, match="is damaged") as raised, in_words(path):
