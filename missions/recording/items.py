@@ -87,8 +87,15 @@ class Number(float):
 
 
 def packed(items: Sequence[object]) -> bytes:
-    """Return items as bytes. Raises whatever a class raises that cannot be pickled."""
-    return pickle.dumps(items, pickle.HIGHEST_PROTOCOL)
+    """Return items as bytes. Raises whatever a class raises that cannot be pickled.
+
+    Ways of pickling that libraries have registered for the whole program do not count: Dask has one for exceptions.
+    """
+    file = io.BytesIO()
+    pickler = pickle.Pickler(file, pickle.HIGHEST_PROTOCOL)
+    pickler.dispatch_table = {}
+    pickler.dump(items)
+    return file.getvalue()
 
 
 def unpacked(data: bytes) -> list[Any]:

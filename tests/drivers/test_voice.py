@@ -84,6 +84,7 @@ def speech(
 
 @pytest.fixture
 def booth(tmp_path: Path) -> Iterator[Booth]:
+    before = set(threading.enumerate())
     program = tmp_path / "synthesiser.py"
     program.write_text(PROGRAM)
     printed: list[str] = []
@@ -99,7 +100,7 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
     finally:
         speaker.close()
         wait_until(lambda: not any(runs(process) for process in booth.processes()))
-        assert not [thread for thread in threading.enumerate() if thread.name.startswith("voice ")]
+        assert not {thread for thread in threading.enumerate() if thread.name.startswith("voice ")} - before
 
 
 # --- the speaker ------------------------------------------------------------------------------------------------------

@@ -64,9 +64,10 @@ def ran(
 
 
 def found(events: list[Event]) -> tuple[str, float]:
-    """Return whom a mission has found, and in which direction (radians)."""
+    """Return whom a mission has found, and in which direction (degrees)."""
     (text,) = [event.text for event in events if isinstance(event, Logged) and event.text.startswith("found ")]
-    _, name, yaw = text.split()
+    _, name, yaw, *unit = text.split()
+    assert unit in ([], ["deg"])
     return name, float(yaw)
 
 

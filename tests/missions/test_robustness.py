@@ -12,11 +12,12 @@ import pytest
 
 from behaviours.robot import Robot
 from drivers.clock import ManualClock
+from drivers.errors import NotConnected
 from missions.assembly.assembled import Assembled
 from missions.cli.heeded import GONE, heeded
 from missions.executive.events import Event, Logged, Stream
 from missions.executive.state import state_of
-from missions.language.expressions import ExpressionError, parse
+from missions.language.expressions import parse
 from missions.library import load_mission
 from missions.order import Order
 from missions.runner import Runner
@@ -177,9 +178,10 @@ def test_an_expression_trusts_no_stale_reading() -> None:
     bench.base.reading = good(reading)
     assert parse("battery.percent >= 0").evaluate(state) is True
     bench.base.reading = stale(reading)
-    with pytest.raises(ExpressionError):
+    with pytest.raises(NotConnected, match="the base does not report"):
         parse("battery.percent >= 0").evaluate(state)
-    assert parse("base.bumper").evaluate(state) is None
+    with pytest.raises(NotConnected, match="the base does not report"):
+        parse("base.bumper").evaluate(state)
 
 
 def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path: Path) -> None:

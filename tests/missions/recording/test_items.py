@@ -1,12 +1,15 @@
 """What goes from a run to its writer, and what of it the writer never imports."""
 
+import copyreg
 import subprocess
 import sys
 
+import pytest
 from py_trees.common import Status
 
 from config.units import Quantity
 from drivers.api import HeadPose
+from drivers.errors import NoReply
 from missions.executive.events import NodeChanged, VariableSet
 from missions.recording.items import Other, packed, unpacked
 from missions.recording.topics import EVENTS
@@ -46,6 +49,12 @@ def test_values_of_drivers_come_back_and_events_with_their_fields() -> None:
         "status": "running",
         "reason": "",
     }
+
+
+def test_errors_come_back_whatever_libraries_have_registered_for_pickling(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(copyreg.dispatch_table, NoReply, lambda error: (Mine, (len(str(error)),)))
+    (error,) = unpacked(packed([NoReply("head: silent", hint="wait")]))
+    assert (type(error), str(error), error.hint) == (NoReply, "head: silent", "wait")
 
 
 def test_of_a_value_of_the_user_the_name_remains() -> None:
