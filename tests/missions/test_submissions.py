@@ -240,7 +240,9 @@ SWITCH = """\
     ],
 )
 def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -> None:
-    root, _ = ready(load(folder, SWITCH.replace("ON", f'"{on}"'), head="params: {far: 2 m}\n"))
+    any_kind = f"  sequence:\n    - set: {{it: '${{[1]}}'}}\n    - set: {{it: \"${{{on}}}\"}}\n"
+    switch = "    - " + SWITCH.replace("ON", "it").strip().replace("\n", "\n    ") + "\n"
+    root, _ = ready(load(folder, any_kind + switch, head="params: {far: 2 m}\n"))
     assert root.advance() is Status.SUCCESS
     assert [
         node.reason for node in root.iterate() if isinstance(node, Node) and node.kind == "log" and node.reason
@@ -248,7 +250,8 @@ def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -
 
 
 def test_a_switch_without_a_case_or_a_default_fails_and_says_for_what(folder: Path) -> None:
-    root, _ = ready(load(folder, SWITCH.replace("ON", "\"'blue'\"").replace("    default: {log: other}\n", "")))
+    tree = "  switch: {on: \"'blue'\", cases: {red: succeed, 3: succeed}}\n"
+    root, _ = ready(load(folder, tree))
     assert root.advance() is Status.FAILURE
     assert root.reason == "no case for blue, and no default"
 
