@@ -3,13 +3,14 @@
 The whole picture is searched until there is a face: in one frame for those that are close, in the next for those
 farther away. From then on optical flow carries its box from frame to frame, and now and then a search of the region
 around it confirms that it still is one: the more seldom, the better both agree. Now and then the whole picture is
-searched again, for newcomers.
+searched again, for newcomers; where nobody is, every sixth frame. What was found counts as a face as long as more
+searches that are independent of the first agreed than not.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from perception.api import Box, Detection, Image
 from perception.flow import carry
@@ -31,6 +32,18 @@ RETRY = 5
 MISSING = 25
 """Frames for which the whole picture is searched that often too, after a face was lost."""
 
+NEWCOMERS = 40
+"""Frames from one search of the whole picture to the next while a face is known, where the detector does not say."""
+
+EAGER = 8
+"""Frames in a row without a face in which each is searched: at first, and after a face was there."""
+
+EMPTY = 6
+"""Frames from one search to the next after that. A cascade takes as long for a wall as for a crowd."""
+
+TRUST = 3
+"""What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
+
 
 class FaceDetector(Protocol):
     """What the finder needs: a search of a whole picture, and one around a known face."""
@@ -44,11 +57,23 @@ class FaceDetector(Protocol):
         ...
 
 
+@runtime_checkable
+class Thorough(Protocol):
+    """What a detector may offer besides: a second opinion, and how often it can afford to search a whole picture."""
+
+    newcomers: int
+    """Frames from one search of the whole picture to the next while a face is known."""
+
+    def agrees(self, image: Image | Grey, box: Box) -> bool:
+        """Whether searches that are independent of the first see a face at ``box`` too."""
+        ...
+
+
 @dataclass(slots=True)
 class _Known:
     """A face that is followed: ``times`` it was found, ``misses`` since, frames until its search is ``due``.
 
-    ``rest`` is from one search to the next, in frames.
+    ``rest`` is from one search to the next, in frames; ``trust`` the searches that agreed less those that did not.
     """
 
     detection: Detection
@@ -57,6 +82,13 @@ class _Known:
     misses: int = 0
     due: int = 1
     rest: int = 1
+    trust: int = 0
+    believed: bool = False
+
+    def weigh(self, agreed: bool) -> None:
+        """Others were asked whether it is a face."""
+        self.trust = min(max(self.trust + (1 if agreed else -1), -TRUST), TRUST)
+        self.believed |= self.trust > 0
 
     def accept(self, detection: Detection, longest: int) -> None:
         """The detector has found it again."""
@@ -69,6 +101,7 @@ class _Known:
         """The detector has not found it where the flow has carried it."""
         self.misses += 1
         self.rest, self.due = 1, RETRY
+        self.weigh(False)
 
 
 class FaceFinder:
@@ -76,20 +109,27 @@ class FaceFinder:
 
     ``every``: frames from one search of a face's region to the next, once it is sure. ``patience``: searches in a row
     that may miss before a face is given up while flow still carries it (it has turned aside; or it never was one).
-    ``newcomers``: frames from one search of the whole picture to the next while a face is known.
+    ``newcomers``: frames from one search of the whole picture to the next while a face is known; else as the detector
+    says, which is more often for a network than for a cascade. A sighting counts as ``found`` where its detector found
+    it and, if that is ``Thorough``, is borne out; what is not is carried by flow until the next miss at most.
     A new face is searched for again in the very next frame, and given up at the first miss: most false ones flicker.
     """
 
-    def __init__(self, detector: FaceDetector, *, every: int = 10, patience: int = 3, newcomers: int = 40) -> None:
+    def __init__(
+        self, detector: FaceDetector, *, every: int = 10, patience: int = 3, newcomers: int | None = None
+    ) -> None:
         self._detector = detector
         self._every = every
         self._patience = patience
-        self._newcomers = newcomers
+        self._thorough = detector if isinstance(detector, Thorough) else None
+        self._newcomers = newcomers or (self._thorough.newcomers if self._thorough else NEWCOMERS)
         self._known: list[_Known] = []
         self._before: Image | Grey | None = None
         self._since_whole = 0
         self._close_next = True
         self._missing = 0  # frames for which a face that was lost is still looked for
+        self._turns = 2  # searches that are due at once: one for those that are close, one for those that are not
+        self._vain = 0  # frames in a row without a face
 
     def find(self, image: Image | Grey) -> list[Sighting]:
         """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
@@ -98,17 +138,19 @@ class FaceFinder:
         followed = self._known
         if before is not None:
             self._known = [known for known in followed if self._follow(known, before, image)]
-        if followed and not self._known:
-            self._expect(followed[0], image)
+        believed = [known for known in followed if known.believed]
+        if believed and not self._known:
+            self._expect(believed[0], image)
         self._since_whole += 1
-        if not self._known or self._since_whole >= (RETRY if self._missing > 0 else self._newcomers):
+        if self._since_whole >= self._pause():
             self._search_whole(image)
         self._drop_doubles()
+        self._vain = 0 if any(known.trust > 0 for known in self._known) else self._vain + 1
         self._missing -= 1
-        for known in followed:
+        for known in believed:
             if known.times > 2 and all(known is not other for other in self._known):
                 self._expect(known, image)
-        found = [Sighting(known.detection, known.found) for known in self._known]
+        found = [Sighting(known.detection, known.found and known.trust > 0) for known in self._known]
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
     def reset(self) -> None:
@@ -116,6 +158,25 @@ class FaceFinder:
         self._known.clear()
         self._before = None
         self._since_whole, self._close_next, self._missing = 0, True, 0
+        self._turns, self._vain = 2, 0
+
+    def _pause(self) -> int:
+        """Return how many frames after a search of the whole picture the next one is due."""
+        lost = self._missing > 0
+        if self._turns > 0:
+            return 1
+        if any(known.trust > 0 for known in self._known):
+            return RETRY if lost else self._newcomers
+        return 1 if lost or self._vain < EAGER else EMPTY
+
+    def _accept(self, known: _Known, detection: Detection, image: Image | Grey) -> None:
+        """A search has found it again; others are asked as long as it is not beyond doubt."""
+        known.accept(detection, self._every)
+        self._ask(known, image)
+
+    def _ask(self, known: _Known, image: Image | Grey) -> None:
+        if known.trust < TRUST:
+            known.weigh(self._thorough is None or self._thorough.agrees(image, known.detection.box))
 
     def _expect(self, lost: _Known, image: Image | Grey) -> None:
         """Look for a lost face again soon, among those of its size: somebody may just have walked past it."""
@@ -133,16 +194,17 @@ class FaceFinder:
                 return True
         again = self._detector.near(image, known.detection.box)
         if again is not None:
-            known.accept(again, self._every)
+            self._accept(known, again, image)
             return True
         known.miss()
-        return carried is not None and known.times > 1 and known.misses < self._patience
+        return carried is not None and known.trust > 0 and known.misses < self._patience
 
     def _search_whole(self, image: Image | Grey) -> None:
         """Look for newcomers, in turns for those that are close and those that are not; meet those already known."""
         self._since_whole = 0
+        self._turns -= 1
         close = self._close_next
-        if self._missing <= 0 or not self._known:
+        if self._missing <= 0 or self._turns >= 0 or not self._known:
             self._close_next = not close
         limit = CLOSE * max(image.shape)
         detect = self._detector.detect
@@ -150,9 +212,11 @@ class FaceFinder:
         for detection in found:
             known = max(self._known, key=lambda k: k.detection.box.overlap(detection.box), default=None)
             if known is not None and known.detection.box.overlap(detection.box) > SAME:
-                known.accept(detection, self._every)
+                self._accept(known, detection, image)
             else:
-                self._known.append(_Known(detection))
+                newcomer = _Known(detection)
+                self._ask(newcomer, image)
+                self._known.append(newcomer)
                 self._missing = 0
 
     def _drop_doubles(self) -> None:

@@ -30,6 +30,8 @@ SURE = 0.6
 
 REGION = 2.0  # how much of the picture is searched around a known face, in widths of it
 REGION_FACE = 40  # pixels to which that face is scaled then
+WITNESS_FACE = 64  # the same for a second opinion
+SAME = 0.3  # overlap from which on two boxes are one face
 POINTS_FACE = 112  # the same where eyes, nose and mouth are asked for: as large as SFace has faces
 
 HAAR = 0.97
@@ -56,6 +58,8 @@ class YuNetFaces:
     Its boxes are those that the Haar cascade would draw, so that distances come out alike; the score is 0..1.
     """
 
+    newcomers = 8
+
     def __init__(self, model: Path) -> None:
         self._model = model
 
@@ -79,6 +83,17 @@ class YuNetFaces:
             return None
         found = self._search(region, REGION_FACE / box.width, columns.start, rows.start)
         return max(found, key=lambda detection: detection.box.overlap(box), default=None)
+
+    def agrees(self, image: Image | Grey, box: Box) -> bool:
+        """Whether the network sees the face at ``box`` in the mirror too, and larger; raises as ``detect``."""
+        check(image)
+        rows, columns = window(image.shape, box, REGION)
+        region = np.ascontiguousarray(image[rows, columns][:, ::-1])
+        if box.width <= 0 or region.size == 0:
+            return False
+        there = Box(columns.stop - box.x - box.width, box.y - rows.start, box.width, box.height)
+        found = self._search(region, WITNESS_FACE / box.width, 0, 0)
+        return any(detection.box.overlap(there) > SAME for detection in found)
 
     def points(self, image: Image | Grey, box: Box) -> npt.NDArray[np.float32] | None:
         """Return what the network says of the face about where ``box`` is: one row as ``cv2.FaceRecognizerSF`` has it.

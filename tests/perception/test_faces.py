@@ -68,6 +68,13 @@ def test_near_finds_nothing_where_there_is_no_face(astronaut: Image, box: Box) -
     assert HaarFaces().near(astronaut, box) is None
 
 
+def test_other_cascades_bear_a_face_out_and_not_what_is_none(astronaut: Image) -> None:
+    assert HaarFaces().agrees(astronaut, FACE)
+    assert not HaarFaces().agrees(astronaut, Box(350, 350, 97, 97))
+    assert not HaarFaces().agrees(astronaut, Box(-500, 0, 97, 97))
+    assert not HaarFaces().agrees(astronaut, Box(100, 100, 0, 0))
+
+
 @pytest.mark.parametrize("shape", [(0, 0, 3), (10, 10, 4), (10,)])
 def test_what_is_no_picture_is_refused_with_its_shape(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="picture: expected"):

@@ -1,20 +1,24 @@
 """Finding faces over time: a real face on a textured wall, and a detector that keeps count."""
 
 from collections.abc import Sequence
-from math import cos, inf, pi
+from math import cos, inf, pi, radians
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from perception.api import Box, Detection, Image
+from perception.api import Box, Detection, Face, Image
 from perception.faces import HaarFaces
 from perception.finder import FaceFinder
+from perception.geometry import Pinhole
 from perception.light import Grey
 from perception.sighting import Sighting
+from perception.tracks import Tracker
 
 if TYPE_CHECKING:
     from tests.perception.conftest import Scene
+
+CAMERA = Pinhole(640, 480, radians(60))
 
 
 class Counting:
@@ -50,7 +54,7 @@ def test_a_walking_face_is_covered_in_every_frame(scene: "Scene") -> None:
         picture, (true,) = scene((320 - 180 * cos(turn), 240), size=sizes[0] + (sizes[1] - sizes[0]) * step / 60)
         (sighting,) = finder.find(picture)
         assert sighting.detection.box.overlap(true) > 0.5, step
-    assert detector.whole == 2
+    assert detector.whole == 3
     assert detector.regions <= 12
 
 
@@ -96,6 +100,88 @@ def test_a_ghost_lasts_for_one_frame(scene: "Scene") -> None:
     detector.ghost = None
     (sighting,) = finder.find(picture)
     assert sighting.detection.box.overlap(true) > 0.5
+
+
+class Doubtful(Counting):
+    """A detector that sees a ghost in one place in each frame; its witnesses say what a test tells them to."""
+
+    newcomers = 40
+    said = False
+
+    def near(self, _: Image | Grey, box: Box) -> Detection | None:
+        return self.ghost or Detection(box, 1.0)
+
+    def agrees(self, _: Image | Grey, box: Box) -> bool:
+        return self.said and box.width > 0
+
+
+def haunted() -> Doubtful:
+    detector = Doubtful()
+    detector.ghost = Detection(Box(60, 60, 80, 80), 1.0)
+    return detector
+
+
+def test_what_no_witness_sees_is_never_told_of_however_often_it_is_found() -> None:
+    detector, tracker = haunted(), Tracker[Face]()
+    finder, picture, told = FaceFinder(detector), wall(), 0
+    for step in range(60):
+        seen = finder.find(picture)
+        assert not any(sighting.found for sighting in seen)
+        told += len(tracker.update(seen, camera=CAMERA, gaze=None, stamp=step / 20))
+    assert told == 0
+
+
+def test_a_face_that_witnesses_see_is_told_of_in_the_second_frame() -> None:
+    detector, tracker = haunted(), Tracker[Face]()
+    detector.said = True
+    finder, picture = FaceFinder(detector), wall()
+    told = [len(tracker.update(finder.find(picture), camera=CAMERA, gaze=None, stamp=step / 20)) for step in range(3)]
+    assert told == [0, 1, 1]
+
+
+def test_witnesses_who_agreed_by_chance_once_are_outvoted() -> None:
+    detector = haunted()
+    detector.said = True
+    finder, picture = FaceFinder(detector), wall()
+    assert [sighting.found for sighting in finder.find(picture)] == [True]
+    detector.said = False
+    assert not any(sighting.found for _ in range(30) for sighting in finder.find(picture))
+
+
+def test_the_longer_a_face_was_borne_out_the_longer_flow_may_carry_it(scene: "Scene") -> None:
+    picture, _ = scene((320, 240))
+    carried = []
+    for frames in (1, 4):
+        detector = Counting()
+        finder = FaceFinder(detector, every=1)
+        for _ in range(frames):
+            finder.find(picture)
+        detector.blind = True
+        carried.append(sum(bool(finder.find(picture)) for _ in range(30)))
+    assert carried == [0, 10]
+
+
+def test_where_nobody_is_the_effort_falls_to_a_sixth_and_a_loss_brings_it_back(scene: "Scene") -> None:
+    detector = Counting()
+    finder = FaceFinder(detector)
+    empty = wall()
+    for _ in range(68):
+        finder.find(empty)
+    assert detector.whole == 18
+    picture, _ = scene((320, 240))
+    assert [len(finder.find(picture)) for _ in range(12)][-1] == 1
+    before = detector.whole
+    for _ in range(4):
+        finder.find(empty)
+    assert detector.whole >= before + 4
+
+
+def test_two_who_come_at_once_one_near_and_one_far_are_both_seen_by_the_second_frame(scene: "Scene") -> None:
+    near, _ = scene((150, 240))
+    far, _ = scene((500, 240), size=0.4)
+    near[:, 330:] = far[:, 330:]
+    finder = FaceFinder(HaarFaces())
+    assert [len(finder.find(near)) for _ in range(2)][-1] == 2
 
 
 def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:

@@ -104,6 +104,14 @@ def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNet
     assert faces.near(picture((300, 100, 80, 80)), Box(300, 100, 0, 0)) is None
 
 
+def test_a_face_is_borne_out_where_it_is_and_nowhere_else(faces: YuNetFaces) -> None:
+    seen = picture((300, 100, 80, 80))
+    assert faces.agrees(seen, Box(305, 105, 80, 80))
+    assert not faces.agrees(seen, Box(400, 300, 80, 80))
+    assert not faces.agrees(seen, Box(-500, 0, 60, 60))
+    assert not faces.agrees(seen, Box(300, 100, 0, 0))
+
+
 def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaces) -> None:
     (face,) = faces.detect(picture((300, 100, 80, 80))[:, :, 0])
     assert face.box.centre == pytest.approx((340, 140), abs=2)
