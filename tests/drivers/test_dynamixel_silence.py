@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Coupling, JointState, Notice, Quality, Reading
+from drivers.api import Away, Coupling, JointState, Notice, Quality, Reading
 from drivers.clock import ManualClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
@@ -41,7 +41,10 @@ class Quiet:
             for number, (name, model) in enumerate(zip("abc", models or MODELS, strict=False), 1)
         }
         bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
-        self.joints = DynamixelJoints(bus, specs, self.clock, rate=rate, at_rest=at_rest, report=self.notices.append)
+        away = Away(decide=30.0, latch=60.0)  # what is tried here is what the joints do without that rule
+        self.joints = DynamixelJoints(
+            bus, specs, self.clock, rate=rate, at_rest=at_rest, away=away, report=self.notices.append
+        )
         self.run(0.1)
 
     def run(self, seconds: float) -> None:
