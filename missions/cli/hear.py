@@ -24,8 +24,10 @@ from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
 from perception.api import Words
+from perception.hearing.confusion import confusable
 from perception.hearing.engines import Sphinx, Vosk
-from perception.hearing.grammar import fault_of
+from perception.hearing.grammar import Grammar, fault_of
+from perception.hearing.lexicon import english
 
 PAUSE = 0.05
 """Seconds between two looks at what was heard."""
@@ -78,6 +80,9 @@ def command(
     if threshold is not None:
         config = replace(config, threshold=threshold)
     click.echo(f"listening for: {', '.join(wanted)}")
+    lexicon = english(config.pronunciations)
+    for one, other in [] if lexicon is None else confusable(Grammar.of(wanted).phrases, lexicon):
+        click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
     if wav is None:
         _listen(config, wanted)
     else:

@@ -17,6 +17,15 @@ Judgement = tuple[str, float]
 
 NOTHING: Judgement = ("", -99.0)
 
+BEATEN, PLAIN = 15.0, 10.0
+"""By how much the best decoy may fit better than a phrase of one word that was said, for each frame; and how much more
+makes the odds e times as high."""
+
+
+def weighed(score: float, margin: float | None) -> float:
+    """Return a score, but no more than the decoys leave: ``margin`` is how much better than they a phrase fits."""
+    return score if margin is None else min(score, (margin + BEATEN) / PLAIN)
+
 
 class Sphinx:
     """Pocketsphinx with its English model. Words of the grammar that ``lexicon`` does not know raise ValueError."""
@@ -43,7 +52,9 @@ class Sphinx:
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:
         """Return what an answer means."""
         said = Decoding.of(answer)
-        return NOTHING if said is None else (said.phrase, self._acceptance.score(features(said, clip)))
+        if said is None:
+            return NOTHING
+        return said.phrase, weighed(self._acceptance.score(features(said, clip)), answer.get("margin"))
 
 
 class Vosk:

@@ -3,13 +3,15 @@
 Messages are lines of JSON on standard input and output; where one has ``bytes: N``, N bytes of sound follow, 16-bit
 mono at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` is what to listen for,
 from state 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by what was
-understood of it, and how it looks beside a loop over all phones. It imports nothing of ours, and ends with its input.
+understood of it, and how it looks beside a loop over all phones; a phrase of one word also beside the common words of
+English. It imports nothing of ours, and ends with its input.
 """
 
 import json
 import math
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pocketsphinx
@@ -22,6 +24,12 @@ WIDE = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
 
 NARROW = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
 """The same for the loop over phones, which has no end of paths."""
+
+ALIKE = {"compallsen": True, "ds": 2}
+"""Scores are relative to the best sound that a search looks for: only with all sounds in view two searches compare."""
+
+COMMON, SHORT = 1000, 6
+"""How many of the commonest words may be decoys, and how many phones those have at most."""
 
 Segments = list[tuple[str, int, int, float]]
 """Name, first frame (of 10 ms), how many, and the score of all."""
@@ -52,23 +60,68 @@ def segments(engine: pocketsphinx.Decoder) -> Segments:
     ]
 
 
+def search(engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]], arcs: list[tuple[Any, ...]]) -> None:
+    """Have a decoder look for a network of words, and tell it how they are said."""
+    for word, ways in words.items():
+        for number, phones in enumerate(ways, 1):
+            engine.add_word(word if number == 1 else f"{word}({number})", phones, False)
+    engine.add_fsg(name, engine.create_fsg(name, 0, 1, arcs))
+
+
+def decoys(alone: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return the common words that nobody should take for one of ``alone``, and how they are said: none sounds so."""
+    ways: dict[str, list[str]] = {}
+    for line in Path(pocketsphinx.get_model_path("en-us/cmudict-en-us.dict")).read_text(encoding="utf-8").splitlines():
+        entry, _, phones = line.partition(" ")
+        if entry[1:2].isalnum():
+            ways.setdefault(entry.partition("(")[0], []).append(phones)
+    model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
+    common = sorted(filter(str.isalpha, ways), key=lambda word: -model.prob([word]))[:COMMON]
+    own = {phones for said in alone.values() for phones in said}
+    return {
+        word: ways[word]
+        for word in common
+        if word not in alone and own.isdisjoint(ways[word]) and len(ways[word][0].split()) <= SHORT
+    }
+
+
 class Recogniser:
-    """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does."""
+    """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
+
+    A third weighs single words against the decoys.
+    """
 
     def __init__(self) -> None:
         self.grammar: pocketsphinx.Decoder | None = None
+        self.scales = decoder(**WIDE, **ALIKE)
+        self.alone: dict[str, list[str]] = {}
         self.loop = decoder(**NARROW)
         self.loop.add_allphone_file("phones", pocketsphinx.get_model_path("en-us/en-us-phone.lm.bin"))
         self.loop.activate_search("phones")
 
     def listen_for(self, words: dict[str, list[str]], arcs: list[list[Any]]) -> None:
         """Take a new grammar in place of the old."""
-        engine = decoder(**WIDE)
-        for word, ways in words.items():
-            for number, phones in enumerate(ways, 1):
-                engine.add_word(word if number == 1 else f"{word}({number})", phones, False)
-        engine.add_fsg("phrases", engine.create_fsg("phrases", 0, 1, [tuple(arc) for arc in arcs]))
-        self.grammar = engine
+        self.grammar = decoder(**WIDE)
+        search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
+        self.alone = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
+        self.scales = decoder(**WIDE, **ALIKE)
+        if self.alone:
+            for word, ways in self.alone.items():
+                search(self.scales, f"only {word}", {word: ways}, [(0, 1, 1.0, word)])
+            common = decoys(self.alone)
+            search(self.scales, "decoys", common, [(0, 1, 1 / len(common), word) for word in common])
+
+    def margin(self, word: str, sound: bytes) -> float | None:
+        """Return by how much a word fits better than the best decoy, for each frame of it; None for a longer phrase."""
+        if word not in self.alone:
+            return None
+        fits: list[Segments] = []
+        for name in (f"only {word}", "decoys"):
+            self.scales.activate_search(name)
+            run(self.scales, sound)
+            fits.append(segments(self.scales) if self.scales.hyp() else [])
+        own, decoy = (sum(score for *_, score in fit) if fit else -1e9 for fit in fits)
+        return (own - decoy) / max(5, sum(length for name, _, length, _ in fits[0] if not name.startswith("<")))
 
     def decode(self, sound: bytes) -> dict[str, Any]:
         """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""
@@ -92,6 +145,7 @@ class Recogniser:
             "words": words,
             "aligned": phones,
             "loop": segments(self.loop),
+            "margin": self.margin(found.hypstr, sound),
         }
 
 

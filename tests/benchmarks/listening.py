@@ -28,12 +28,16 @@ UNTAUGHT = Acceptance((), (), (), (), 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Take:
-    """One clip that was cut out: what it was taken for, and the figures by which that is judged; none for nothing."""
+    """One clip that was cut out: what it was taken for, and the figures by which that is judged; none for nothing.
+
+    ``margin`` is that of a phrase of one word over the decoys.
+    """
 
     start: float
     end: float
     phrase: str
     figures: Mapping[str, float]
+    margin: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,8 @@ class NotingSphinx(Sphinx):
         """Note it, and accept everything."""
         said = Decoding.of(answer)
         figures = {} if said is None else features(said, clip)
-        self.takes.append(Take(clip.start, clip.end, "" if said is None else said.phrase, figures))
+        phrase, margin = "" if said is None else said.phrase, answer.get("margin")
+        self.takes.append(Take(clip.start, clip.end, phrase, figures, margin))
         self.spent += float(answer["spent"])
         return NOTHING if said is None else (said.phrase, 0.0)
 

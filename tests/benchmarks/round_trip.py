@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from perception.hearing.acceptance import Acceptance, learned
+from perception.hearing.engines import weighed
 from tests.benchmarks.listening import Result, hear_all, read
 from tests.benchmarks.speaking import Speaking
 from tests.benchmarks.spoken import BACKGROUNDS, STRANGERS, TRIAL
@@ -51,7 +52,10 @@ def outcomes(result: Result, acceptance: Acceptance) -> Iterator[Outcome]:
     """Yield what became of everything said in a stream: of several clips of it, the surest counts."""
     for said in result.said:
         heard = [take for take in result.takes if take.start < said["end"] and take.end > said["start"]]
-        scores = [(acceptance.score(take.figures) if take.figures else NEVER, take.phrase) for take in heard]
+        scores = [
+            (weighed(acceptance.score(take.figures), take.margin) if take.figures else NEVER, take.phrase)
+            for take in heard
+        ]
         score, phrase = max(scores, default=(NEVER, ""))
         yield Outcome(bool(said["phrase"]), phrase == said["phrase"], score)
 

@@ -38,6 +38,12 @@ def test_each_phrase_is_told_and_all_else_refused(wav: Path) -> None:
     assert third[1].startswith("hello rodney  (score +")
 
 
+def test_phrases_that_are_easily_confused_are_told(wav: Path) -> None:
+    said = "mission: 'go' and 'no' are easily confused\n  try: another or a longer phrase\n"
+    assert said in hear("--for", "go, no, hello", "--wav", str(wav)).stderr
+    assert not hear("--for", "yes please, hello", "--wav", str(wav)).stderr
+
+
 def test_a_threshold_may_be_asked_for(wav: Path) -> None:
     told = lines(hear("--for", "yes please, hello rodney", "--wav", str(wav), "--threshold", "9"))
     assert {verdict for verdict, _ in told} == {"refused"}

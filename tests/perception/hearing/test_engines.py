@@ -13,7 +13,7 @@ from drivers.clock import SystemClock
 from drivers.pipe import Worker
 from perception.hearing.acceptance import learned
 from perception.hearing.endpoint import Clip
-from perception.hearing.engines import NOTHING, Sphinx, Vosk
+from perception.hearing.engines import BEATEN, NOTHING, Sphinx, Vosk, weighed
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import Lexicon, english
 from tests.waiting import wait_until
@@ -110,6 +110,14 @@ def test_words_that_nobody_can_say_are_told_before_anything_runs() -> None:
 def test_an_answer_without_an_understanding_is_nothing() -> None:
     engine = Sphinx(Grammar.of(["hello"]), Lexicon("hello HH AH L OW\n"), learned())
     assert engine.judge(clip(16000), {"decoded": 1, "phrase": ""}) == NOTHING
+
+
+def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
+    assert weighed(3.0, None) == 3.0
+    assert weighed(3.0, 1000.0) == 3.0
+    assert weighed(3.0, -BEATEN) == 0.0
+    assert weighed(-2.0, -BEATEN) == -2.0
+    assert weighed(3.0, -BEATEN - 20) < 0
 
 
 def test_pocketsphinx_hears_no_phrase_in_noise_and_says_what_that_cost() -> None:

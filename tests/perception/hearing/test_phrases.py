@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.hearing.accents import variants
+from perception.hearing.confusion import confusable
 from perception.hearing.grammar import END, START, Grammar, fault_of, normalised
 from perception.hearing.lexicon import Lexicon
 from perception.hearing.mnemonics import phones_of
@@ -135,6 +136,13 @@ def test_a_word_is_said_in_all_the_ways_of_the_dictionary_and_in_british() -> No
     assert lexicon.pronunciations("stop") == [("S", "T", "AA", "P"), ("S", "T", "AO", "P")]
     assert lexicon.pronunciations("op") == []
     assert lexicon.unknown(["stop", "rodney", "very"]) == ["rodney"]
+
+
+def test_phrases_that_differ_by_one_sound_are_easily_confused() -> None:
+    lexicon = Lexicon("go G OW\nno N OW\nyes Y EH S\nturn T ER N\nburn B ER N\nup AH P\n")
+    assert confusable(["go", "no", "yes"], lexicon) == [("go", "no")]
+    assert confusable(["turn up", "burn up", "burn"], lexicon) == [("turn up", "burn up")]
+    assert confusable(["yes", "rodney", "rodney go"], lexicon) == []
 
 
 def test_the_robot_file_says_how_a_name_is_said() -> None:

@@ -17,6 +17,16 @@ SHORT = replace(TRIAL, voices=("en-us",), speeds=1, sentences=8)
 KEYS = ("trial/clean/en-us/0", "trial/pink/en-us/0")
 
 
+OTHERS = ("nine", "left", "dog", "up", "bird")
+
+
+class Noisy:
+    """Every key but those of a clean background."""
+
+    def __contains__(self, key: object) -> bool:
+        return "/clean/" not in str(key)
+
+
 class AllBut:
     """Every key but some."""
 
@@ -35,6 +45,17 @@ def test_commands_are_understood_and_other_sentences_refused(tmp_path: Path) -> 
     assert clean.false <= 0.2
     assert pink.recognised >= 0.7
     assert pink.false <= 0.2
+
+
+def test_single_words_are_told_from_other_words(tmp_path: Path) -> None:
+    words = Material("words", ("en-us+f2",), (("yes", "no", "stop"),), OTHERS, "", 5, speeds=1)
+    results = tmp_path / "results.jsonl"
+    with Speaking() as speaking:
+        hear_all(words.streams(speaking.say, Noisy()), results)
+    (clean,) = rows(read(results))
+    assert (clean.phrases, clean.others) == (3, 5)
+    assert clean.accepted == 1
+    assert clean.false <= 0.2
 
 
 @pytest.mark.parametrize("trial", [TRIAL, STRANGERS], ids=["trial", "strangers"])

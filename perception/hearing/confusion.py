@@ -1,0 +1,34 @@
+"""Which phrases are easily confused: those that differ by hardly more than one sound."""
+
+from collections.abc import Sequence
+from itertools import chain, combinations, islice, product
+
+from perception.hearing.features import edits
+from perception.hearing.lexicon import Lexicon
+from perception.hearing.phones import KIND_OF
+
+NEAR = 1.0
+"""Changes of phones up to which two phrases are near; one by another of its kind (m by n) counts half."""
+
+WAYS = 16
+"""Of the ways to say a phrase, as many are looked at."""
+
+
+def confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]]:
+    """Return the pairs of normalised phrases that are easily taken for each other; those unknown are in none."""
+    said = {phrase: _ways(phrase, lexicon) for phrase in phrases}
+    return [
+        (one, other)
+        for one, other in combinations(said, 2)
+        if any(_changes(first, second) <= NEAR for first, second in product(said[one], said[other]))
+    ]
+
+
+def _ways(phrase: str, lexicon: Lexicon) -> list[tuple[str, ...]]:
+    ways = product(*(lexicon.pronunciations(word) for word in phrase.split()))
+    return [tuple(chain.from_iterable(way)) for way in islice(ways, WAYS)]
+
+
+def _changes(one: Sequence[str], other: Sequence[str]) -> float:
+    kinds = ([KIND_OF[phone] for phone in each] for each in (one, other))
+    return (edits(one, other) + edits(*kinds)) / 2
