@@ -217,18 +217,6 @@ def test_stopped_and_let_go_on_the_arm_goes_on_where_it_rests_and_leaps_nowhere(
     assert arm.angles() == pytest.approx([2.0] * 3, abs=0.006)
 
 
-def test_let_go_on_after_longer_the_arm_stays_where_it_rests() -> None:
-    arm = Quiet()
-    arm.joints.hold()
-    arm.joints.move(dict.fromkeys("abc", 2.0), speeds=dict.fromkeys("abc", 1.0))
-    arm.run(0.5)
-    arm.wait(3.0)
-    rested = arm.angles()
-    arm.run(2.0)
-    assert max(rested) < 1.2
-    assert arm.angles() == pytest.approx(rested, abs=0.006)
-
-
 def test_a_move_told_by_a_program_that_had_stopped_waits_for_news_of_where_the_joints_are() -> None:
     arm = Quiet()
     arm.joints.hold()
