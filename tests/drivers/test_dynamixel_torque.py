@@ -390,7 +390,7 @@ def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over
     assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
     assert arm.servo(2).angle == pytest.approx(1.0, abs=NEAR / 2)
     arm.servo(1).present = False
-    arm.run(1.0)
+    arm.run(0.8)
     arm.servo(1).turn_by_hand(0.0)
     arm.servo(1).present = True
     assert 0.8 * RUN_IN < fastest_far_off(arm, 3.0) < 1.1 * RUN_IN
