@@ -195,7 +195,7 @@ def test_find_person_turns_round_for_somebody_and_says_at_last_that_nobody_was_f
 def test_greet_everybody_greets_each_of_two_people_once() -> None:
     ran = Ran("greet_everybody", {"greeting": "Ahoy", "side": "15 deg"}, world="two_people")
     assert (ran.result.result, ran.result.reason) == ("success", "")
-    assert ran.said == ["Ahoy, Anna!", "Ahoy, Ben!"]
+    assert sorted(ran.said) == ["Ahoy, Anna!", "Ahoy, Ben!"], "who is found first may be either"
     assert ran.ends("find_face") == ["success", "success", "failure"]
 
 
