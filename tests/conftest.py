@@ -17,18 +17,18 @@ GRACE = 3.0
 """Seconds that a thread has to end after its test."""
 
 
-REAL_TIME = ("tests/drivers", "tests/missions", "tests/perception", "tests/conformance/test_executive")
-"""Where tests run real drivers, processes or cameras in real time."""
+WHOLE_FOLDERS = ("tests/missions", "tests/conformance/test_executive")
+"""Where every test may have more tries, until each says for itself whether it lives in real time."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give tests in real time two more tries.
+    """Give tests that are marked ``real_time`` two more tries.
 
     A shared machine now and then stops for longer than a servo waits for its reply. A test that fails for a reason of
-    its own fails three times.
+    its own fails three times. A test is marked if it has a thread, a process or a camera that does not wait for it.
     """
     for item in items:
-        if item.nodeid.startswith(REAL_TIME):
+        if item.get_closest_marker("real_time") or item.nodeid.startswith(WHOLE_FOLDERS):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
 
 

@@ -82,11 +82,11 @@ class InSimulatedTime(Rig):
             self.wait(0.01)
 
 
-def real(rig: type[Rig], name: str = "wire") -> Any:
-    """Return ``rig`` as a parameter that has two more tries: a shared machine stops for half a second now and then."""
-    return pytest.param(rig, id=name, marks=pytest.mark.flaky(reruns=2, reruns_delay=1))
+def real(rig: type[object], name: str = "wire") -> Any:
+    """Return ``rig`` as a parameter whose tests live in real time."""
+    return pytest.param(rig, id=name, marks=pytest.mark.real_time)
 
 
-def twin(rig: type[Rig]) -> Any:
+def twin(rig: type[object]) -> Any:
     """Return ``rig`` as a parameter."""
     return pytest.param(rig, id="twin")

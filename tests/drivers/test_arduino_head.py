@@ -945,6 +945,7 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
     return there
 
 
+@pytest.mark.real_time
 def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
@@ -958,6 +959,7 @@ def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     )
 
 
+@pytest.mark.real_time
 def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> None:
     rig.head.open()
     wait_until(lambda: "no such device" in rig.head.health().detail)
@@ -967,6 +969,7 @@ def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> N
     wait_until(lambda: online(rig))
 
 
+@pytest.mark.real_time
 def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_it_is_told(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
@@ -985,6 +988,7 @@ def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_
     assert "offline" in [one.kind for one in rig.notices]
 
 
+@pytest.mark.real_time
 def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     rig.terminal.open()
     rig.terminal.distort = lambda data: b"\x00\xff" + data.replace(b"servo_array", b"servo_arrbz")
@@ -997,6 +1001,7 @@ def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     wait_until(looks(rig, 10, 0))
 
 
+@pytest.mark.real_time
 def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
     rig.head.close()
     rig.terminal.open()

@@ -23,6 +23,8 @@ from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 
 def grey(level: int) -> Image:
     return np.full((48, 64, 3), level, np.uint8)

@@ -133,6 +133,7 @@ def until_shown(camera: ThreadedCamera, count: int) -> None:
     wait_until(lambda: camera.health().counters["frames"] == count)
 
 
+@pytest.mark.real_time
 def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> None:
     feed, clock, notices = Live(), ManualClock(), list[Notice]()
     camera = opened(feed, clock, notices.append)
@@ -150,6 +151,7 @@ def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> Non
         camera.close()
 
 
+@pytest.mark.real_time
 def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
     feed, clock, notices = Live(), ManualClock(), list[Notice]()
     camera = opened(feed, clock, notices.append)
@@ -170,6 +172,7 @@ def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
         camera.close()
 
 
+@pytest.mark.real_time
 def test_a_recording_may_hold_still(tmp_path: Path) -> None:
     path, clock, notices = tmp_path / "still.png", ManualClock(), list[Notice]()
     cv2.imwrite(str(path), STILL)

@@ -69,6 +69,7 @@ def bare() -> Iterator[tuple[int, str]]:
     os.close(slave)
 
 
+@pytest.mark.real_time
 def test_two_threads_on_one_bus_wait_for_each_other(bench: Bench) -> None:
     failures: list[Exception] = []
 
@@ -89,6 +90,7 @@ def test_two_threads_on_one_bus_wait_for_each_other(bench: Bench) -> None:
     assert sum(bench.bus.tally(servo).corrupt for servo in (1, 2, 3)) == 0
 
 
+@pytest.mark.real_time
 def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench: Bench) -> None:
     bench.terminal.unplug()
     assert str(until_lost(lambda: bench.bus.read(At(1), LED))).startswith(f"arm: {bench.terminal.path}: ")
@@ -102,12 +104,14 @@ def test_pulling_the_plug_is_told_and_the_same_bus_works_after_replugging(bench:
     assert bench.bus.ping(At(1)) == 12
 
 
+@pytest.mark.real_time
 def test_a_sync_write_alone_notices_the_pulled_plug(bench: Bench) -> None:
     bench.terminal.unplug()
     until_lost(lambda: bench.bus.sync_write(1, LED, {1: 1}))
     assert not bench.bus.is_open
 
 
+@pytest.mark.real_time
 def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> None:
     bench.bus.baud = 57_600
     with pytest.raises(NoReply):
@@ -117,6 +121,7 @@ def test_another_rate_is_set_without_letting_go_of_the_port(bench: Bench) -> Non
     assert bench.bus.ping(At(1)) == 12
 
 
+@pytest.mark.real_time
 def test_a_port_that_is_held_is_not_shared(bench: Bench) -> None:
     second = Bus(bench.terminal.path, bench.clock, name="head")
     with pytest.raises(NotConnected, match=r"head: .*: in use"):
@@ -140,6 +145,7 @@ def test_a_bus_that_is_not_open_says_so_and_may_be_closed_often(tmp_path: Path) 
         bus.require()
 
 
+@pytest.mark.real_time
 def test_a_bus_that_babbles_ends_the_wait_all_the_same(bare: tuple[int, str]) -> None:
     master, path = bare
     bus = Bus(path, SystemClock(), patience=0.02)

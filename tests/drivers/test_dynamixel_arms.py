@@ -22,6 +22,8 @@ from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 MIXED = {"hip": "MX-64", "knee": "MX-28", "elbow": "XM430-W350", "wrist": "XL430-W250", "finger": "AX-12A"}
 
 

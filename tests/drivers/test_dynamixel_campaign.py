@@ -128,6 +128,7 @@ def terminal() -> Iterator[Terminal]:
     terminal.close()
 
 
+@pytest.mark.real_time
 def test_nor_over_a_port_in_real_time(terminal: Terminal) -> None:
     chain = terminal.device
     assert isinstance(chain, VirtualServoBus)

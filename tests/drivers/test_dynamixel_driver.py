@@ -21,6 +21,8 @@ from drivers.errors import BadRequest, DeviceFault, NotConnected
 from tests.drivers.arms import PLAIN, TICK, Make, making
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture
 def make() -> Iterator[Make]:

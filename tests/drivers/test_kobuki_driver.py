@@ -695,6 +695,7 @@ def running(rig: Rig) -> Rig:
     return rig
 
 
+@pytest.mark.real_time
 def test_it_drives_and_stops(running: Rig) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.base.stop()
@@ -704,11 +705,13 @@ def test_it_drives_and_stops(running: Rig) -> None:
     assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
 
 
+@pytest.mark.real_time
 def test_it_stops_when_nobody_renews(running: Rig) -> None:
     wait_until(running.driving)
     wait_until(lambda: not running.moves())
 
 
+@pytest.mark.real_time
 def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
     wait_until(running.driving)
     running.base.close()
@@ -719,6 +722,7 @@ def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
     wait_until(running.online)
 
 
+@pytest.mark.real_time
 def test_a_silent_wire_is_offline_and_comes_back(running: Rig) -> None:
     wait_until(running.driving)
     running.terminal.distort = lambda _: b""
@@ -730,6 +734,7 @@ def test_a_silent_wire_is_offline_and_comes_back(running: Rig) -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
+@pytest.mark.real_time
 def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: Rig, error: BaseException) -> None:
     def throw(*_: object) -> None:
         raise error
@@ -751,6 +756,7 @@ def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: Rig
         pass
 
 
+@pytest.mark.real_time
 def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(running: Rig) -> None:
     running.terminal.distort = lambda said: said[:-1] + bytes([said[-1] ^ 0xFF])
     wait_until(lambda: running.base.health().counters["checksum_errors"] > 2)
@@ -759,6 +765,7 @@ def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(running: Rig)
     wait_until(running.online)
 
 
+@pytest.mark.real_time
 def test_noise_before_the_header_is_no_trouble(running: Rig) -> None:
     running.terminal.distort = lambda said: b"\xaa\x00\xaa" + said
     frames = running.base.health().counters["frames"]
@@ -767,6 +774,7 @@ def test_noise_before_the_header_is_no_trouble(running: Rig) -> None:
     wait_until(running.driving)
 
 
+@pytest.mark.real_time
 def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.terminal.unplug()
@@ -787,6 +795,7 @@ def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
     wait_until(lambda: running.driving() and running.x() > before + 0.02)
 
 
+@pytest.mark.real_time
 def test_a_base_that_appears_later_is_found(rig: Rig) -> None:
     rig.base.open()
     wait_until(lambda: "no such device" in rig.base.health().detail)
@@ -795,6 +804,7 @@ def test_a_base_that_appears_later_is_found(rig: Rig) -> None:
     wait_until(rig.driving)
 
 
+@pytest.mark.real_time
 def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(rig: Rig) -> None:
     rig.terminal.open()
     with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
@@ -804,6 +814,7 @@ def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(rig: Rig) -> None:
     wait_until(rig.online)
 
 
+@pytest.mark.real_time
 def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")

@@ -16,6 +16,8 @@ from drivers.link import Link
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 ANYTHING = [ValueError("broken"), SystemExit(1), BaseException("worse")]
 
 

@@ -173,6 +173,7 @@ def silent(notices: list[Notice]) -> Iterator[CapturedMicrophone]:
     microphone.close()
 
 
+@pytest.mark.real_time
 def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
     silent: CapturedMicrophone, notices: list[Notice]
 ) -> None:
@@ -190,6 +191,7 @@ def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
     assert [notice.kind for notice in notices] == ["online"]
 
 
+@pytest.mark.real_time
 def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[Notice]) -> None:
     pytest.importorskip("miniaudio")
     microphone = CapturedMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
@@ -210,6 +212,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.real_time
 def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,8 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.terminal import Terminal
 from tests.drivers.chains import chain, mixed_chain
 
+pytestmark = pytest.mark.real_time
+
 CLIENTS = Path(__file__).parent.parent / "other_programs"
 
 

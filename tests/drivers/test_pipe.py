@@ -16,6 +16,8 @@ from drivers.errors import NoReply, NotConnected
 from drivers.pipe import Unframer, Worker, frame
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 ECHO = """
 import json, sys
 for line in sys.stdin.buffer:

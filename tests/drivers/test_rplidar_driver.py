@@ -333,6 +333,7 @@ def share(begin: tuple[float, float], end: tuple[float, float]) -> float:
     return (end[0] - begin[0]) / (end[1] - begin[1])
 
 
+@pytest.mark.real_time
 def test_a_dirty_start_ends_in_scans_and_closing_stops_everything(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 3)
     assert wired.device.health().counters["skipped bytes"] == 0
@@ -342,6 +343,7 @@ def test_a_dirty_start_ends_in_scans_and_closing_stops_everything(wired: Wired) 
     wired.device.close()
 
 
+@pytest.mark.real_time
 def test_the_thread_takes_a_small_part_of_a_core(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 15)
     taken = share(wired.turns[3], wired.turns[14])
@@ -349,6 +351,7 @@ def test_the_thread_takes_a_small_part_of_a_core(wired: Wired) -> None:
     assert all(later > earlier for (_, earlier), (_, later) in pairwise(wired.turns))
 
 
+@pytest.mark.real_time
 def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 2)
     wired.terminal.unplug()

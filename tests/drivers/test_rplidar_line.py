@@ -15,6 +15,8 @@ from drivers.ports import open_port, set_dtr
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 BAUD = 115200
 
 

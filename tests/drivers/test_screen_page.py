@@ -24,6 +24,8 @@ from drivers.screen.svg import numbers
 from tests.browser import Browser, Tab, chromium
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 PATIENCE = 30.0
 SIZE = (640, 480)
 

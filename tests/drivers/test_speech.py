@@ -19,6 +19,8 @@ from drivers.voice.player import Player
 from drivers.voice.speech import SpeechVoice
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 LONG = "this is a sentence that takes its time " * 4
 
 

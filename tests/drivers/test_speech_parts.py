@@ -329,6 +329,7 @@ def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
     ("program", "arguments", "missing"),
     [(espeak_worker, (), "espeakng_loader"), (sound_worker, ("", "null", "1.0"), "miniaudio")],
 )
+@pytest.mark.real_time
 def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     program: Any, arguments: tuple[str, ...], missing: str
 ) -> None:
@@ -339,6 +340,7 @@ def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     assert process.returncode == 0
 
 
+@pytest.mark.real_time
 def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
     texts = ("The quick brown fox jumps over the lazy dog. " * 200, "Stop!")
     asked = b"".join(frame(request(number, text, "", "", 150)) for number, text in enumerate(texts))
@@ -375,6 +377,7 @@ def shell(script: str, cut: Cut, limit: float = 30.0) -> Ran | None:
     return run("voice", ["sh", "-c", script], "hello", cut, SystemClock(), limit=limit, wanted=True)
 
 
+@pytest.mark.real_time
 def test_a_program_that_never_ends_is_ended() -> None:
     with pytest.raises(NoReply, match="voice: sh: has not ended after 0 s") as raised:
         shell("sleep 100", Cut(), limit=0.3)
@@ -382,6 +385,7 @@ def test_a_program_that_never_ends_is_ended() -> None:
 
 
 @pytest.mark.parametrize("ends", [True, False])
+@pytest.mark.real_time
 def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bool) -> None:
     left, clock, cut = tmp_path / "left", SystemClock(), Cut()
     script = f"setsid sleep 15 & echo $! > {left}.new; mv {left}.new {left}; cat; echo oh >&2" + "; sleep 15" * (
@@ -404,6 +408,7 @@ def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bo
 @pytest.mark.parametrize(
     ("script", "heard"), [("echo 'no card' >&2", False), ("echo hm >&2; sleep 0.5", True), (":", True)]
 )
+@pytest.mark.real_time
 def test_a_program_that_complains_and_ends_at_once_has_not_spoken(script: str, heard: bool) -> None:
     clock, printed, notices = SystemClock(), list[str](), list[Notice]()
     engine = Speaker(Synthesiser("sh", ("-c", f"cat; {script}")), clock)
@@ -441,6 +446,7 @@ def piper(tmp_path: Path) -> Path:
     return program
 
 
+@pytest.mark.real_time
 def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     model = piper.with_name("amy.onnx")
     engine = Piper(model, SystemClock(), program=str(piper))
@@ -453,6 +459,7 @@ def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     assert said == f"--model {model} --output-raw --length-scale 0.500|two lines"
 
 
+@pytest.mark.real_time
 def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
     engine = Piper(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
     with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
@@ -478,6 +485,7 @@ def test_each_driver_has_its_engine() -> None:
     assert isinstance(engine(Wish("print")), PrintedVoice)
 
 
+@pytest.mark.real_time
 def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -497,6 +505,7 @@ def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     assert isinstance(make_voice(Wish("auto"), SystemClock(), print), SpeechVoice)
 
 
+@pytest.mark.real_time
 def test_a_command_of_the_users_is_told_how_to_speak(tmp_path: Path) -> None:
     program, said = tmp_path / "tts.py", tmp_path / "said"
     program.write_text(f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:]) + '|' + sys.stdin.read())")

@@ -11,6 +11,8 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Punctual, Terminal, Tunable, agree
 
+pytestmark = pytest.mark.real_time
+
 
 class Echo:
     """Gives back what it hears ``delay`` seconds later, at the moment; it hears every rate and keeps the newest."""

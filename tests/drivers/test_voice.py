@@ -18,6 +18,8 @@ from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser, find_synthesiser
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 # Writes down its number and what it reads; then speaks until the file "hush" appears, or fails when told to.
 PROGRAM = """
 import os, pathlib, subprocess, sys, threading

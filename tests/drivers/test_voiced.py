@@ -1,5 +1,7 @@
 """People in a simulated world who are heard: what goes wrong with one silences none of the others."""
 
+import pytest
+
 from drivers.api import Manner, Notice
 from drivers.clock import SystemClock
 from drivers.errors import NoReply
@@ -8,6 +10,8 @@ from drivers.virtual.voiced import VoicedMicrophone
 from drivers.voice.cut import Cut
 from drivers.voice.protocol import Speech
 from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
 
 
 class Moody:

@@ -16,6 +16,8 @@ from perception.senses import FaceSense, Senses
 from perception.sighting import Sighting
 from perception.tracks import Tracker
 
+pytestmark = pytest.mark.real_time
+
 PATIENCE = 10.0
 
 

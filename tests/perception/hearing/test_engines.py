@@ -65,6 +65,7 @@ def clip(count: int) -> Clip:
     return Clip(1.0, 2.0, 0.3, np.zeros(count, np.int16), np.zeros(0, np.int16))
 
 
+@pytest.mark.real_time
 def test_vosk_is_given_the_phrases_and_the_users_model(tmp_path: Path) -> None:
     (tmp_path / "vosk.py").write_text(VOSK)
     engine = Vosk(Grammar.of(["yes", "thank you"]), tmp_path / "model")
@@ -120,6 +121,7 @@ def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
     assert weighed(3.0, -BEATEN - 20) < 0
 
 
+@pytest.mark.real_time
 def test_pocketsphinx_hears_no_phrase_in_noise_and_says_what_that_cost() -> None:
     pytest.importorskip("pocketsphinx")
     lexicon = english()

@@ -204,6 +204,7 @@ def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
     assert scene.listener.level() == -90
 
 
+@pytest.mark.real_time
 def test_opened_again_ears_hear_a_microphone_that_counts_anew(scene: Scene) -> None:
     microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
     ears = Ears(microphone, scene.listener, scene.worker)
@@ -235,6 +236,7 @@ class Microphone:
         return left
 
 
+@pytest.mark.real_time
 def test_ears_listen_on_a_thread_of_their_own_and_survive_trouble(scene: Scene) -> None:
     microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
     troubles: list[Exception] = []
