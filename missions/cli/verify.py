@@ -1,7 +1,7 @@
 """``mission verify``: every run of a mission that leaves, conditions and time can lead to, up to a bound."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -12,7 +12,8 @@ from config.library import UnknownNameError
 from config.units import written
 from drivers.clock import SystemClock
 from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
-from missions.library import load_mission, shipped_missions
+from missions.cli.usual_robot import load_for, robot_option, robots_for
+from missions.library import shipped_missions
 from missions.verify.verdicts import PROVED, Report
 from missions.verify.verify import BOUND, LIMIT, verify
 
@@ -35,22 +36,30 @@ from missions.verify.verify import BOUND, LIMIT, verify
     metavar="TIME",
     help="Give up a mission after so long; what is certain by then is said.",
 )
+@robot_option
 @click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for editors and other programs.")
 @params_option
 @behaviours_option
 def command(
-    names: tuple[str, ...], bound: int, limit: float, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
+    names: tuple[str, ...],
+    bound: int,
+    limit: float,
+    robot: str | None,
+    as_json: bool,
+    params: dict[str, str],
+    files: tuple[Path, ...],
 ) -> int:
     """Prove that missions can end, reach all their nodes, stop cleanly, and keep their `properties`.
 
     Takes names, files or folders; all that ship with MissionTree when none is given. Exits with 0 when all is proved,
     with 1 when something is refuted or not decided, and with 2 for a mission that `mission check` refuses.
     """
+    robots = robots_for(robot)
     leaves = leaves_for(files)
     code = 0
     reports: list[Report] = []
     for name in [file for each in names for file in files_of(each, tests=False)] or list(shipped_missions()):
-        report = _verified(name, params, leaves, bound, limit)
+        report = _verified(name, params, robots, leaves, bound, limit)
         if report is None:
             code = 2
             continue
@@ -64,11 +73,16 @@ def command(
 
 
 def _verified(
-    name: str, params: dict[str, str], leaves: Callable[[str], Mapping[str, type[Leaf]]], bound: int, limit: float
+    name: str,
+    params: dict[str, str],
+    robots: Sequence[Path],
+    leaves: Callable[[str], Mapping[str, type[Leaf]]],
+    bound: int,
+    limit: float,
 ) -> Report | None:
     """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
     try:
-        plan = load_mission(name, params=params, leaves=leaves(name))
+        plan, _ = load_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
         click.echo(str(error), err=True)
     except UnknownNameError as error:

@@ -136,3 +136,22 @@ def test_what_the_docs_show_is_what_is_printed(folder: Path, capsys: pytest.Capt
     first, _, run = shown.partition("...\n")
     assert printed.startswith(first)
     assert printed.endswith(run)
+
+
+ARMLESS = "robot: box\nbase: {driver: kobuki, port: /dev/kobuki}\n"
+
+
+def test_it_is_verified_for_the_usual_robot_as_it_is_checked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "reach.yaml").write_text(
+        "mission: reach\ntree:\n  move_joints: {to: {third_knee: 5 deg}}\n", encoding="utf-8"
+    )
+    checked, verified = command(capsys, "check", "reach.yaml"), verify(capsys, "reach.yaml")
+    assert (checked.code, verified.code) == (2, 2)
+    assert "third_knee" in verified.err
+    assert checked.err.startswith(verified.err)
+    (folder / "box.yaml").write_text(ARMLESS, encoding="utf-8")
+    (folder / "hello.yaml").write_text("mission: hello\ntree:\n  gesture: hello\n", encoding="utf-8")
+    assert verify(capsys, "hello.yaml").code == 0
+    refused = verify(capsys, "hello.yaml", "--robot", "box.yaml")
+    assert refused.code == 2
+    assert "'gesture' needs an arm; robot 'box' has none" in refused.err

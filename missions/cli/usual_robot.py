@@ -1,0 +1,83 @@
+"""Missions read for the robot that will do them: the one that is named, or the one that a run takes if none is."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import click
+
+from behaviours.leaf import Leaf
+from config.faults import Fault, InvalidFileError
+from config.library import find, shipped
+from config.robot import load_robot
+from missions.assembly.target import target_of
+from missions.language.claims import Target
+from missions.language.plan import Plan
+from missions.library import load_mission, shipped_missions
+from missions.order import DEFAULT_ROBOT
+
+robot_option = click.option("--robot", metavar="NAME", help="Check that this robot can do it (a name or a file).")
+
+
+class NotForThisRobotError(InvalidFileError):
+    """A mission that is right but for the usual robot; its text says so, and which robot can do it."""
+
+    def __init__(self, faults: Sequence[Fault], name: str, able: str) -> None:
+        super().__init__(faults)
+        cure = f"robot '{able}' can do it: --robot {able}" if able else "for another robot: --robot NAME"
+        self.args = (f"{self.args[0]}\n  {name} was checked for the usual robot; {cure}",)
+
+
+def robots_for(robot: str | None) -> list[Path]:
+    """Return the file of the robot that is named; for none, those that ship, the one that a run takes first.
+
+    Raises UnknownNameError.
+    """
+    if robot is not None:
+        return [find("robots", robot)]
+    files = shipped("robots")
+    return [files.pop(DEFAULT_ROBOT), *files.values()]
+
+
+def load_for(
+    name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
+) -> tuple[Plan, str]:
+    """Return a mission read for the first of ``robots``, and no name.
+
+    What ships is good where one of the other robots can do it, whose name is returned then. Raises InvalidFileError,
+    NotForThisRobotError or UnknownNameError.
+    """
+    try:
+        return load_mission(name, params=params, robot=_target(robots[0]), leaves=leaves), ""
+    except InvalidFileError as error:
+        found = _otherwise(name, params, robots[1:], leaves)
+        if found is None:
+            raise
+        plan, able = found
+        if not able or plan.source.name not in map(str, shipped_missions().values()):
+            raise NotForThisRobotError(error.faults, name, able) from None
+        return found
+
+
+def _otherwise(
+    name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
+) -> tuple[Plan, str] | None:
+    """Return the plan with the robot among ``robots`` that can do it; no name for one that is right but for the robot.
+
+    None where it is wrong whatever the robot, or where there is no other robot.
+    """
+    if not robots:
+        return None
+    with suppress(InvalidFileError):
+        plan = load_mission(name, params=params, leaves=leaves)
+        for path in robots:
+            with suppress(InvalidFileError):
+                return load_mission(name, params=params, robot=_target(path), leaves=leaves), path.stem
+        return plan, ""
+    return None
+
+
+@cache
+def _target(robot: Path) -> Target:
+    return target_of(load_robot(robot))
