@@ -219,9 +219,9 @@ class Leaf(Node):
         """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
         if isinstance(error, NotConnected):
             # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
-            return self.wait(f"waiting: {error}")
+            return self.wait(f"waiting: {_words(error)}")
         if isinstance(error, DriverError):
-            return self.fail(str(error))
+            return self.fail(_words(error) or type(error).__name__)
         if self._interrupted(error):
             raise error
         log.error("%s raised", self.place, exc_info=error)
@@ -311,16 +311,21 @@ class Leaf(Node):
 
 def _said(error: BaseException) -> str:
     """Return an exception's type and words; the type alone where it has none, or cannot say them."""
-    try:
-        words = str(error)
-    except Exception:  # a foreign exception may be unable to say itself
-        words = ""
+    words = _words(error)
     return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def _words(error: BaseException) -> str:
+    """Return an exception's words; none where it cannot say them, which may raise whatever there is."""
+    try:
+        return str(error)
+    except BaseException:  # as in Leaf.work
+        return ""
 
 
 def _shown(value: object) -> str:
     """Return what a leaf gave, whatever that is, for a message."""
     try:
         return repr(value)[:80]
-    except Exception:  # so may any value that a leaf returns
+    except BaseException:  # as in _words
         return f"a {type(value).__name__}"

@@ -130,7 +130,9 @@ class Runner:
             guard=guard,
             answers=answers,
             on_moment=on_moment,
+            after_tick=self._mind,
         )
+        self._process = os.getpid()
         self._signals = Signals(self.executive.stop)
         self._lifeline = Lifeline(self._signals)
 
@@ -194,6 +196,7 @@ class Runner:
             self.stream.open()
         self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
         result = Result(self.plan.mission, "error", "", 0.0, 0)
+        self._process = os.getpid()
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
             line = nullcontext() if self.twins is not None else self._lifeline  # nothing moves there
@@ -225,6 +228,18 @@ class Runner:
             self.watchdog.armed = False
             self._context.beat()
             self._close()
+
+    def _mind(self) -> None:
+        """Undo what a behaviour has done to the process: a fork ends, and the signals that end a run are taken back."""
+        self._leave_if_forked()
+        if taken := self._signals.retake():
+            detail = f"a behaviour had taken {', '.join(taken)}, by which a run is ended: taken back"
+            self.stream.emit(FaultRaised(self.executive.time(), "executive", "fault", detail))
+
+    def _leave_if_forked(self) -> None:
+        """End a process that a behaviour has forked, here and now: it has the robot's ports, and its parent drives."""
+        if os.getpid() != self._process:
+            os._exit(1)
 
     def _heard(self) -> str | None:
         self._lifeline.beat()
@@ -263,6 +278,7 @@ class Runner:
             self._context.beat()
 
     def _close(self) -> None:
+        self._leave_if_forked()
         for problem in self._robot.close():
             log.error("%s", problem)
             part, _, detail = problem.partition(": ")

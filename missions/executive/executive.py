@@ -1,6 +1,6 @@
 """The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 from queue import SimpleQueue
@@ -49,6 +49,7 @@ class Executive:
     Within a tick, a look of the guard while the mission is paused, and each part of the halting at the end, time stands
     still, and the robot's parts, which must have been ``asked`` through ``answers``, say each thing once. ``on_moment``
     is told of each of these moments; from what it was told, ``repeat`` decides over again as it was decided then.
+    ``after_tick`` is called when a tick is over, on its thread.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class Executive:
         guard: Guard | None = None,
         answers: Answers | None = None,
         on_moment: OnMoment | None = None,
+        after_tick: Callable[[], None] | None = None,
     ) -> None:
         self.root = root
         self.run = run
@@ -71,6 +73,7 @@ class Executive:
         self._guard = guard
         self._looked_at = -inf
         self._standstill = Standstill(run, answers or Answers(), Changes(root, run, stream), on_moment)
+        self._after_tick = after_tick
         self._alarm = ""  # why the guard has the tree halted
         self._halt_by: float | None = None
         self._period = 1.0 / rate
@@ -174,6 +177,8 @@ class Executive:
             told = late if late > self._period else None
             self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], told))
         self.run.beat()
+        if self._after_tick is not None:
+            self._after_tick()
         return status
 
     def _keep_watch(self, now: float) -> None:

@@ -32,6 +32,7 @@ class Signals:
         self._stop = stop
         self._word: str | None = None
         self._reader: socket.socket | None = None
+        self._writer: socket.socket
         self._lock = threading.Lock()
         self._undo = ExitStack()
 
@@ -45,7 +46,7 @@ class Signals:
         self._undo.callback(signal.set_wakeup_fd, signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False))
         for number in FAREWELL:
             self._undo.callback(signal.signal, number, signal.signal(number, self._request))
-        self._reader = reader
+        self._reader, self._writer = reader, writer
         return self
 
     def __exit__(
@@ -70,6 +71,17 @@ class Signals:
                     numbers = b""
                 self._word = next((FAREWELL[signal.Signals(n)] for n in numbers if n in FAREWELL), None)
             return self._word
+
+    def retake(self) -> list[str]:
+        """Take back the signals that a behaviour has taken or ignores; return their names. On the main thread."""
+        if self._reader is None:
+            return []
+        taken = [number for number in FAREWELL if signal.getsignal(number) != self._request]
+        for number in taken:
+            signal.signal(number, self._request)
+        if taken:
+            signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        return [number.name for number in taken]
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         del frame

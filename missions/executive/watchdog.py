@@ -1,5 +1,6 @@
 """Who watches the tick loop from outside: whatever holds it up is named, and meanwhile the robot is kept still."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from threading import Event, Thread
@@ -71,6 +72,7 @@ class Watchdog:
         self._heard = heard
         self._abandon = abandon
         self._thread: Thread | None = None
+        self._process: int | None = None
         self._done = Event()
         self._hands: dict[str, Thread] = {}
         self._looked = self._awake_since = run.wall.now()
@@ -86,6 +88,7 @@ class Watchdog:
         """Begin to look."""
         if self._thread is None:
             self._done.clear()
+            self._process = os.getpid()
             self._thread = Thread(target=self._watch, name="watchdog", daemon=True)
             self._thread.start()
 
@@ -107,7 +110,13 @@ class Watchdog:
         self.stop()
 
     def permit(self) -> None:
-        """Called before an actuator is set moving. Raises DeviceFault for a leaf that is being kept still."""
+        """Called before an actuator is set moving.
+
+        Raises DeviceFault for a leaf that is being kept still, and in a process that a leaf has forked: its parent
+        drives the robot.
+        """
+        if self._process not in (None, os.getpid()):
+            raise DeviceFault("kept still: a forked process cannot drive the robot")
         if self._stalled is not None and self._stalled == (self._run.working, self._run.tick):
             raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
 

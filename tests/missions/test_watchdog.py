@@ -209,7 +209,7 @@ def test_the_watchdog_looks_by_itself_and_stops_more_than_once() -> None:
 # --- real processes that drive a virtual base -------------------------------------------------------------------------
 
 LEAVES = '''
-import ctypes, sys, _thread, threading
+import ctypes, os, pathlib, signal, sys, _thread, threading
 from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from drivers.api import Velocity
 from drivers.errors import DriverError
@@ -256,7 +256,7 @@ class Rude(Leaf):
     word = "rude"
     how: str = argument("text", "how", principal=True)
     def update(self):
-        getattr(self, self.how)()
+        return getattr(self, self.how)()
     def leave(self): sys.exit(0)
     def end_thread(self): _thread.exit()
     def interrupt(self): raise KeyboardInterrupt
@@ -268,6 +268,58 @@ class Rude(Leaf):
             def __str__(self): raise ValueError
         raise Odd
     def nothing(self): self.feedback_message = object()
+    def leave_when_asked(self):
+        class Odd(Exception):
+            def __str__(self): raise SystemExit(3)
+        raise Odd
+    def leave_as_a_driver(self):
+        class Odd(DriverError):
+            def __str__(self): raise SystemExit(3)
+        raise Odd("odd")
+    def leave_when_shown(self):
+        class Odd:
+            def __repr__(self): raise SystemExit(3)
+            __str__ = __repr__
+        return Odd()
+    def leave_when_kept(self):
+        class Odd:
+            def __repr__(self): raise SystemExit(3)
+            __str__ = __eq__ = __repr__
+        self.scope["odd"] = Odd()
+        return self.fail("kept")
+
+class Deaf(_Driver):
+    """Ignore the signals that end a run, and drive on."""
+    word = "deaf"
+    def hang(self):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        signal.set_wakeup_fd(-1)
+        return RUNNING
+
+class Twofold(_Driver):
+    """Become two, both of which drive on."""
+    word = "twofold"
+    _child = None
+    def hang(self):
+        if self._child is None:
+            self._child = os.fork()
+            if self._child:
+                pathlib.Path("child").write_text(str(self._child))
+        return RUNNING
+
+class Heir(Twofold):
+    """Become two, of which one drives on by itself."""
+    word = "heir"
+    def hang(self):
+        super().hang()
+        while self._child == 0:
+            try:
+                self.robot.base.drive(Velocity(0.2, 0.0))
+            except DriverError as error:
+                pathlib.Path("refused").write_text(str(error))
+                os._exit(0)
+        return RUNNING
 '''
 
 ROBOT = "robot: tester\nbase: {driver: kobuki, port: PORT}\n"
@@ -315,6 +367,10 @@ class Held:
         ("exhaust", "MemoryError"),
         ("speechless", "Odd"),
         ("nothing", "returned None instead of a status"),
+        ("leave_when_asked", "Odd"),
+        ("leave_as_a_driver", "Odd"),
+        ("leave_when_shown", "returned a Odd instead of a status"),
+        ("leave_when_kept", "kept"),
     ],
 )
 def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
@@ -326,7 +382,9 @@ def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
     outcome = command(capsys, "run", "rude.yaml", "--behaviours", "leaves.py", "--json")
     assert outcome.code == 1
     told = json.loads(outcome.out.splitlines()[-1])
-    assert (told["result"], told["reason"].startswith(f"rude (line 3): {reason}")) == ("failure", True), told
+    assert (told["result"], told["reason"].removeprefix("rude (line 3): ").startswith(reason)) == ("failure", True), (
+        told
+    )
 
 
 def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_path: Path) -> None:
@@ -366,3 +424,37 @@ def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: P
         assert held.process.end() == 0
     finally:
         held.close()
+
+
+def test_a_run_whose_leaf_ignores_the_signals_is_ended_by_them_all_the_same(tmp_path: Path) -> None:
+    held = Held(tmp_path, "deaf")
+    try:
+        held.wait_for_event("a behaviour had taken SIGINT, SIGTERM, SIGHUP")
+        assert held.process.end(signal.SIGTERM) == 130
+        assert held.summary == ("interrupted", "SIGTERM")
+        assert held.speed == 0.0
+    finally:
+        held.close()
+
+
+@pytest.mark.parametrize("tree", ["twofold", "heir"])
+def test_a_process_that_a_leaf_forks_ends_and_drives_nothing(tree: str, tmp_path: Path) -> None:
+    held = Held(tmp_path, tree)
+    try:
+        child = tmp_path / "child"
+        wait_until(lambda: child.exists() and bool(child.read_text()), seconds=20.0)
+        wait_until(lambda: _is_dead(int(child.read_text())))
+        if tree == "heir":
+            assert "a forked process cannot drive the robot" in (tmp_path / "refused").read_text()
+        assert held.process.process.poll() is None
+        assert held.process.end(signal.SIGTERM) == 130
+        assert held.summary == ("interrupted", "SIGTERM")
+        assert held.speed == 0.0
+    finally:
+        held.close()
+
+
+def _is_dead(process: int) -> bool:
+    """Say whether a process has ended; its parent may not have asked for its end yet."""
+    status = Path(f"/proc/{process}/stat")
+    return not status.exists() or status.read_text().rpartition(")")[2].split()[0] == "Z"
