@@ -7,6 +7,7 @@ from pathlib import Path
 
 from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
+from config.synonyms import ours_for
 from config.units import seen
 from missions.language.arguments import read_arguments
 from missions.language.counts import read_counts
@@ -16,7 +17,7 @@ from missions.language.notes import MAX_STEPS, Notes
 from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, SWITCHES, Step
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
-from missions.language.synonyms import word_meant
+from missions.language.synonyms import WORDS, word_meant
 from missions.language.written import as_written, written_arguments, written_entries
 
 BESIDE = ("name", "as", "with", "returns", *COUNTS)
@@ -155,12 +156,17 @@ def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
 
 
 def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:
-    """Say how a mission is run whose name stands where a behaviour is needed; nothing where there is none."""
+    """Say how a mission is run whose name stands where a behaviour is needed; nothing where there is none.
+
+    A word for a behaviour of ours means that, unless the mission is the user's own: its file stands beside this one.
+    """
     params = "" if alone else ", and its params under 'with:' beside it"
     folder = Path(notes.source.name).parent
-    for name in (word, f"{word}.yaml") if word.isidentifier() else ():
+    for name in (f"{word}.yaml", word) if word.isidentifier() else ():  # the own one first
         with suppress(LookupError):
             if "missions" in kinds_of(notes.words.find_mission(name, folder)):
+                if name == word and ours_for(word, WORDS, notes.leaves):
+                    return ""
                 return f"it is a mission: write 'mission: {name}'{params}"
     return ""
 

@@ -5,6 +5,8 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple, get_type_hints
 
+import pytest
+
 from behaviours.catalogue import LEAVES
 from config.faults import Fault, InvalidFileError, Source
 from config.robot import robot_of
@@ -40,7 +42,7 @@ def a(written: str, *answer: str) -> Mistake:
 MISTAKES = [
     # Words of other languages
     a("- sleep: 2 s", "unknown behaviour 'sleep' > write 'wait'"),
-    a("- rotate: 90 deg", "unknown behaviour 'rotate' > write 'turn'"),
+    a("- rotate: 90 deg", "unknown behaviour 'rotate' > write 'turn: 90 deg'"),
     a("- loop: [stop]", "unknown behaviour 'loop' > write 'repeat', beside a behaviour"),
     a("- stop:\n  loop: 3", "unknown modifier 'loop' > write 'repeat', beside a behaviour"),
     a("- fallback: [stop]", "unknown behaviour 'fallback' > write 'selector'"),
@@ -70,6 +72,10 @@ MISTAKES = [
         "unknown behaviour 'find_person' > it is a mission: write 'mission: find_person', and its params under 'with:' "
         "beside it",
     ),
+    a("- forward: 1 m", "unknown behaviour 'forward' > write 'drive: 1 m'"),
+    a("- turn_right: 90 deg", "unknown behaviour 'turn_right' > write 'turn: -90 deg'"),
+    a("- if: face.seen\n- Timeout: 5 s", "no behaviour here", "unknown behaviour 'Timeout' > did you mean 'timeout'?"),
+    a("- retry", "unknown behaviour 'retry' > 'retry' stands beside a behaviour, below it and without a dash"),
     # True and false
     a(
         "- switch: {on: face.seen, cases: {yes: stop, no: {say: Bye}}}",
@@ -200,6 +206,76 @@ def test_mistakes_of_new_users_are_answered_with_what_to_write() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+BROUGHT = {
+    "drive: 1 m": "forward move move_forward go_forward drive_distance DriveOnHeading move_steps",
+    "drive: -1 m": "back backward BackUp reverse",
+    "turn: 90 deg": "spin Spin turn_left rotate_left turn_anticlockwise rotate turn_degrees",
+    "turn: -90 deg": "turn_right rotate_right turn_clockwise",
+    "turn: 180 deg": "turn_around",
+    "go_to": "goto MoveBase move_base NavigateToPose goto_pose drive_to",
+    "velocity": "cmd_vel twist set_speed",
+    "stop": "halt brake freeze stop_robot",
+    "look": "move_head turn_head set_head",
+    "look: 30 deg": "look_left",
+    "look: -30 deg": "look_right",
+    "move_joints": "move_joint set_joint move_servo move_arm",
+    "track_face": "follow_face track_person",
+    "follow_person": "follow",
+    "wait": "sleep timer wait_seconds idle",
+    "listen": "hear listen_for recognize_speech ask",
+    "sound": "beep",
+    "led": "light set_led",
+    "face": "set_face emotion smile",
+    "face_seen": "see_face is_face_visible face_detected detect_face person_seen",
+    "object_seen": "object_detected see_object",
+    "set": "SetBlackboard SetBlackboardVariable Script assign",
+    "pretend": "StatusQueue",
+    "sequence": "SequenceWithMemory SequenceStar and",
+    "reactive_switch": "WhileDoElse",
+    "if', beside a behaviour": "Precondition CheckBlackboardVariableValue when",
+    "while', beside a behaviour": "EternalGuard do_while",
+    "until', beside a behaviour": "wait_until repeat_until WaitForBlackboardVariable",
+    "once: true', beside a behaviour": "RunOnce OneShot",
+    "on_running: fail', beside a behaviour": "RunningIsFailure",
+    "repeat: forever', beside a behaviour": "KeepRunningUntilFailure loop_forever",
+}
+"""Words of BehaviorTree.CPP, py_trees, Nav2, ROS, Scratch and of plain English, by what is to be written for them."""
+
+NOTHING_LIKE_IT = "cancel ConsumeQueue pan_tilt servo publish subscribe service TickCounter glide home exit dance grip"
+"""Words for which nothing is proposed: what is here means something else, however it is spelt."""
+
+
+def test_words_of_other_programs_are_answered_with_ours_and_its_argument() -> None:
+    given = {
+        word: ours.removesuffix("', beside a behaviour") for ours, words in BROUGHT.items() for word in words.split()
+    }
+    assert len(given) > 80
+    assert {word: meant(word).split("'")[1] for word in given if "'" in meant(word)} == given
+    told = {word: answer(f"- {word}: 1\n")[0].suggestion for word in given}
+    assert [word for word, ours in given.items() if f"'{ours}'" not in told[word]] == []
+    assert [word for word in NOTHING_LIKE_IT.split() if meant(word)] == []
+
+
+def test_only_a_word_that_names_a_motion_leads_to_one() -> None:
+    motions = (
+        "rotat turn spin forward back move driv go nav cmd_vel twist velocity speed reverse head look joint servo arm"
+    )
+    motions += " follow track nod dock stop halt brake freeze search look"
+    moving = {word for word, leaf in LEAVES.items() if leaf.drives & MOVING}
+    leading = [word for ours, words in WORDS.items() if head_of(ours) in moving for word in words.split()]
+    assert len(leading) > 50
+    assert [word for word in leading if not any(each in word for each in motions.split())] == []
+
+
+def test_a_mission_of_ones_own_goes_before_a_word_of_another_language(tmp_path: Path) -> None:
+    (tmp_path / "forward.yaml").write_text("mission: forward\ntree: stop\n", encoding="utf-8")
+    with pytest.raises(InvalidFileError) as told:
+        check_plan(
+            Source(str(tmp_path / "m.yaml"), "mission: m\ntree: forward\n"), LEAVES, THINGS, find_mission=find_mission
+        )
+    assert told.value.faults[0].suggestion.startswith("it is a mission: write 'mission: forward")
+
+
 def test_a_word_of_another_language_is_one_mistake_and_not_two() -> None:
     assert len(answer("mission: m\nsteps: [stop]\n")) == 1
     assert len(answer("robot: r\nbase: {type: kobuki, device: /dev/kobuki}\n")) == 2
@@ -215,7 +291,7 @@ def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
         "sleep steep sweet loop lock book cook hook took burn torn tune tan clay pray slay "
         "drove dark duck deck knock nodding canned skin error scam scar spoon gestures_off mirage tour plan "
         "rover wonder wounded shake head center_on seek hunt chase approach dance spring swim hop jump sit "
-        "stand up down left right forward backward move step walk wave hello blink smile react alarm "
+        "stand up down left right step walk wave hello blink smile react alarm "
         "light "
     )
     assert not [(word, meant(word)) for word in strange.split() for moves in moving if f"'{moves}'" in meant(word)]
