@@ -19,7 +19,7 @@ from missions.language.modifiers import outdent
 from missions.language.notes import Notes
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
-from missions.language.values import Convert, Value, in_si, shown, whole
+from missions.language.values import UNREAD, Convert, Value, in_si, shown, whole
 
 NAMES = ("text", "joint", "joints", "choice", "file")
 """Kinds whose values are texts, whatever they look like."""
@@ -43,6 +43,7 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
             else:
                 hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word) or one_of(name.text, declared)
                 notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint, sure=True)
+                values[name.text] = UNREAD
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):
         principal = next((argument for argument in declared.values() if argument.principal), None)
         if principal is not None:
@@ -61,6 +62,7 @@ def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Valu
         if argument.required:
             choices = f", one of {', '.join(argument.choices)}" if argument.choices else ""
             notes.fault(key.mark, f"'{leaf.word}' needs '{argument.name}': {argument.help}{choices}")
+            values[argument.name] = UNREAD
         elif argument.kind in notes.things:
             values[argument.name] = notes.constant(key, argument.default, f"'{leaf.word}'", converter(notes, argument))
     return values
@@ -107,7 +109,7 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
     if argument.kind == "value":
         return notes.constant(node, _plain(notes, node), what, convert)
     notes.fault(node.mark, f"{what} needs one value, not {_form(node)}")
-    return Value()
+    return UNREAD
 
 
 def _as_meant(notes: Notes, argument: Argument, node: Scalar) -> Scalar:
@@ -129,16 +131,19 @@ def _read_span(notes: Notes, argument: Argument, node: Node, what: str) -> Value
     example = f"two values, such as [{written(0, argument.kind)}, {EXAMPLES[argument.kind]}]"
     if not isinstance(node, Listing) or len(node.items) != 2:
         notes.fault(node.mark, f"{what} needs {example}")
-        return Value()
+        return UNREAD
     ends = [read_argument(notes, replace(argument, span=False), item, what) for item in node.items]
+    if UNREAD in ends:
+        return UNREAD
     low, high = ends[0].constant, ends[1].constant
     if isinstance(low, float) and isinstance(high, float):
         if low >= high:
             notes.fault(node.mark, f"{what}: the first value must be below the second")
+            return UNREAD
         return Value((low, high))
-    if any(end.template is not None for end in ends):
+    if not all(end.template is None or notes.awaits(end.template) for end in ends):
         notes.fault(node.mark, f"{what}: the two values must be known before the mission starts: numbers or params")
-    return Value()
+    return UNREAD
 
 
 def _read_by_joint(notes: Notes, argument: Argument, node: Node, what: str) -> Value:
@@ -149,9 +154,11 @@ def _read_by_joint(notes: Notes, argument: Argument, node: Node, what: str) -> V
     if not isinstance(node, Mapping) or not node.entries:
         example = written(0.5, argument.kind) if argument.kind in UNITS else "0.5"
         notes.fault(node.mark, f"{what} needs joints, each with its value, such as {{elbow: {example}}}")
-        return Value()
+        return UNREAD
     values = {joint.text: read_argument(notes, one, each, f"{what}: '{joint.text}'") for joint, each in node.entries}
-    if any(value.template is not None for value in values.values()):
+    if UNREAD in values.values():
+        return UNREAD
+    if not all(value.template is None or notes.awaits(value.template) for value in values.values()):
         notes.fault(node.mark, f"{what}: the values must be known before the mission starts: numbers or params")
     return Value({joint: value.constant for joint, value in values.items()})
 

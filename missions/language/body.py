@@ -41,7 +41,7 @@ Take = Callable[[Notes, dict[str, Param], str], None]
 """Gives the params their values: into ``params`` of the notes where known now, else their names into ``stored``."""
 
 
-def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, Node], Step | None]) -> Body | None:
+def read_body(notes: Notes, root: Node, take: Take, read_step: Callable[[Notes, Node], Step]) -> Body | None:
     """Read a mission file; None where it is no mapping."""
     if not isinstance(root, Mapping):
         notes.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")

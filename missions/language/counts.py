@@ -8,7 +8,7 @@ from config.marked import Mapping, Node, Scalar
 from config.units import seen
 from missions.language.notes import Notes
 from missions.language.plan import COUNTS, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
-from missions.language.values import Value, whole
+from missions.language.values import UNREAD, Value, whole
 
 ALL = "all"
 """The count of all children, whatever their number."""
@@ -63,7 +63,7 @@ def _read(notes: Notes, word: str, node: Node, children: int) -> Value:
         return Value(True)
     if not isinstance(node, Scalar):
         notes.fault(node.mark, f"{what} needs a count, or all")
-        return Value()
+        return UNREAD
     return notes.value(node, what, partial(_count, children))
 
 

@@ -80,30 +80,28 @@ def _check(
 
     body = read_body(notes, root, take, read_step)
     tree = None if body is None else body.tree
-    if tree is not None:
-        _check_depth(notes, tree)
+    if body is not None and tree is not None and _is_flat(notes, tree):
         check_claims(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)
-        if body is not None and not notes.faults:  # these need a whole tree
-            if robot is not None:
-                check_reach(notes, tree, robot)
-                check_phrases(notes, tree, robot)
-            check_kinds(notes, tree, body.returns)
-            check_answers(notes, tree)
-            check_names(notes, tree)
-            check_flow(notes, tree)
-            check_outcomes(notes, tree)
+            check_reach(notes, tree, robot)
+            check_phrases(notes, tree, robot)
+        check_kinds(notes, tree, body.returns)
+        check_answers(notes, tree)
+        check_names(notes, tree)
+        check_flow(notes, tree)
+        check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:
         raise InvalidFileError(notes.faults)
     params = dict(notes.params)
     return Plan(body.mission, body.summary, params, tree, source, body.returns, body.properties, body.if_interrupted)
 
 
-def _check_depth(notes: Notes, tree: Step) -> None:
+def _is_flat(notes: Notes, tree: Step) -> bool:
     """Note a tree so deep that ticking it, which goes down step by step, would overflow the stack."""
     depth, row = 0, [tree]
     while row:
         depth, row = depth + 1, [child for step in row for child in step.children]
     if depth > MAX_DEPTH:
         notes.fault(tree.mark, f"{depth} steps deep, modifiers counted; at most {MAX_DEPTH} are possible")
+    return depth <= MAX_DEPTH

@@ -8,7 +8,7 @@ from config.units import seen
 from missions.language.expressions import Expression
 from missions.language.notes import Notes
 from missions.language.operators import described
-from missions.language.values import Template, Value
+from missions.language.values import UNREAD, Template, Value
 from perception.api import Face
 
 KIND = "face"
@@ -22,12 +22,12 @@ def read_face(notes: Notes, node: Scalar, what: str) -> Value:
     if "${" not in node.text:
         hint = f'write "${{{node.text}}}"' if node.text in notes.stored else _how(notes)
         notes.fault(node.mark, f"{what} needs a face kept by 'as', got the text {seen(node.text)}", hint)
-        return Value()
+        return UNREAD
     found = notes.value(node, what, as_face)
     kept = notes.kept.get(_variable(found.template))
     if kept is not None and kept.keeps is not None and not _is_face(kept):
         notes.fault(node.mark, f"{what} needs a face kept by 'as', got what '{kept.word}' keeps", _how(notes))
-        return Value()
+        return UNREAD
     return found
 
 

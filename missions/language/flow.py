@@ -19,7 +19,7 @@ def check_flow(notes: Notes, tree: Step) -> None:
     _flow(notes, tree, frozenset(notes.params) | (notes.stored - sets(tree)))
     if len(notes.faults) > before:
         return
-    for step, name, way in unset_reads(tree, sets(tree) - notes.params.keys() - notes.awaited, sets):
+    for step, name, way in unset_reads(tree, sets(tree) - notes.params.keys() - notes.awaited, sets, notes.params):
         when = f"it is not set where {', '.join(way)}" if way else "it is set only after this"
         notes.fault_at(step, f"'{name}' is read here, but {when}", HINT.format(name))
 

@@ -12,8 +12,8 @@ from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
 from missions.language.operators import described
 from missions.language.param_types import kind_of
-from missions.language.plan import AT_ONCE, FOR_EACH, MISSION, Step
-from missions.language.values import Value, shown
+from missions.language.plan import AT_ONCE, FOR_EACH, MISSION, Hole, Step
+from missions.language.values import UNREAD, Value, shown
 from missions.language.written import written_entries
 
 KEYS = ("in", "as", "number", "do")
@@ -41,7 +41,7 @@ class Members:
 
 
 def read_for_each(
-    notes: Notes, key: Scalar, value: Node | None, name: str, read_step: Callable[[Notes, Node], Step | None]
+    notes: Notes, key: Scalar, value: Node | None, name: str, read_step: Callable[[Notes, Node], Step]
 ) -> Step | None:
     """Read a for_each."""
     if not isinstance(value, Mapping):
@@ -58,7 +58,7 @@ def read_for_each(
     if len(set(binds)) < len(binds):
         notes.fault(value.mark, f"'as' and 'number' cannot both be '{binds[0]}'")
     among, do = value.get("in"), value.get("do")
-    members = Value() if among is None else _members(notes, among)
+    members = UNREAD if among is None else _members(notes, among)
     child = None if do is None else read_step(notes, do)
     if child is None or among is None:
         return None
@@ -83,11 +83,11 @@ def _members(notes: Notes, node: Node) -> Value:
     if isinstance(node, Scalar):
         if node.value is None:
             notes.fault(node.mark, "'in' needs a list", FORM)
-            return Value()
+            return UNREAD
         return read_expression(notes, "'in'", node, as_members)
     if isinstance(node, Mapping):
         notes.fault(node.mark, "'in' needs a list, not a mapping", FORM)
-        return Value()
+        return UNREAD
     return _listed(notes, node)
 
 
@@ -96,7 +96,7 @@ def _listed(notes: Notes, node: Listing) -> Value:
         found = lists.members(node, default_value)
     except ValueError as error:
         notes.fault(node.mark, f"'in' {error}")
-        return Value()
+        return UNREAD
     for item, member in zip(node.items, found, strict=True):
         first, kind = kind_of(found[0]), kind_of(member)
         if kind != first:
@@ -129,7 +129,7 @@ def check_names(notes: Notes, tree: Step) -> None:
 
 
 def _note(notes: Notes, step: Step, loop: Step) -> None:
-    for name in sorted(step.own_names & set(loop.binds)):
+    for name in sorted(step.own_names & set(loop.binds)) if step.leaf is not Hole else ():
         where = f"for_each (line {loop.mark.line}) is using"
         notes.fault_at(step, f"'{step.kind}' gives another value to '{name}', which {where}", "take another name")
 

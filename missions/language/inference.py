@@ -169,6 +169,8 @@ def kind_made(value: Value, kinds: Mapping[str, Kind]) -> Kind:
     match value.template:
         case None:
             return kind_of_value(value.constant)
+        case Template(parts=()):
+            return None
         case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
             return Inference(kinds).kind(tree)
     return TEXT

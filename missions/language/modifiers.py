@@ -8,7 +8,7 @@ from config.marked import Node, Scalar
 from config.units import seen
 from missions.language.expressions import ExpressionError, parse
 from missions.language.notes import Notes
-from missions.language.values import Convert, Value, in_si, whole
+from missions.language.values import UNREAD, Convert, Value, in_si, whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ def read_modifier(notes: Notes, word: str, node: Node) -> Value:
     modifier = MODIFIERS[word]
     if not isinstance(node, Scalar):
         notes.fault(node.mark, f"'{word}' needs {modifier.takes}")
-        return Value()
+        return UNREAD
     return modifier.read(notes, word, node)
 
 
@@ -70,7 +70,7 @@ def read_expression(notes: Notes, what: str, node: Scalar, convert: Convert) -> 
         expression = parse(hole[1], hole.start(1)) if hole else parse(node.text)
     except ExpressionError as error:
         notes.wrong_expression(node, error, what)
-        return Value()
+        return UNREAD
     return notes.computed(node, expression, what, convert)
 
 
@@ -80,6 +80,7 @@ def _one_of(*answers: bool | str) -> Callable[[Notes, str, Scalar], Value]:
     def read(notes: Notes, word: str, node: Scalar) -> Value:
         if not any(type(node.value) is type(answer) and node.value == answer for answer in answers):
             notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
+            return UNREAD
         return Value(node.value)
 
     return read
@@ -95,7 +96,7 @@ def _once(notes: Notes, word: str, node: Scalar) -> Value:
     if isinstance(node.value, str) and node.text not in NEITHER:
         return read_expression(notes, f"'{word}'", node, lambda found: found)
     notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
-    return Value()
+    return UNREAD
 
 
 IF = "asked once, at the start; false skips the node, which counts as success; for 'else' use switch"

@@ -1,5 +1,6 @@
 """What the checker knows while it reads one mission, and the faults that it has found."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,7 @@ from missions.language.members import members_of
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 from missions.language.spelling import RESERVED, WORDS
-from missions.language.values import Convert, Template, Value, template
+from missions.language.values import UNREAD, Convert, Template, Value, template
 
 Lookup = Callable[[str], object]
 """Finds a thing by its name; raises LookupError that says what is there."""
@@ -50,7 +51,8 @@ class Notes:
     ``stored`` are the variables that some step of the mission sets, and the params that are known only when it runs.
     ``awaited`` are those params among them that nobody has given yet. ``kept`` are those variables of which it is known
     what they hold, each with a leaf that keeps that; ``kinds`` are those of the params whose values are not known yet.
-    ``torn`` is whether a line of the file could not be read.
+    ``torn`` is whether a line of the file could not be read; ``loose`` whether a mission in it could not, which may
+    return anything.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
     """
 
@@ -65,6 +67,7 @@ class Notes:
     kinds: dict[str, Kind] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
     torn: bool = False
+    loose: bool = False
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
@@ -107,7 +110,7 @@ class Notes:
             filled = template(node.text)
         except ExpressionError as error:
             self.wrong_expression(node, error, what)
-            return Value()
+            return UNREAD
         if filled is None:
             return self.constant(node, node.value, what, convert, sure=True)
         return self.computed(node, filled, what, convert, wants)
@@ -118,7 +121,7 @@ class Notes:
             return Value(convert(value))
         except (ValueError, LookupError) as error:
             self.fault(node.mark, f"{what} {error.args[0] if error.args else error}", sure=sure)
-            return Value()
+            return UNREAD
 
     def computed(
         self, node: Scalar, formula: Template | Expression, what: str, convert: Convert, wants: str = ""
@@ -126,7 +129,7 @@ class Notes:
         """Check the names that an expression reads; where all are params its value is known now."""
         known = [self._known(node, read, what) for read in formula.reads]
         if not all(known):
-            return Value()
+            return UNREAD
         names = {read.name for read in formula.reads}
         if any(name not in self.params or name in self.stored for name in names):
             return Value(template=formula, convert=convert, where=Where(self.source, node, what, wants))
@@ -134,12 +137,12 @@ class Notes:
         if mistakes := misfits(formula, Where(self.source, node, what, wants), kinds):
             for fault in () if self.torn else mistakes:
                 note(self.faults, fault)
-            return Value()
+            return UNREAD
         try:
             found = formula.evaluate(self.params)
         except ExpressionError as error:
             self.fault(node.mark, f"{what}: {error}")
-            return Value()
+            return UNREAD
         return self.constant(node, found, what, convert)
 
     def awaits(self, formula: Template | Expression) -> bool:
@@ -157,9 +160,19 @@ class Notes:
             return self._has_member(node, read, what, self.kept[read.name])
         if read.name in self.params or read.name in self.stored or read.member in STATE.get(read.name, ()):
             return True
-        mark = Where(self.source, node, what).place(read.column, read.length)
-        self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", self._meant(read))
+        if not self.loose:
+            mark = Where(self.source, node, what).place(read.column, read.length)
+            alone = self._stands_alone(read.name)
+            self.fault(mark, f"{what}: unknown name {seen(read.dotted)}", self._meant(read), sure=alone)
         return False
+
+    def _stands_alone(self, name: str) -> bool:
+        """Say whether a name stands once in the file, and no mission in it may return it: so nothing sets it.
+
+        That is so whatever a line was meant for that could not be read.
+        """
+        words = re.findall(r"\w+", self.source.text)
+        return self.torn and words.count(name) == 1 and words.count("mission") < 2  # its own header is one
 
     def _has_member(self, node: Scalar, read: Read, what: str, leaf: type[Leaf]) -> bool:
         """Note a member that what ``leaf`` keeps does not have."""

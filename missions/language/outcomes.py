@@ -5,7 +5,17 @@ from collections.abc import Callable
 from missions.language.counts import decision
 from missions.language.for_each import Members
 from missions.language.notes import Notes
-from missions.language.plan import FAILURE_COUNT, FOR_EACH, MISSION, SUCCESS_COUNT, SWITCHES, WAIT_FOR_ALL, Step
+from missions.language.plan import (
+    FAILURE_COUNT,
+    FOR_EACH,
+    MISSION,
+    SUCCESS_COUNT,
+    SWITCHES,
+    UNKNOWN,
+    WAIT_FOR_ALL,
+    Step,
+)
+from missions.language.values import UNREAD
 
 Ends = frozenset[str]
 SUCCESS, FAILURE = "success", "failure"
@@ -91,6 +101,8 @@ def _pointless(notes: Notes, step: Step, child: Step) -> None:
         "on_success": (SUCCESS, "never succeeds"),
     }
     leaf = child.leaf
+    if step.arguments.get("value") is UNREAD:
+        return
     if step.kind in ("timeout", "on_running") and leaf is not None and leaf.instant:
         notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
     elif step.kind in never and never[step.kind][0] not in ends(child):
@@ -134,6 +146,8 @@ def ends(step: Step) -> Ends:
     if step.leaf is not None:
         return step.leaf.ends
     below = [ends(child) for child in step.children]
+    if step.kind == UNKNOWN:
+        return BOTH
     rule = _RULES.get(step.kind)
     return below[0] if rule is None else rule(step, below)
 

@@ -13,7 +13,7 @@ from missions.language.arguments import NAMES, converter, default_value, read_ar
 from missions.language.kinds import FLAG, TEXT, Kind, ListOf
 from missions.language.notes import Notes
 from missions.language.plan import MISSION
-from missions.language.values import Convert, Value, shown
+from missions.language.values import UNREAD, Convert, Value, shown
 
 LIST = "list"
 """The type of a param that has members, all of one type."""
@@ -65,9 +65,8 @@ class ParamType:
         if isinstance(node, Scalar) and "${" in node.text:
             notes.fault(node.mark, f"the default of {what} cannot be calculated", "write a plain value")
             return WRONG
-        before = len(notes.faults)
-        found = self.read(notes, node, what).constant
-        return found if len(notes.faults) == before else WRONG
+        found = self.read(notes, node, what)
+        return WRONG if found is UNREAD else found.constant
 
     def read(self, notes: Notes, node: Node, what: str) -> Value:
         """Read the value that a mission gives; ``what`` begins the message of a fault."""
@@ -80,12 +79,12 @@ class ParamType:
             )
         if isinstance(node, Mapping) or self.kind != LIST:
             notes.fault(node.mark, f"{what} needs one value")
-            return Value()
+            return UNREAD
         try:
             return notes.constant(node, lists.members(node, self.meant), what, self.convert)
         except ValueError as error:
             notes.fault(node.mark, f"{what} {error}")
-            return Value()
+            return UNREAD
 
 
 def param_kind(word: str) -> Kind:

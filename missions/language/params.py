@@ -51,7 +51,10 @@ def read_params(notes: Notes, node: Node | None) -> dict[str, Param]:
     for key, value in node.entries if isinstance(node, Mapping) else ():
         notes.new_name(key, "a param")
         param = _long(notes, key.text, value) if isinstance(value, Mapping) else _short(notes, key.text, value)
-        if param is not None:
+        if param is None:  # noted: what it holds is not known
+            notes.stored.add(key.text)
+            notes.awaited.add(key.text)
+        else:
             found[key.text] = param
     return found
 
@@ -91,6 +94,8 @@ def take_params(
                 note(notes.faults, Fault(source, Mark(), message, hint))
     for name, text in given.items():
         source = Source(f"--param {name}", f"{name}={text}")
+        if name not in params and name in notes.awaited:
+            continue
         if name not in params:
             hint = one_of(name, params) or "it has none"
             message = f"mission '{mission}' has no param {seen(name)}"

@@ -9,7 +9,7 @@ from config.units import seen
 from missions.language.claims import Target
 from missions.language.notes import Notes
 from missions.language.plan import Step
-from missions.language.values import Value
+from missions.language.values import UNREAD, Value
 from perception.hearing.grammar import fault_of, normalised
 
 KIND = "phrases"
@@ -23,25 +23,29 @@ def read_phrases(notes: Notes, node: Node, what: str) -> Value:
     that nobody has given yet is left out.
     """
     found: dict[str, str] = {}
+    wrong = False
     items = node.items if isinstance(node, Listing) else [node]
     if isinstance(node, Scalar) and "," in node.text:
         parts = [part.strip() for part in node.text.split(",")]
         hint = f"write [{', '.join(parts)}] for {len(parts)} phrases, or leave the comma out"
         notes.fault(node.mark, f"{what} is one phrase with a comma in it, {seen(node.text)}", hint)
-        return Value()
+        return UNREAD
     if not items:
         notes.fault(node.mark, f"{what} needs at least one phrase")
     for item in items:
         if not isinstance(item, Scalar):
             notes.fault(item.mark, f"{what} needs a phrase, or a list of them")
+            wrong = True
             continue
         value = notes.value(item if item.value is None else replace(item, value=item.text), what, _sayable)
+        wrong = wrong or value is UNREAD
         if isinstance(value.constant, str):
             found.setdefault(normalised(value.constant), value.constant)
         elif value.template is not None and not notes.awaits(value.template):
             hint = "use params that are given when it starts, or listen for all that may be said"
             notes.fault(item.mark, f"{what}: {seen(item.text)} must be known before the mission starts", hint)
-    return Value(found)
+            wrong = True
+    return UNREAD if wrong else Value(found)
 
 
 def second_phrase(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:

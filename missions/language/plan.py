@@ -76,7 +76,8 @@ class Step:
     its class in ``leaf``. ``arguments`` are a leaf's, the one ``value`` of a modifier, the ``on`` of a switch, or the
     params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default.
     ``returns`` are computed among a sub-mission's own variables, ``keep_as`` names the variable that keeps a result.
-    ``binds`` are the variables that a for_each gives values to for its child: for the member, and for its number.
+    ``binds`` are the variables that a for_each gives values to for its child: for the member, and for its number; and
+    those that a hole may set.
     ``text`` is what stands behind the word, where that is one value. ``written`` are the arguments by name, as the file
     has them and in its order, for pictures.
     """
@@ -154,6 +155,17 @@ class Step:
         """What its expressions read."""
         values = (value.template for value in (*self.arguments.values(), *self.returns.values()))
         return (read for template in values if template is not None for read in template.reads)
+
+
+class Hole(Leaf):
+    """Stands in the tree for what could not be read, so that the rest can be checked around it: it may end anyhow.
+
+    It ``binds`` the variables that may be set there.
+    """
+
+
+UNKNOWN = ""
+"""The kind of a hole, and of what stands beside a behaviour and could not be read: that may change any end."""
 
 
 @dataclass(frozen=True, slots=True)

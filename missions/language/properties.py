@@ -7,7 +7,7 @@ from config.faults import Mark, one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.notes import Notes
-from missions.language.plan import Property, Step
+from missions.language.plan import Hole, Property, Step
 
 PROPERTIES = {
     "never": (
@@ -41,6 +41,8 @@ def read_properties(notes: Notes, node: Node | None, tree: Step | None) -> tuple
         return ()
     if not isinstance(node, Listing) or not node.items:
         notes.fault(node.mark, "'properties' needs a list, each on a line with '- '", _HINT)
+        return ()
+    if any(step.leaf is Hole for step in tree.walk()):  # what has not been read may be what is named
         return ()
     names = known_names(tree)
     return tuple(found for item in node.items for found in _read(notes, item, names, tree.claims))

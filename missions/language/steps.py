@@ -14,10 +14,12 @@ from missions.language.counts import read_counts
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import MODIFIERS, read_modifier
 from missions.language.notes import MAX_STEPS, Notes
-from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, SWITCHES, Step
+from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, SWITCHES, UNKNOWN, Hole, Step
+from missions.language.stored import setters
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
 from missions.language.synonyms import WORDS, word_meant
+from missions.language.values import UNREAD
 from missions.language.written import as_written, written_arguments, written_entries
 
 BESIDE = ("name", "as", "with", "returns", *COUNTS)
@@ -30,25 +32,39 @@ LISTED = "`mission behaviours` lists what there is; your own go into behaviours/
 MISSING = "a behaviour is missing here"
 
 
-def read_step(notes: Notes, node: Node) -> Step | None:
-    """Read one node of the tree; None where it is too wrong to go on."""
+def read_step(notes: Notes, node: Node) -> Step:
+    """Read one node of the tree; a hole where it is too wrong to go on."""
     if isinstance(node, Scalar):
         if node.value is None:
             notes.fault(node.mark, MISSING)
-            return None
-        return _behaviour(notes, node, None, None)
+            return _hole(notes, node)
+        return _behaviour(notes, node, None, None) or _hole(notes, node)
     if isinstance(node, Listing):
         notes.fault(node.mark, "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")
-        return None
+        return _hole(notes, node)
     return _with_modifiers(notes, node)
 
 
-def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
+def _hole(notes: Notes, node: Node) -> Step:
+    """Return what stands for a node that could not be read: it may set what anything below it would."""
+    names = {*setters(node, notes.leaves)}
+    words = (
+        [_text(node)] if not isinstance(node, Mapping) else [*node.keys(), *(_text(each) for _, each in node.entries)]
+    )
+    if MISSION in words or any(_is_mission(notes, word) for word in words):
+        notes.loose = True  # it may return anything
+        names |= notes.stored
+    return Step(UNKNOWN, _text(node) or "...", node.mark, notes.source, leaf=Hole, binds=tuple(sorted(names)))
+
+
+def _with_modifiers(notes: Notes, node: Mapping) -> Step:
     behaviours = [(key, value) for key, value in node.entries if _is_behaviour(notes, key.text)]
+    unknown: list[Node] = []
     for key, value in node.entries:
         if not (_is_behaviour(notes, key.text) or key.text in MODIFIERS or key.text in BESIDE):
             _unknown(notes, key, "modifier" if behaviours else "behaviour", alone=False)
             _read_below(notes, value)
+            unknown.append(value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
         hint = "write it under the behaviour above, without a dash" if node.entries else ""
         notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING, hint)
@@ -57,21 +73,22 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step | None:
         if key.text != first:  # the same word twice is a key that stands twice, which has been noted
             hint = "begin it with '- ' in a sequence, or indent it"
             notes.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
-    step = _behaviour(notes, *behaviours[0], node) if behaviours else None
+    step = (_behaviour(notes, *behaviours[0], node) if behaviours else None) or _hole(notes, node)
     for word, given in node.entries:
         if word.text in MODIFIERS:
-            setting = read_modifier(notes, word.text, given)
-            if step is not None:
-                step = Step(
-                    word.text,
-                    step.name,
-                    word.mark,
-                    notes.source,
-                    (step,),
-                    arguments={"value": setting},
-                    text=_text(given),
-                    written={"value": as_written(given)},
-                )
+            step = Step(
+                word.text,
+                step.name,
+                word.mark,
+                notes.source,
+                (step,),
+                arguments={"value": read_modifier(notes, word.text, given)},
+                text=_text(given),
+                written={"value": as_written(given)},
+            )
+    if unknown and step.leaf is not Hole:
+        names = tuple(sorted(setters(node, notes.leaves)))
+        step = Step(UNKNOWN, step.name, node.mark, notes.source, (step,), arguments={"value": UNREAD}, binds=names)
     return step
 
 
@@ -161,13 +178,19 @@ def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:
     A word for a behaviour of ours means that, unless the mission is the user's own: its file stands beside this one.
     """
     params = "" if alone else ", and its params under 'with:' beside it"
+    name = _is_mission(notes, word)
+    if not name or (name == word and ours_for(word, WORDS, notes.leaves)):
+        return ""
+    return f"it is a mission: write 'mission: {name}'{params}"
+
+
+def _is_mission(notes: Notes, word: str) -> str:
+    """Return the name, or the file, of the mission that a word names; nothing where there is none."""
     folder = Path(notes.source.name).parent
     for name in (f"{word}.yaml", word) if word.isidentifier() else ():  # the own one first
         with suppress(LookupError):
             if "missions" in kinds_of(notes.words.find_mission(name, folder)):
-                if name == word and ours_for(word, WORDS, notes.leaves):
-                    return ""
-                return f"it is a mission: write 'mission: {name}'{params}"
+                return name
     return ""
 
 
@@ -181,9 +204,8 @@ def _read_below(notes: Notes, node: Node) -> None:
 def _children(notes: Notes, key: Scalar, value: Node | None) -> tuple[Step, ...]:
     if not isinstance(value, Listing) or not value.items:
         notes.fault(key.mark, f"'{key.text}' needs a list of at least one behaviour, each on a line with '- '")
-        return ()
-    found = (read_step(notes, item) for item in value.items)
-    return tuple(step for step in found if step is not None)
+        return (_hole(notes, key if value is None else value),)
+    return tuple(read_step(notes, item) for item in value.items)
 
 
 def _word_beside(notes: Notes, beside: Mapping | None, key: str) -> Scalar | None:

@@ -6,7 +6,11 @@ from collections.abc import Mapping as Named
 
 from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES
+from missions.language.modifiers import MODIFIERS
+from missions.language.plan import BRANCHES, COUNTS, FOR_EACH, MISSION, SWITCHES
+
+KNOWN = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
+"""The words besides those of leaves and ``as`` that mean something beside a behaviour."""
 
 Leaves = Named[str, type[Leaf]]
 
@@ -58,6 +62,12 @@ def _beside(node: Mapping, word: str, value: Node, leaves: Leaves) -> Iterator[t
                 yield from _pairs(branch, leaves)
     elif isinstance(value, Listing):
         yield from _pairs(value, leaves)
+    elif isinstance(value, Mapping) and leaf is None and word not in KNOWN:
+        # A word that nobody knows: it may be meant for one that sets what is written below it.
+        yield from ((name.text, None) for name, _ in value.entries)
+        yield from _pairs(value, leaves)
+    elif isinstance(value, Scalar) and leaf is None and value.text.isidentifier() and word not in KNOWN:
+        yield value.text, None
 
 
 def _is_returns(beside: Mapping, key: str) -> bool:

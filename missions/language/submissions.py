@@ -15,7 +15,7 @@ from missions.language.plan import MISSION, Step
 from missions.language.values import Value
 from missions.language.written import written_entries
 
-ReadStep = Callable[[Notes, Node], Step | None]
+ReadStep = Callable[[Notes, Node], Step]
 
 
 def read_submission(
@@ -83,6 +83,13 @@ def _find(notes: Notes, value: Scalar) -> Path | None:
     return path
 
 
+def _no_param(notes: Notes, inner: Notes, params: dict[str, Param], mission: str, name: Scalar) -> None:
+    """Note a param that a sub-mission does not have; one that is wrong there has been noted."""
+    if name.text not in inner.awaited:
+        hint = outdent(name.text, MISSION) or one_of(name.text, params) or "it has none"
+        notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
+
+
 def _take(
     notes: Notes, inner: Notes, params: dict[str, Param], mission: str, value: Scalar, node: Node | None
 ) -> dict[str, Value]:
@@ -94,8 +101,7 @@ def _take(
     for name, given in node.entries if isinstance(node, Mapping) else ():
         param = params.get(name.text)
         if param is None:
-            hint = outdent(name.text, MISSION) or one_of(name.text, params) or "it has none"
-            notes.fault(name.mark, f"mission '{mission}' has no param {seen(name.text)}", hint)
+            _no_param(notes, inner, params, mission, name)
         else:
             before = len(notes.faults)
             values[name.text] = param.type.read(notes, given, f"'{name.text}'")

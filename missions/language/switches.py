@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from config.faults import Mark, one_of
+from config.faults import one_of
 from config.marked import Mapping, Node, Scalar
 from missions.language.arguments import default_value
 from missions.language.cases import misfit_cases
@@ -16,7 +16,7 @@ FORM = "write {}: {{on: face.count, cases: {{1: ..., 2: ...}}, default: ...}}"
 
 
 def read_switch(
-    notes: Notes, key: Scalar, value: Node | None, name: str, read_step: Callable[[Notes, Node], Step | None]
+    notes: Notes, key: Scalar, value: Node | None, name: str, read_step: Callable[[Notes, Node], Step]
 ) -> Step | None:
     """Read a switch of either kind."""
     word, form = key.text, FORM.format(key.text)
@@ -36,27 +36,16 @@ def read_switch(
         mark = key.mark if cases is None else cases.mark
         notes.fault(mark, f"'{word}' needs 'cases', each a value with a behaviour", form)
         return None
-    children: list[Step] = []
-    values: list[object] = []
-    marks: list[Mark] = []
-    for case, node in cases.entries:
-        child = read_step(notes, node)
-        if child is not None:
-            children.append(child)
-            values.append(default_value(case))
-            marks.append(case.mark)
-    otherwise = None if default is None else read_step(notes, default)
-    if otherwise is not None:
-        children.append(otherwise)
+    branches = [node for _, node in cases.entries] + ([] if default is None else [default])
     step = Step(
         word,
         name,
         key.mark,
         notes.source,
-        tuple(children),
+        tuple(read_step(notes, node) for node in branches),
         arguments={"on": chosen},
-        cases=tuple(values),
-        case_marks=tuple(marks),
+        cases=tuple(default_value(case) for case, _ in cases.entries),
+        case_marks=tuple(case.mark for case, _ in cases.entries),
         written={"on": on.text},
     )
     for fault in misfit_cases(step, kind_made(chosen, notes.known_kinds)):

@@ -15,8 +15,8 @@ from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.outcomes import FAILURE, SUCCESS
 from missions.language.outcomes import ends as ends_of
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
-from missions.language.reading import may_fail, surely_read
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES, UNKNOWN, Hole, Step
+from missions.language.reading import may_fail, never_zero, surely_read
 from missions.language.values import Value
 
 Way = tuple[str, ...]
@@ -38,11 +38,13 @@ class Here:
     """What holds for a step from around it: ``granted`` names count as set, in a ``caught`` one failures do no harm.
 
     A ``guarded`` one stands behind a condition on a variable: whether it is ever run with one unset, nobody can say.
+    By ``never_zero`` names anything can be divided.
     """
 
     granted: frozenset[str] = frozenset()
     caught: bool = False
     guarded: bool = False
+    never_zero: frozenset[str] = frozenset()
 
 
 class Reading(NamedTuple):
@@ -53,10 +55,12 @@ class Reading(NamedTuple):
     way: Way
 
 
-def unset_reads(tree: Step, names: Iterable[str], sets: Callable[[Step], frozenset[str]]) -> list[Reading]:
+def unset_reads(
+    tree: Step, names: Iterable[str], sets: Callable[[Step], frozenset[str]], params: Mapping[str, object]
+) -> list[Reading]:
     """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins."""
     ways = _Ways(sets)
-    ways.after(tree, dict.fromkeys(names, ()), Here())
+    ways.after(tree, dict.fromkeys(names, ()), Here(never_zero=never_zero(tree, params)))
     return ways.found
 
 
@@ -72,7 +76,7 @@ class _Ways:
         for value in step.arguments.values():
             self._read(step, value, unset, here)
         if step.leaf is not None:
-            return self._leaf(step, unset)
+            return self._leaf(step, unset, here)
         if step.kind == MISSION:
             return self._mission(step, unset, here)
         if step.kind in WAYS:
@@ -84,10 +88,13 @@ class _Ways:
             if name in unset and not (name in here.granted or here.caught or here.guarded):
                 self.found.append(Reading(step, name, unset[name]))
 
-    def _leaf(self, step: Step, unset: Unset) -> After:
+    def _leaf(self, step: Step, unset: Unset, here: Here) -> After:
         known = _without(step.own_names, unset)
+        if step.leaf is Hole:
+            return After(known, {})  # nobody knows whether it can fail, and with what unset
         ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
-        if step.leaf in (Log, Set, Succeed) and not any(may_fail(value, unset) for value in step.arguments.values()):
+        values = step.arguments.values()
+        if step.leaf in (Log, Set, Succeed) and not any(may_fail(value, unset, here.never_zero) for value in values):
             ends.discard(FAILURE)
         return After(
             known if SUCCESS in ends else None, _by(f"{_shown(step)} fails", unset) if FAILURE in ends else None
@@ -96,7 +103,8 @@ class _Ways:
     def _mission(self, step: Step, unset: Unset, here: Here) -> After:
         (tree,) = step.children
         names = self._sets(tree) - step.arguments.keys()
-        after = self.after(tree, dict.fromkeys(names, ()), replace(here, granted=frozenset()))
+        held = never_zero(tree, {name: value.constant for name, value in step.arguments.items()})
+        after = self.after(tree, dict.fromkeys(names, ()), replace(here, granted=frozenset(), never_zero=held))
         for value in step.returns.values():
             self._read(step, value, after.success or {}, here)
         lost = [name for name, value in step.returns.items() if surely_read(value) & (after.failure or {}).keys()]
@@ -174,6 +182,9 @@ class _Ways:
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
         guarded = here.guarded or (step.kind in _CUTS and _asks_variables(step))
         caught = here.caught or catches(step, step.children[0])
+        if step.kind == UNKNOWN:  # it may make one end of another
+            after = self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
+            return After(after.success or {}, after.failure or {})
         value = step.arguments["value"]
         known = value.template is None
         if step.kind == "if" and known and not value.constant:

@@ -64,6 +64,10 @@ class Value:
         return found if self.convert is None else self.convert(found)
 
 
+UNREAD = Value(template=Template(()))
+"""Stands for what a mission says wrongly, which has been noted: nothing is known of it before that is mended."""
+
+
 def template(text: str) -> Template | None:
     """Read a text with ``${...}`` in it; None when there is none. Raises ExpressionError with its column."""
     parts: list[str | Expression] = []

@@ -12,7 +12,7 @@ from missions.language.inference import kind_made
 from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
 from missions.language.notes import Notes
 from missions.language.param_types import param_kind
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Step
+from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Hole, Step
 from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]
@@ -24,7 +24,8 @@ def check_kinds(notes: Notes, tree: Step, returns: Mapping[str, Value]) -> None:
     found: list[Fault] = []
     _check(tree, returns, given, found)
     for fault in dict.fromkeys(found):  # a mission that is used twice has its mistakes once
-        note(notes.faults, fault)
+        if not notes.torn:
+            note(notes.faults, fault)
 
 
 def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[Fault]) -> None:
@@ -67,6 +68,8 @@ def _set_by(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], 
             yield step.keep_as, Record("what it returns", named=results)
     elif step.keep_as is not None:
         yield step.keep_as, None if step.leaf is None or step.leaf.keeps is None else kind_of_type(step.leaf.keeps)
+    elif step.leaf is Hole:
+        yield from ((name, None) for name in step.binds)
     elif step.leaf is not None and step.leaf.open_ended:
         yield from step.arguments.items()
     elif step.kind == FOR_EACH:

@@ -155,3 +155,34 @@ def test_it_is_verified_for_the_usual_robot_as_it_is_checked(folder: Path, capsy
     refused = verify(capsys, "hello.yaml", "--robot", "box.yaml")
     assert refused.code == 2
     assert "'gesture' needs an arm; robot 'box' has none" in refused.err
+
+
+SHARED = """mission: shared
+params: {whole: {type: number}, half: 2}
+tree:
+  sequence:
+    - set: {n: NUMBER}
+    - selector:
+        - sequence:
+            - set: {part: "${1 / n}"}
+            - set: {after: 1}
+        - succeed
+    - log: ${after}
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [("2", 0), ("0", 2), ("${half}", 0), ("${whole}", 2), ("${face.count}", 2)]
+)
+def test_check_and_verify_agree_on_whether_a_division_can_fail(
+    folder: Path, capsys: pytest.CaptureFixture[str], number: str, code: int
+) -> None:
+    (folder / "shared.yaml").write_text(
+        SHARED.replace("NUMBER", f'"{number}"' if "$" in number else number), encoding="utf-8"
+    )
+    told = [command(capsys, each, "shared.yaml") for each in ("check", "verify")]
+    assert [outcome.code for outcome in told] == [code, 1 if code == 0 else code]
+    if code:
+        assert all("'after' is read here, but it is not set where 'set' (line 8) fails" in each.err for each in told)
+    else:  # since the division never fails, what is tried after it is never reached
+        assert "'succeed' is never reached" in told[1].out
