@@ -1,109 +1,103 @@
-"""Every leaf that ships with MissionTree, by its word."""
+"""Every leaf that ships with MissionTree, by its word. The module of a leaf is imported when it is first looked up."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from itertools import chain
+from types import MappingProxyType
 
-from behaviours.arm import Gesture
-from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
-from behaviours.docking import Dock
-from behaviours.driving.arc import Arc
-from behaviours.driving.cruise import Cruise
-from behaviours.driving.go_to import GoTo
-from behaviours.driving.stop import Stop
-from behaviours.driving.straight import Drive
-from behaviours.driving.turning import Turn
-from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked
-from behaviours.head import Look, LookAt
-from behaviours.head_motion import Nod, ShakeHead, SweepHead
-from behaviours.hearing import Heard, Listen
-from behaviours.identify import Identify
-from behaviours.joint_conditions import JointAt, JointHot, JointLoaded, JointMoving
-from behaviours.joints import MoveJoints, Torque
 from behaviours.leaf import Leaf
-from behaviours.mirror import FollowJoint, Mirror
-from behaviours.moves import Play, RecordMove
-from behaviours.notify import Notify
-from behaviours.objects import FindObject, ObjectSeen
-from behaviours.ranging import ObstacleWithin
-from behaviours.robots import FindRobot, RobotSeen
-from behaviours.scan import Scan
-from behaviours.scene import Dark, MotionSeen, SceneUniform
-from behaviours.screen import Face, Show
-from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
-from behaviours.signals import Led, Sound
-from behaviours.sweep_joints import Sweep
-from behaviours.tracking.follow_person import FollowPerson
-from behaviours.tracking.track_face import TrackFace
-from behaviours.tracking.track_object import TrackObject
-from behaviours.tracking.track_robot import TrackRobot
-from behaviours.voice import PlaySound, Say
-from behaviours.wander import Wander
 
-LEAVES: Mapping[str, type[Leaf]] = {
-    leaf.word: leaf
-    for leaf in (
-        FaceSeen,
-        FaceCentred,
-        FacesAtLeast,
-        FindFace,
-        Identify,
-        ObjectSeen,
-        FindObject,
-        RobotSeen,
-        FindRobot,
-        TrackFace,
-        TrackObject,
-        TrackRobot,
-        FollowPerson,
-        SceneUniform,
-        Dark,
-        MotionSeen,
-        Look,
-        LookAt,
-        Scan,
-        Nod,
-        ShakeHead,
-        SweepHead,
-        Drive,
-        Turn,
-        Arc,
-        GoTo,
-        Cruise,
-        Wander,
-        Dock,
-        Stop,
-        Sound,
-        Led,
-        Bumped,
-        Cliff,
-        BatteryBelow,
-        Docked,
-        ButtonPressed,
-        ObstacleWithin,
-        Gesture,
-        Play,
-        RecordMove,
-        MoveJoints,
-        Sweep,
-        Mirror,
-        FollowJoint,
-        Torque,
-        JointAt,
-        JointHot,
-        JointLoaded,
-        JointMoving,
-        Say,
-        PlaySound,
-        Listen,
-        Heard,
-        Face,
-        Show,
-        Wait,
-        Log,
-        Notify,
-        Set,
-        Succeed,
-        Fail,
-        Pretend,
-    )
+PLACES: Mapping[str, str] = {
+    "face_seen": "sight:FaceSeen",
+    "face_centred": "sight:FaceCentred",
+    "faces_at_least": "sight:FacesAtLeast",
+    "find_face": "sight:FindFace",
+    "identify": "identify:Identify",
+    "object_seen": "objects:ObjectSeen",
+    "find_object": "objects:FindObject",
+    "robot_seen": "robots:RobotSeen",
+    "find_robot": "robots:FindRobot",
+    "track_face": "tracking.track_face:TrackFace",
+    "track_object": "tracking.track_object:TrackObject",
+    "track_robot": "tracking.track_robot:TrackRobot",
+    "follow_person": "tracking.follow_person:FollowPerson",
+    "scene_uniform": "scene:SceneUniform",
+    "dark": "scene:Dark",
+    "motion_seen": "scene:MotionSeen",
+    "look": "head:Look",
+    "look_at": "head:LookAt",
+    "scan": "scan:Scan",
+    "nod": "head_motion:Nod",
+    "shake_head": "head_motion:ShakeHead",
+    "sweep_head": "head_motion:SweepHead",
+    "drive": "driving.straight:Drive",
+    "turn": "driving.turning:Turn",
+    "arc": "driving.arc:Arc",
+    "go_to": "driving.go_to:GoTo",
+    "velocity": "driving.cruise:Cruise",
+    "wander": "wander:Wander",
+    "dock": "docking:Dock",
+    "stop": "driving.stop:Stop",
+    "sound": "signals:Sound",
+    "led": "signals:Led",
+    "bumped": "feeling:Bumped",
+    "cliff": "feeling:Cliff",
+    "battery_below": "feeling:BatteryBelow",
+    "docked": "feeling:Docked",
+    "button_pressed": "feeling:ButtonPressed",
+    "obstacle_within": "ranging:ObstacleWithin",
+    "gesture": "arm:Gesture",
+    "play": "moves:Play",
+    "record_move": "moves:RecordMove",
+    "move_joints": "joints:MoveJoints",
+    "sweep": "sweep_joints:Sweep",
+    "mirror": "mirror:Mirror",
+    "follow_joint": "mirror:FollowJoint",
+    "torque": "joints:Torque",
+    "joint_at": "joint_conditions:JointAt",
+    "joint_hot": "joint_conditions:JointHot",
+    "joint_loaded": "joint_conditions:JointLoaded",
+    "joint_moving": "joint_conditions:JointMoving",
+    "say": "voice:Say",
+    "play_sound": "voice:PlaySound",
+    "listen": "hearing:Listen",
+    "heard": "hearing:Heard",
+    "face": "screen:Face",
+    "show": "screen:Show",
+    "wait": "basics:Wait",
+    "log": "basics:Log",
+    "notify": "notify:Notify",
+    "set": "basics:Set",
+    "succeed": "basics:Succeed",
+    "fail": "basics:Fail",
+    "pretend": "basics:Pretend",
 }
-"""The vocabulary of missions."""
+"""The vocabulary of missions: by the word of each leaf, its module within ``behaviours`` and its class."""
+
+
+class Catalogue(Mapping[str, type[Leaf]]):
+    """The leaves at ``places``, by their words and in that order, then ``others`` that need not be imported."""
+
+    def __init__(self, places: Mapping[str, str], others: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:
+        self._places = places
+        self._others = others
+
+    def __getitem__(self, word: str) -> type[Leaf]:
+        if word in self._others:
+            return self._others[word]
+        module, _, name = self._places[word].partition(":")
+        leaf: type[Leaf] = getattr(import_module(f"behaviours.{module}"), name)
+        return leaf
+
+    def __contains__(self, word: object) -> bool:
+        return word in self._places or word in self._others
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(self._places, self._others)
+
+    def __len__(self) -> int:
+        return len(self._places) + len(self._others)
+
+
+LEAVES: Mapping[str, type[Leaf]] = Catalogue(PLACES)
+"""All that ship."""

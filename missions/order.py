@@ -4,11 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from config.library import find
 from config.robot import RobotConfig, load_robot
-from config.world import WorldConfig, load_world
+
+if TYPE_CHECKING:
+    from config.world import WorldConfig
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
@@ -31,7 +33,7 @@ class Order:
     params: Mapping[str, str] = field(default_factory=dict)
     robot: str | None = None
     simulate: Simulate | None = None
-    world: str | WorldConfig | None = None
+    world: "str | WorldConfig | None" = None
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
@@ -49,8 +51,10 @@ class Order:
         """Read the robot's file. Raises InvalidFileError or UnknownNameError."""
         return load_robot(find("robots", self.robot or DEFAULT_ROBOT))
 
-    def world_file(self) -> WorldConfig:
+    def world_file(self) -> "WorldConfig":
         """Read the world's file, unless it was handed over as it is. Raises InvalidFileError or UnknownNameError."""
-        if isinstance(self.world, WorldConfig):
-            return self.world
-        return load_world(find("worlds", self.world or DEFAULT_WORLD))
+        from config.world import load_world  # noqa: PLC0415 - the metal has no other world than this one
+
+        if self.world is None or isinstance(self.world, str):
+            return load_world(find("worlds", self.world or DEFAULT_WORLD))
+        return self.world

@@ -13,13 +13,13 @@ import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 from py_trees.behaviour import Behaviour
 
-from behaviours.catalogue import LEAVES
+from behaviours.catalogue import PLACES, Catalogue
 from behaviours.foreign import leaf_of
 from behaviours.leaf import Leaf
 from behaviours.node import Node
@@ -31,6 +31,10 @@ from missions.language.body import KEYS
 from missions.language.modifiers import MODIFIERS
 from missions.language.plan import BRANCHES
 from missions.language.steps import BESIDE
+from missions.offers import offered
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = "missiontree.behaviours"
 """The entry points by which packages offer leaves."""
@@ -78,11 +82,11 @@ def found_beside(mission: Path) -> list[Path]:
 
 def vocabulary(files: Iterable[Path] = ()) -> Mapping[str, type[Leaf]]:
     """Return every leaf by its word. Raises InvalidFileError with all that is wrong with those that are not ours."""
-    leaves, faults = dict(LEAVES), list[Fault]()
-    points = sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value))
+    own, faults = dict[str, type[Leaf]](), list[Fault]()
+    leaves = Catalogue(PLACES, own)
     files = {path.resolve(): path for path in files}.values()
     for read in [
-        *(partial(_from_entry_point, point) for point in points),
+        *(partial(_from_entry_point, point) for point in offered(GROUP)),
         *(partial(_from_file, path) for path in files),
     ]:
         try:
@@ -97,7 +101,7 @@ def vocabulary(files: Iterable[Path] = ()) -> Mapping[str, type[Leaf]]:
             except (TypeError, NameError) as error:  # NameError: an annotation that means nothing
                 faults.append(Fault(offer.source, offer.mark(cls), str(error)))
             else:
-                leaves[leaf.word] = leaf
+                own[leaf.word] = leaf
     if faults:
         raise InvalidFileError(faults)
     return leaves
@@ -125,7 +129,7 @@ def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
         raise TypeError(f"{leaf.__name__}: a leaf is made with its name alone, but here: {error}") from error
 
 
-def _from_entry_point(point: EntryPoint) -> Offer:
+def _from_entry_point(point: "EntryPoint") -> Offer:
     """Import what an entry point names. Raises InvalidFileError when that cannot be."""
     package = f" of {point.dist.name}" if point.dist is not None else ""
     source = Source(f"entry point {point.name} = {point.value}{package}", "")

@@ -6,12 +6,15 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
-Image = npt.NDArray[np.uint8]
+    Image = npt.NDArray[np.uint8]
+else:
+    Image = Any  # a check needs no numpy
 """A picture: shape (height, width, 3), dtype uint8, channels blue, green, red."""
 
 

@@ -11,14 +11,15 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
 """
 
+from drivers.api.arrays import Angles, Image, Ranges, Samples
 from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
-from drivers.api.camera import Camera, CameraFrame, Image
+from drivers.api.camera import Camera, CameraFrame
 from drivers.api.device import Away, Device, Health, Latching, Notice, Quality, Reading, Report, unheard, unreported
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Duration, Length
-from drivers.api.microphone import SOUND_RATE, Microphone, Samples, Sound
-from drivers.api.ranging import Angles, Ranger, Ranges, RangeScan, wrapped
+from drivers.api.microphone import SOUND_RATE, Microphone, Sound
+from drivers.api.ranging import Ranger, RangeScan, wrapped
 from drivers.api.screen import Mood, Screen, Shown
 from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity, unsteered
 from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice

@@ -3,13 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from drivers.api.arrays import Image
 from drivers.api.device import Device
-
-Image = npt.NDArray[np.uint8]
-"""A picture: shape (height, width, 3), dtype uint8, channels blue, green, red."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

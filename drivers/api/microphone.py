@@ -4,16 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from drivers.api.arrays import Samples
 from drivers.api.device import Device
 
 SOUND_RATE = 16_000
 """Samples a second that every microphone gives, whatever its hardware does."""
-
-Samples = npt.NDArray[np.int16]
-"""Sound: shape (n,), dtype int16, one channel, ``SOUND_RATE`` samples a second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

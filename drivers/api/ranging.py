@@ -4,13 +4,8 @@ from dataclasses import dataclass
 from math import inf, tau
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from drivers.api.arrays import Angles, Ranges
 from drivers.api.device import Device, Reading
-
-Angles = npt.NDArray[np.float64]
-Ranges = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,10 +28,14 @@ class RangeScan:
 
     def bearings(self) -> Angles:
         """Return where each beam points: shape (n,), radians, wrapped to -pi..pi."""
+        import numpy as np  # noqa: PLC0415 - see drivers.api.arrays
+
         return wrapped(self.start + self.step * np.arange(len(self.ranges), dtype=np.float64))
 
     def nearest(self, centre: float = 0.0, width: float = tau) -> float:
         """Return the least distance (m) within ``width`` radians about the bearing ``centre``; infinity for none."""
+        import numpy as np  # noqa: PLC0415
+
         off = np.abs(wrapped(self.bearings() - centre))
         inside = self.ranges[off <= width / 2 + 1e-9]
         seen = inside[np.isfinite(inside)]
@@ -45,6 +44,8 @@ class RangeScan:
 
 def wrapped(angles: Angles) -> Angles:
     """Return the same directions as angles from -pi to pi."""
+    import numpy as np  # noqa: PLC0415
+
     turned: Angles = np.remainder(angles + tau / 2, tau) - tau / 2
     return turned
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.api import Health, Notice, Report, unreported
-from drivers.api.microphone import SOUND_RATE, Samples, Sound
+from drivers.api import SOUND_RATE, Health, Notice, Report, Samples, Sound, unreported
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded

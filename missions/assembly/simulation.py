@@ -186,8 +186,8 @@ class Simulation:
         pose = self.pose(time)
         return pose.x, pose.y
 
-    def rendered(self, *, seed: int = 0) -> Camera:
-        """Return a camera that sees the world from the head."""
+    def rendered(self, *, seed: int = 0, rate: float = 25.0) -> Camera:
+        """Return a camera that sees the world from the head, ``rate`` times a second."""
         camera = self._robot.camera
         size = (640, 480) if camera is None else (camera.width, camera.height)
         view = math.radians(60) if camera is None else camera.field_of_view
@@ -195,7 +195,7 @@ class Simulation:
             World() if self._world is None else self._world,
             self.viewpoint,
             self._clock,
-            rate=25.0,
+            rate=rate,
             size=size,
             field_of_view=view,
             noise=NOISE if self._config is None else self._config.noise,

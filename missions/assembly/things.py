@@ -1,21 +1,23 @@
-"""What missions name and the library holds: gestures and other moves, controllers and objects, as leaves take them."""
+"""What missions name and the library holds: gestures and other moves, controllers and objects, as leaves take them.
+
+What reads a kind of file is imported with the first of it: a mission names few kinds.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from behaviours.tracking.follow import RuleBases
-from config.controller import load_controller
 from config.faults import InvalidFileError, did_you_mean
-from config.gesture import load_gesture
 from config.library import UnknownNameError, find, is_file, shipped
-from config.object import ObjectConfig, load_object, read_phrase
 from config.units import seen
 from drivers.api import Gesture
 from missions.language.plan import Step
-from missions.moves.keep import NewMove
-from missions.moves.load import load_move, movement
 from perception.wanted import Wanted
+
+if TYPE_CHECKING:
+    from behaviours.tracking.follow import RuleBases
+    from config.object import ObjectConfig
+    from missions.moves.keep import NewMove
 
 T = TypeVar("T")
 
@@ -25,16 +27,31 @@ MOST_OF_A_PATH = 400
 
 def gesture(name: str) -> Gesture:
     """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
+    from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
+    from missions.moves.gesture import movement  # noqa: PLC0415
+
     return movement(_load(load_gesture, "gestures", name))
 
 
 def move(name: str) -> Gesture:
     """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``gesture`` does."""
+    from missions.moves.load import load_move  # noqa: PLC0415
+
     return _load(load_move, "moves", name, shipped("gestures"))
 
 
-def controller(name: str) -> RuleBases:
+def new_move(name: str) -> "NewMove":
+    """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
+    from missions.moves.keep import NewMove  # noqa: PLC0415
+
+    return NewMove(name)
+
+
+def controller(name: str) -> "RuleBases":
     """Return a controller's rule bases by name or path. Raises as ``gesture`` does."""
+    from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
+    from config.controller import load_controller  # noqa: PLC0415
+
     found = _load(load_controller, "controllers", name)
     try:
         return RuleBases.from_mapping(found.values)
@@ -48,7 +65,9 @@ def wanted(name: str) -> Wanted:
     return Wanted(found.name, found.colour, found.shape, found.size)
 
 
-def _object(name: str) -> ObjectConfig:
+def _object(name: str) -> "ObjectConfig":
+    from config.object import load_object, read_phrase  # noqa: PLC0415
+
     if name in shipped("objects") or Path(name).suffix in (".yaml", ".yml"):
         return _load(load_object, "objects", name)
     try:
@@ -75,7 +94,7 @@ def file(name: str) -> Path:
 THINGS: Mapping[str, Callable[[str], object]] = {
     "gesture": gesture,
     "move": move,
-    "new move": NewMove,
+    "new move": new_move,
     "controller": controller,
     "object": wanted,
     "file": file,

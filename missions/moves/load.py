@@ -7,10 +7,11 @@ A sheet alone has a column for every joint, headed by its name, in radians, and 
 from pathlib import Path
 
 from config.arm import ArmConfig
-from config.gesture import GestureConfig, gesture_of
+from config.gesture import gesture_of
 from config.marked import read_source
 from config.move import JointSource, MoveConfig, is_move, move_of
-from drivers.api import Gesture, Keyframe
+from drivers.api import Gesture
+from missions.moves.gesture import movement
 from missions.moves.rows import TIME, played
 from missions.moves.sheet import KINDS, Sheet, read_sheet
 
@@ -29,12 +30,6 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmConfig | None = 
         return movement(gesture_of(source, None if arm is None else arm.reaches))
     move = move_of(source, path.parent, None if arm is None else arm.joints)
     return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
-
-
-def movement(config: GestureConfig) -> Gesture:
-    """Return what a gesture file says, as behaviours take it."""
-    keyframes = tuple(Keyframe(time, positions) for time, positions in config.keyframes)
-    return Gesture(config.name, config.summary, keyframes, config.interpolation)
 
 
 def _of_headings(sheet: Sheet, path: Path) -> MoveConfig:

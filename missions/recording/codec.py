@@ -24,6 +24,7 @@ import numpy as np
 
 import drivers.api
 import perception.api
+from drivers.api.arrays import Array
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
 
 T = TypeVar("T")
@@ -174,6 +175,8 @@ def _coder(kind: Any) -> _Coder:
         return _FLOAT
     if kind in _PLAIN:
         return _PLAIN[kind]
+    if kind is Array:
+        return _ARRAY
     made = kind if origin is None else origin
     if isinstance(made, type) and is_dataclass(made):
         return _object(made)
@@ -200,7 +203,7 @@ def _container(origin: Any, inner: tuple[Any, ...]) -> _Coder:
             lambda value: {key: held.encode(each) for key, each in value.items()},
             lambda data: {key: held.decode(each) for key, each in data.items()},
         )
-    return _ARRAY if origin is np.ndarray else _TAGGED
+    return _TAGGED
 
 
 def _object(kind: type[Any]) -> _Coder:

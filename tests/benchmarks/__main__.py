@@ -9,6 +9,7 @@ from tests.benchmarks import (
     perceiving,
     reacting,
     recording,
+    running,
     serving_base,
     servoing,
     simulating,
@@ -40,6 +41,7 @@ def main() -> None:
         wandering,
         servoing,
         recording,
+        running,
     ):
         for row in module.rows():
             found.append(row.as_dict())

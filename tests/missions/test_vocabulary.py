@@ -211,7 +211,7 @@ def test_installed_packages_offer_classes_and_modules(monkeypatch: pytest.Monkey
         EntryPoint("periodic", "py_trees.behaviours:Periodic", module.GROUP),
         EntryPoint("probes", "tests.conformance.probes", module.GROUP),
     ]
-    monkeypatch.setattr(module, "entry_points", lambda group: EntryPoints(points).select(group=group))
+    monkeypatch.setattr(module, "offered", lambda group: EntryPoints(points).select(group=group))
     assert set(vocabulary()) >= {"periodic", "probe", "base_probe", "echo", "drive"}
     assert vocabulary()["periodic"].arguments["n"].kind == "count"
 
@@ -228,7 +228,7 @@ def test_what_is_wrong_with_an_entry_point_is_told_by_its_name(
     value: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = EntryPoints([EntryPoint("mine", value, module.GROUP)])
-    monkeypatch.setattr(module, "entry_points", lambda group: points.select(group=group))
+    monkeypatch.setattr(module, "offered", lambda group: points.select(group=group))
     with pytest.raises(InvalidFileError) as caught:
         vocabulary()
     assert str(caught.value).startswith(f"entry point mine = {value}:1:1: {message}")

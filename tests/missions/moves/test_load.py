@@ -12,7 +12,8 @@ from config.robot import robot_of
 from config.servo import SERVO_MODELS
 from config.writing import gesture_text
 from drivers.api import Gesture, Keyframe
-from missions.moves.load import load_move, movement
+from missions.moves.gesture import movement
+from missions.moves.load import load_move
 from tests.missions.moves.workbooks import Row, write_ods, write_xlsx
 
 ARM = robot_of(

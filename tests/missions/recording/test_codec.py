@@ -21,15 +21,17 @@ from perception.api import View
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
 TEXTS = st.text(max_size=20)
 RANGES = st.lists(st.floats(width=32), max_size=30).map(lambda values: np.array(values, np.float32))
+SAMPLES = st.lists(st.integers(-(2**15), 2**15 - 1), max_size=30).map(lambda values: np.array(values, np.int16))
 IMAGES = st.integers(1, 5).map(lambda size: np.arange(size * size * 3, dtype=np.uint8).reshape(size, size, 3))
 
 VALUES = {
     name: st.builds(kind, value=st.none() | st.builds(HeadPose)) if kind is Reading else st.from_type(kind)
     for name, kind in NAMED.items()
-    if name not in ("RangeScan", "CameraFrame")
+    if name not in ("RangeScan", "CameraFrame", "Sound")
 } | {
     "RangeScan": st.builds(RangeScan, ranges=RANGES),
     "CameraFrame": st.builds(NAMED["CameraFrame"], image=IMAGES),
+    "Sound": st.builds(NAMED["Sound"], samples=SAMPLES),
 }
 
 
