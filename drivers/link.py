@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from threading import Event, RLock, Thread
+from threading import RLock
 from typing import Protocol
 
 import serial
@@ -10,7 +10,8 @@ import serial
 from drivers.api import Health, Notice, Report, unreported
 from drivers.errors import NotConnected
 from drivers.guard import guarded
-from drivers.ports import explain, open_port, set_dtr
+from drivers.loop import MakeLoop, ThreadLoop
+from drivers.ports import SerialPort, explain, open_port
 
 PULSE = 0.02
 """Seconds that a read waits at most: how often ``pulse`` is called when nothing arrives."""
@@ -40,12 +41,46 @@ class Talker(Protocol):
         ...
 
 
+class Port(Protocol):
+    """What a link needs of an open serial port. All but ``close`` raise OSError when it has gone."""
+
+    @property
+    def in_waiting(self) -> int:
+        """How many bytes have arrived."""
+        ...
+
+    def read(self, size: int) -> bytes:
+        """Return so many bytes, or fewer after ``PULSE`` seconds."""
+        ...
+
+    def write(self, data: bytes) -> object:
+        """Send ``data`` whole."""
+        ...
+
+    def set_dtr(self, *, on: bool) -> None:
+        """Set the modem line DTR, so that it stays when the port is closed."""
+        ...
+
+    def close(self) -> None:
+        """Let it go."""
+        ...
+
+
+Dial = Callable[[str, str, int], Port]
+"""Opens a port for somebody: who, which port, baud rate. Raises NotConnected, with what to try."""
+
+
+def dial(who: str, port: str, baud: int) -> SerialPort:
+    """Open a serial port whose reads wait ``PULSE`` seconds at most. Raises NotConnected, with what to try."""
+    return open_port(who, port, baud, timeout=PULSE)
+
+
 class Link:
     """Owns one serial port. Starts without it, opens it when it appears, and again whenever it comes back.
 
     Only the link's own thread opens and closes the port: who meets trouble on another one leaves it in ``_trouble``.
     ``gather`` is for how many seconds bytes may gather once the first has come: a device that talks without a pause
-    otherwise wakes the thread a thousand times a second.
+    otherwise wakes the thread a thousand times a second. ``dial`` opens the port, ``loop`` makes what serves it.
     """
 
     def __init__(
@@ -57,6 +92,8 @@ class Link:
         retry: float = 0.5,
         gather: float = 0.0,
         report: Report = unreported,
+        dial: Dial = dial,
+        loop: MakeLoop = ThreadLoop,
     ) -> None:
         self.name = name
         self.port = port
@@ -64,36 +101,30 @@ class Link:
         self._retry = retry
         self._gather = gather
         self._report = guarded(report)
+        self._dial = dial
         self._talker: Talker | None = None
-        self._serial: serial.Serial | None = None
+        self._port: Port | None = None
+        self._gathered = b""  # what came first; more may gather
         self._trouble: NotConnected | None = None  # why there is no port, or why the one that is open must go
         self._fault = ""  # the newest that was reported
         self._greeted = False  # the talker has made its beginning on this port
         self._lock = RLock()  # over the port while it is written, opened and closed
-        self._ending = Event()
-        self._thread: Thread | None = None
+        self._loop = loop(f"link {name}", self._turn, self._finish)
         self._connections = 0
 
     def open(self, talker: Talker) -> None:
         """Start the thread that looks for the port and serves ``talker``."""
-        if self._thread is not None:
-            return
         self._talker = talker
-        self._ending.clear()
-        self._thread = Thread(target=self._run, name=f"link {self.name}", daemon=True)
-        self._thread.start()
+        self._loop.start()
 
     def close(self) -> None:
         """End the thread and release the port. Safe from any state, more than once, from any thread but its own."""
-        self._ending.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
+        self._loop.end()
 
     @property
     def online(self) -> bool:
         """True while the port is open and sound. The thread leaves none open when it ends."""
-        return self._serial is not None and self._trouble is None
+        return self._port is not None and self._trouble is None
 
     def health(self) -> Health:
         """Say whether the port is open, and if not, why."""
@@ -108,14 +139,14 @@ class Link:
 
     def set_dtr(self, *, on: bool) -> None:
         """Set the modem line DTR, which stays so when the port is closed. Raises NotConnected as ``write``."""
-        self._use(lambda port: set_dtr(port, on=on))
+        self._use(lambda port: port.set_dtr(on=on))
 
-    def _use(self, action: Callable[[serial.Serial], object]) -> None:
+    def _use(self, action: Callable[[Port], object]) -> None:
         with self._lock:
-            if self._serial is None or self._trouble is not None:
+            if self._port is None or self._trouble is not None:
                 raise self._absent()
             try:
-                action(self._serial)
+                action(self._port)
             except (serial.SerialException, OSError) as error:
                 self._trouble = explain(self.name, self.port, error)
                 raise self._absent() from error
@@ -129,44 +160,35 @@ class Link:
 
     # --- the link's thread --------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def _turn(self) -> float:
         talker = self._talker
-        if talker is None:
-            return
         try:
-            while not self._ending.is_set():
-                try:
-                    self._turn(talker)
-                except NotConnected:
-                    continue  # the next turn lets the port go, if it has gone
-                except BaseException as error:  # SystemExit too: this thread alone can stop what it has set in motion
-                    self._complain(error)
-                    self._ending.wait(PULSE)
-        finally:
-            self._finish(talker)
-
-    def _turn(self, talker: Talker) -> None:
-        if self._serial is not None and self._trouble is not None:
+            if talker is None:
+                return PULSE
+            if self._port is None:
+                return self._connect(talker)
+            if self._trouble is None:
+                return self._serve(talker, self._port)
             self._release()
             if self._greeted:
                 self._report(Notice(self.name, "offline", str(self._trouble), self._trouble.hint))
-            self._ending.wait(self._retry)
-        elif self._serial is None:
-            self._connect(talker)
-        else:
-            self._serve(talker, self._serial)
+            return self._retry
+        except NotConnected:
+            return 0.0  # the next turn lets the port go, if it has gone
+        except BaseException as error:  # SystemExit too: this thread alone can stop what it has set in motion
+            self._complain(error)
+            return PULSE
 
-    def _connect(self, talker: Talker) -> None:
+    def _connect(self, talker: Talker) -> float:
         try:
-            port = open_port(self.name, self.port, self.baud, timeout=PULSE)
+            port = self._dial(self.name, self.port, self.baud)
         except NotConnected as error:
             self._trouble = error
-            self._ending.wait(self._retry)
-            return
+            return self._retry
         with self._lock:
-            self._serial, self._trouble = port, None
+            self._port, self._trouble = port, None
             self._connections += 1
-        self._greeted = False
+        self._greeted, self._gathered = False, b""
         try:
             talker.connected()
         except BaseException as error:
@@ -176,19 +198,23 @@ class Link:
             raise
         self._greeted = True
         self._report(Notice(self.name, "online", f"{self.port} is open at {self.baud} baud"))
+        return 0.0
 
-    def _serve(self, talker: Talker, port: serial.Serial) -> None:
+    def _serve(self, talker: Talker, port: Port) -> float:
         try:
-            data = port.read(max(1, port.in_waiting))
-            if data and self._gather:
-                self._ending.wait(self._gather)
-                data += port.read(port.in_waiting)
+            waiting = port.in_waiting
+            data = self._gathered + port.read(waiting if self._gathered else max(1, waiting))
         except (serial.SerialException, OSError) as error:
             self._trouble = explain(self.name, self.port, error)
-            return
+            return 0.0
+        if data and self._gather and not self._gathered:
+            self._gathered = data
+            return self._gather
+        self._gathered = b""
         if data:
             talker.received(data)
         talker.pulse()
+        return 0.0
 
     def _complain(self, error: BaseException) -> None:
         """Report a fault, unless it is the same as before: it may come with every pulse."""
@@ -196,11 +222,11 @@ class Link:
             self._fault = fault
             self._report(Notice(self.name, "fault", fault))
 
-    def _finish(self, talker: Talker) -> None:
+    def _finish(self) -> None:
         """Let the talker say its last word, and release the port whatever comes of that."""
         try:
-            if self._serial is not None:
-                talker.ending()
+            if self._port is not None and self._talker is not None:
+                self._talker.ending()
         except NotConnected:
             return  # nobody is there to hear it
         except BaseException as error:
@@ -211,7 +237,7 @@ class Link:
     def _release(self) -> None:
         """Close the port, which may be gone already."""
         with self._lock:
-            port, self._serial = self._serial, None
+            port, self._port = self._port, None
             if port is not None:
                 with suppress(serial.SerialException, OSError):
                     port.close()

@@ -14,34 +14,37 @@ _CONTROL_FLAGS = 2
 """Where ``termios.tcgetattr`` has the control modes in its list."""
 
 
-def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> serial.Serial:
+class SerialPort(serial.Serial):
+    """A serial port whose modem line DTR stays as it was set when the port is closed."""
+
+    def set_dtr(self, *, on: bool) -> None:
+        """Set the modem line DTR.
+
+        Linux drops the line with the last close unless HUPCL is off (termios(3)). A pseudo-terminal has no such line,
+        and that is no error. Raises OSError when the port has gone.
+        """
+        try:
+            settings = termios.tcgetattr(self.fileno())
+            settings[_CONTROL_FLAGS] &= ~termios.HUPCL
+            termios.tcsetattr(self.fileno(), termios.TCSANOW, settings)
+        except termios.error as error:
+            raise OSError(*error.args) from error
+        try:
+            self.dtr = on
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTTY):
+                raise
+
+
+def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
     Raises NotConnected, with what to try: nothing there, no right to it, or held by another process.
     """
     try:
-        return serial.Serial(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
+        return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise explain(who, port, error) from error
-
-
-def set_dtr(port: serial.Serial, *, on: bool) -> None:
-    """Set the modem line DTR of an open port, so that closing the port leaves it as it is.
-
-    Linux drops the line with the last close unless HUPCL is off (termios(3)). A pseudo-terminal has no such line, and
-    that is no error. Raises OSError when the port has gone.
-    """
-    try:
-        settings = termios.tcgetattr(port.fileno())
-        settings[_CONTROL_FLAGS] &= ~termios.HUPCL
-        termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
-    except termios.error as error:
-        raise OSError(*error.args) from error
-    try:
-        port.dtr = on
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTTY):
-            raise
 
 
 def explain(who: str, port: str, error: BaseException) -> NotConnected:

@@ -21,13 +21,14 @@ WHOLE_FOLDERS = ("tests/missions", "tests/conformance/test_executive")
 """Where every test may have more tries, until each says for itself whether it lives in real time."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give tests that are marked ``real_time`` two more tries.
 
     A shared machine now and then stops for longer than a servo waits for its reply. A test that fails for a reason of
-    its own fails three times. A test is marked if it has a thread, a process or a camera that does not wait for it.
+    its own fails three times; with `-p no:rerunfailures` each is tried once. A test is marked if it has a thread, a
+    process or a camera that does not wait for it.
     """
-    for item in items:
+    for item in items if config.pluginmanager.hasplugin("rerunfailures") else ():
         if item.get_closest_marker("real_time") or item.nodeid.startswith(WHOLE_FOLDERS):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
 

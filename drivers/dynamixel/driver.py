@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
-from threading import Event, RLock, Thread
+from threading import RLock
 from typing import Literal
 
 from drivers.absence import Absence, Enabling
@@ -28,6 +28,7 @@ from drivers.dynamixel.torque import go, go_on, insisting, recover, settle
 from drivers.dynamixel.watch import GRACE, Watch
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
+from drivers.loop import MakeLoop, ThreadLoop
 
 RATE = 100.0
 """Rounds of readings a second, as far as the wire can carry them."""
@@ -47,8 +48,8 @@ class DynamixelJoints(Enabling):
 
     ``rate`` (Hz) is how often they are read, unless the wire needs longer. ``at_rest`` says what rest means for
     this arm: stiff where it is, or without torque; ``away`` what of before goes on when it is back. ``report`` hears
-    what the servos tell, ``changed`` is called after every round of readings, both mostly from the driver's thread.
-    Raises BadRequest for joints that cannot be, all faults in one message.
+    what the servos tell, ``changed`` is called after every round of readings, both mostly from the driver's
+    thread, which ``loop`` makes. Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class DynamixelJoints(Enabling):
         report: Report = unreported,
         changed: Callable[[], None] = unheard,
         name: str = "arm",
+        loop: MakeLoop = ThreadLoop,
     ) -> None:
         check(name, dict(joints))
         if not 0 < rate <= 1000:
@@ -82,8 +84,8 @@ class DynamixelJoints(Enabling):
         self._leading = Leading(bus, self._joints, self._clamping, self._telling)
         self._watch = Watch(bus, self._joints, self._lock, clock, self._telling, self._absence)
         self._pace = Pace(rate)
-        self._ending = Event()
-        self._thread: Thread | None = None
+        self._loop = loop(f"joints {name}", self._turn, unheard)
+        self._opened = False
         self._connections = 0
         self._went_on_at = 0.0
         self._fault = ""  # the newest of the driver's own that was reported
@@ -102,25 +104,23 @@ class DynamixelJoints(Enabling):
 
     def open(self) -> None:
         """Start the thread that looks for the servos; does nothing if it runs."""
-        if self._thread is None:
-            self._ending.clear()
+        if not self._opened:
+            self._opened = True
             self._connections = 0
             self._absence.begin()
-            self._thread = Thread(target=self._run, name=f"joints {self._name}", daemon=True)
-            self._thread.start()
+            self._loop.start()
 
     def close(self) -> None:
         """End the thread, bring the arm to rest and release the port. Safe from any state, more than once."""
-        if self._thread is None:
+        if not self._opened:
             return
-        self._ending.set()
         with ExitStack() as whatever_happens:
             whatever_happens.callback(self._release)
             whatever_happens.callback(self.rest)
-            self._thread.join()
+            self._loop.end()
 
     def _release(self) -> None:
-        self._thread = None
+        self._opened = False
         self._bus.close()
         self._watch.end()
         self._connections = 0
@@ -208,8 +208,7 @@ class DynamixelJoints(Enabling):
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
         counters = counted(self._bus, self._joints, self._pace, connections=self._connections)
-        runs = self._thread is not None and self._thread.is_alive()
-        health = health_of(self._name, self._bus, self._joints, self._watch, runs=runs)
+        health = health_of(self._name, self._bus, self._joints, self._watch, runs=self._loop.alive)
         return replace(health, counters=counters, returned=self._absence.returned)
 
     def _quality(self, reading: Reading[JointState]) -> Quality:
@@ -243,18 +242,17 @@ class DynamixelJoints(Enabling):
 
     # --- the driver's thread ------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while not self._ending.is_set():
-            pause = RETRY
-            try:
-                self._round()
-                pause = self._pace.rest(self._clock.now(), self._bus.busy())
-            except NotConnected as error:
-                self._watch.lost(error)
-            except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
-                self._complain(error)
-            self._changed()
-            self._ending.wait(pause)
+    def _turn(self) -> float:
+        pause = RETRY
+        try:
+            self._round()
+            pause = self._pace.rest(self._clock.now(), self._bus.busy())
+        except NotConnected as error:
+            self._watch.lost(error)
+        except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
+            self._complain(error)
+        self._changed()
+        return pause
 
     def _round(self) -> None:
         if not self._watch.connected:

@@ -3,17 +3,15 @@
 from math import pi, radians
 
 from drivers.api import Pose2D, Ranger, RangeScan
-from drivers.link import Link
 from drivers.rplidar.driver import GATHER, RPLidar
-from drivers.rplidar.wire import BAUD
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking
 from drivers.sim.things import Box
 from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.world import World
 from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.terminal import Terminal
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig
+from tests.contract.rigs import InSimulatedTime, Rig
+from tests.drivers.cranked import HandWire
 
 WORLD = World(
     room=Room(8.0, 30.0, 2.6, (1.0, 0.0), fixtures=()),
@@ -50,15 +48,14 @@ class RangeRig(Rig):
         return self.scan()
 
 
-class WireRange(InRealTime, RangeRig):
+class WireRange(InSimulatedTime, RangeRig):
     model = "a1"
 
     def __init__(self) -> None:
         super().__init__()
         self.lidar = VirtualLidar(self.look, model=self.model, yaw=PLACE[2], seed=4)
-        self.terminal = Terminal("rplidar", self.lidar, self.clock)
-        self.terminal.open()
-        link = Link("range", self.terminal.path, BAUD, retry=0.05, gather=GATHER, report=self.notices.append)
+        self.wire = HandWire(self.lidar, self.timeline)
+        link = self.wire.link("range", gather=GATHER, report=self.notices.append)
         self.device = RPLidar(
             link,
             self.clock,
@@ -70,14 +67,13 @@ class WireRange(InRealTime, RangeRig):
         )
 
     def unplug(self) -> None:
-        self.terminal.unplug()
+        self.wire.unplug()
 
     def plug_in(self) -> None:
-        self.terminal.replug()
+        self.wire.plug_in()
 
     def close(self) -> None:
         self.device.close()
-        self.terminal.close()
 
 
 class WireRangeA2(WireRange):

@@ -65,7 +65,7 @@ class InRealTime(Rig):
 
 
 class InSimulatedTime(Rig):
-    """For twins, on a timeline."""
+    """For twins, and for drivers that are turned by hand, on a timeline."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,11 +82,11 @@ class InSimulatedTime(Rig):
             self.wait(0.01)
 
 
-def real(rig: type[object], name: str = "wire") -> Any:
+def real(rig: type[object], name: str) -> Any:
     """Return ``rig`` as a parameter whose tests live in real time."""
     return pytest.param(rig, id=name, marks=pytest.mark.real_time)
 
 
-def twin(rig: type[object]) -> Any:
-    """Return ``rig`` as a parameter."""
-    return pytest.param(rig, id="twin")
+def simulated(rig: type[object], name: str) -> Any:
+    """Return ``rig`` as a parameter whose time is made to pass: a twin, or a real driver that is turned by hand."""
+    return pytest.param(rig, id=name)

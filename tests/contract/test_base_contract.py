@@ -22,14 +22,12 @@ from drivers.api import (
 )
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.driver import KobukiBase
-from drivers.kobuki.wire import BAUD
-from drivers.link import Link
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import OpenFloor
 from drivers.sim.twins.base import BaseTwin
 from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.terminal import Terminal
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InSimulatedTime, Rig, simulated
+from tests.drivers.cranked import HandWire
 
 LIGHTS = {1: (0x0100, 0x0200), 2: (0x0400, 0x0800)}
 """The bits of the lights in the word of the outputs, red and green (protocol table of the vendor)."""
@@ -98,17 +96,16 @@ class BaseRig(Rig):
         self.until(rests)
 
 
-class WireBase(InRealTime, BaseRig):
+class WireBase(InSimulatedTime, BaseRig):
     def __init__(self) -> None:
         super().__init__()
         self.kobuki = VirtualKobuki(ground=Room())
-        self.terminal = Terminal("kobuki", self.kobuki, self.clock)
-        self.terminal.open()
-        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
+        self.wire = HandWire(self.kobuki, self.timeline)
+        link = self.wire.link("base", report=self.notices.append)
         self.device = KobukiBase(link, self.clock, report=self.notices.append, changed=self.changed)
 
     def truth(self) -> Pose2D:
-        return self.terminal.ask(lambda: self.kobuki.pose(self.clock.now()))
+        return self.kobuki.pose(self.clock.now())
 
     def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
         self.kobuki.bumper, self.kobuki.cliff = bumper, cliff
@@ -124,14 +121,13 @@ class WireBase(InRealTime, BaseRig):
         ]
 
     def unplug(self) -> None:
-        self.terminal.unplug()
+        self.wire.unplug()
 
     def plug_in(self) -> None:
-        self.terminal.replug()
+        self.wire.plug_in()
 
     def close(self) -> None:
         self.device.close()
-        self.terminal.close()
 
 
 class TwinBase(InSimulatedTime, BaseRig):
@@ -165,7 +161,7 @@ class TwinBase(InSimulatedTime, BaseRig):
         self.device.close()
 
 
-@pytest.fixture(params=[real(WireBase), twin(TwinBase)])
+@pytest.fixture(params=[simulated(WireBase, "wire"), simulated(TwinBase, "twin")])
 def rig(request: pytest.FixtureRequest) -> Iterator[BaseRig]:
     rig: BaseRig = request.param()
     yield rig

@@ -15,7 +15,7 @@ from drivers.sim.rendered import RenderedCamera
 from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, simulated
 
 PERIOD = 0.02
 FIELD_OF_VIEW = radians(50)
@@ -118,14 +118,14 @@ class TwinRig(InSimulatedTime, CameraRig):
         self.twin.plug.plug_in()
 
 
-@pytest.fixture(params=[real(ThreadedRig, "threaded"), real(RenderedRig, "rendered"), twin(TwinRig)])
+@pytest.fixture(params=[real(ThreadedRig, "threaded"), real(RenderedRig, "rendered"), simulated(TwinRig, "twin")])
 def camera(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
     rig: CameraRig = request.param()
     yield rig
     rig.close()
 
 
-@pytest.fixture(params=[real(ThreadedRig, "threaded"), twin(TwinRig)])
+@pytest.fixture(params=[real(ThreadedRig, "threaded"), simulated(TwinRig, "twin")])
 def plugged(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
     """A camera with a plug, which is open and shows something."""
     rig: CameraRig = request.param()

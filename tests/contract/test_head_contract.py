@@ -17,15 +17,15 @@ from drivers.dynamixel.head import DynamixelHead
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
 from drivers.joints_head import JointAxis
-from drivers.link import Link
 from drivers.pantilt import Trimmable
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
 from drivers.virtual.rodney import VirtualRodney
-from drivers.virtual.terminal import Terminal
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
+from tests.drivers.cranked import PERIOD, HandWire, by_hand
+from tests.drivers.lines import DirectLine
 
 PAN = ServoAxis(0, radians(-80), radians(80), start=90)
 TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120)
@@ -75,13 +75,12 @@ class HeadRig(Rig):
         )
 
 
-class WireHead(InRealTime, HeadRig):
+class WireHead(InSimulatedTime, HeadRig):
     def __init__(self) -> None:
         super().__init__()
         self.rodney = VirtualRodney()
-        self.terminal = Terminal("nano", self.rodney, self.clock)
-        self.terminal.open()
-        link = Link("head", self.terminal.path, 57600, retry=0.05, report=self.notices.append)
+        self.wire = HandWire(self.rodney, self.timeline)
+        link = self.wire.link("head", report=self.notices.append)
         board = Board(link, self.clock, boot_delay=0.0, report=self.notices.append)
         self.device = ArduinoHead(board, self.clock, pan=PAN, tilt=TILT, speed=SPEED, start=START, changed=self.changed)
 
@@ -90,14 +89,13 @@ class WireHead(InRealTime, HeadRig):
         return HeadPose(PAN.to_radians(self.rodney.angle(0, now)), TILT.to_radians(self.rodney.angle(1, now)))
 
     def unplug(self) -> None:
-        self.terminal.unplug()
+        self.wire.unplug()
 
     def plug_in(self) -> None:
-        self.terminal.replug()
+        self.wire.plug_in()
 
     def close(self) -> None:
         self.device.close()
-        self.terminal.close()
 
 
 class TwinHead(InSimulatedTime, HeadRig):
@@ -128,15 +126,16 @@ class TwinHead(InSimulatedTime, HeadRig):
         self.device.close()
 
 
-class WireNeck(InRealTime, HeadRig):
+class WireNeck(InSimulatedTime, HeadRig):
     awake = HeadPose(0.0, 0.0)
 
     def __init__(self) -> None:
         super().__init__()
         self.chain = chain(2)
-        self.terminal = Terminal("servos", self.chain, self.clock)
-        self.terminal.open()
-        self.joints = DynamixelJoints(Bus(self.terminal.path, self.clock, name="arm", patience=0.04), SPECS, self.clock)
+        self.line = DirectLine(self.chain, self.timeline.clock)
+        self.timeline.every(PERIOD, self.line.poll)
+        bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
+        self.joints = DynamixelJoints(bus, SPECS, self.clock, loop=by_hand(self.timeline))
         self.joints.open()
         self.device = DynamixelHead(
             self.joints,
@@ -148,21 +147,20 @@ class WireNeck(InRealTime, HeadRig):
             report=self.notices.append,
             changed=self.changed,
         )
+        self.device.make_loop = by_hand(self.timeline)
 
     def truth(self) -> HeadPose:
-        pan, tilt = self.terminal.ask(lambda: (self.chain.servo(1).angle, self.chain.servo(2).angle))
-        return HeadPose(pan, -tilt)
+        return HeadPose(self.chain.servo(1).angle, -self.chain.servo(2).angle)
 
     def unplug(self) -> None:
-        self.terminal.unplug()
+        self.line.plugged = False
 
     def plug_in(self) -> None:
-        self.terminal.replug()
+        self.line.plugged = True
 
     def close(self) -> None:
         self.device.close()
         self.joints.close()
-        self.terminal.close()
 
 
 class TwinNeck(InSimulatedTime, HeadRig):
@@ -200,7 +198,14 @@ class TwinNeck(InSimulatedTime, HeadRig):
         self.joints.close()
 
 
-@pytest.fixture(params=[real(WireHead), twin(TwinHead), real(WireNeck, "bus"), pytest.param(TwinNeck, id="neck twin")])
+@pytest.fixture(
+    params=[
+        simulated(WireHead, "wire"),
+        simulated(TwinHead, "twin"),
+        simulated(WireNeck, "bus"),
+        simulated(TwinNeck, "neck twin"),
+    ]
+)
 def rig(request: pytest.FixtureRequest) -> Iterator[HeadRig]:
     rig: HeadRig = request.param()
     yield rig

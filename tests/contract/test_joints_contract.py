@@ -16,9 +16,10 @@ from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.sim.twins.joints import JointsTwin
-from drivers.virtual.terminal import Terminal
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
+from tests.drivers.cranked import PERIOD, by_hand
+from tests.drivers.lines import DirectLine
 
 TICK = MODELS["AX-12A"].tick
 SPECS = {
@@ -84,16 +85,22 @@ PATIENT = Away(decide=30.0, latch=60.0)
 """So that a slow machine does not make a long absence of a short one."""
 
 
-class WireJoints(InRealTime, JointsRig):
+class WireJoints(InSimulatedTime, JointsRig):
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
         self.chain = chain(3)
         self.chain.servo(2).turn_by_hand(SPECS["elbow"].zero)
-        self.terminal = Terminal("servos", self.chain, self.clock)
-        self.terminal.open()
-        bus = Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
+        self.line = DirectLine(self.chain, self.timeline.clock)
+        self.timeline.every(PERIOD, self.line.poll)
         self.device = DynamixelJoints(
-            bus, SPECS, self.clock, at_rest=at_rest, away=away, report=self.notices.append, changed=self.changed
+            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial),
+            SPECS,
+            self.clock,
+            at_rest=at_rest,
+            away=away,
+            report=self.notices.append,
+            changed=self.changed,
+            loop=by_hand(self.timeline),
         )
 
     def make(self, specs: Mapping[str, JointSpec]) -> DynamixelJoints:
@@ -101,28 +108,27 @@ class WireJoints(InRealTime, JointsRig):
 
     def truth(self, joint: str) -> float:
         spec = SPECS[joint]
-        return (self.terminal.ask(lambda: self.chain.servo(spec.id).angle) - spec.zero) * spec.direction
+        return (self.chain.servo(spec.id).angle - spec.zero) * spec.direction
 
     def overload(self, joint: str) -> None:
         self.chain.servo(SPECS[joint].id).overload()
 
     def turn_by_hand(self, joint: str, angle: float) -> None:
         spec = SPECS[joint]
-        self.terminal.ask(lambda: self.chain.servo(spec.id).turn_by_hand(spec.zero + spec.direction * angle))
+        self.chain.servo(spec.id).turn_by_hand(spec.zero + spec.direction * angle)
 
     def exchange(self, joint: str, angle: float) -> None:
         self.chain.servo(SPECS[joint].id).power_cycle()
         self.turn_by_hand(joint, angle)
 
     def unplug(self) -> None:
-        self.terminal.unplug()
+        self.line.plugged = False
 
     def plug_in(self) -> None:
-        self.terminal.replug()
+        self.line.plugged = True
 
     def close(self) -> None:
         self.device.close()
-        self.terminal.close()
 
 
 class TwinJoints(InSimulatedTime, JointsRig):
@@ -159,7 +165,7 @@ class TwinJoints(InSimulatedTime, JointsRig):
         self.device.close()
 
 
-RIGS = [real(WireJoints), twin(TwinJoints)]
+RIGS = [simulated(WireJoints, "wire"), simulated(TwinJoints, "twin")]
 
 
 @pytest.fixture(params=RIGS)

@@ -8,10 +8,10 @@ import pytest
 
 from drivers.api import Pose2D, Quality
 from tests.contract.range_rigs import PLACE, RangeRig, TwinRange, WireRange, WireRangeA2
-from tests.contract.rigs import real, twin
+from tests.contract.rigs import simulated
 
 
-@pytest.fixture(params=[real(WireRange), real(WireRangeA2, "wire a2"), twin(TwinRange)])
+@pytest.fixture(params=[simulated(WireRange, "wire"), simulated(WireRangeA2, "wire a2"), simulated(TwinRange, "twin")])
 def rig(request: pytest.FixtureRequest) -> Iterator[RangeRig]:
     made: RangeRig = request.param()
     yield made

@@ -10,7 +10,7 @@ from drivers.api import Mood, Screen, Shown
 from drivers.screen.pages import PageScreen
 from drivers.screen.printed import PrintedScreen
 from drivers.sim.twins.screen import ScreenTwin
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InSimulatedTime, Rig, simulated
 
 
 class ScreenRig(Rig):
@@ -26,7 +26,7 @@ class ScreenRig(Rig):
         self.device.close()
 
 
-class Page(InRealTime, ScreenRig):
+class Page(InSimulatedTime, ScreenRig):
     def __init__(self) -> None:
         super().__init__()
         self.device = PageScreen(self.clock, report=self.notices.append)
@@ -44,7 +44,7 @@ class Twin(InSimulatedTime, ScreenRig):
         self.device = ScreenTwin(self.clock, report=self.notices.append)
 
 
-@pytest.fixture(params=[real(Page, "page"), pytest.param(Printed, id="printed"), twin(Twin)])
+@pytest.fixture(params=[simulated(Page, "page"), simulated(Printed, "printed"), simulated(Twin, "twin")])
 def rig(request: pytest.FixtureRequest) -> Iterator[ScreenRig]:
     rig: ScreenRig = request.param()
     yield rig

@@ -16,7 +16,7 @@ from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, twin
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, simulated
 
 PROGRAM = "import sys, threading; threading.Event().wait(0.2 * len(sys.stdin.read().split()))"
 """Stands in for a synthesiser: it takes 0.2 s for a word."""
@@ -70,7 +70,7 @@ class TwinVoice(InSimulatedTime, VoiceRig):
         real(EspeakVoice, "espeak"),
         real(SpokenVoice, "program"),
         pytest.param(PrintedWordsVoice, id="printed"),
-        twin(TwinVoice),
+        simulated(TwinVoice, "twin"),
     ]
 )
 def rig(request: pytest.FixtureRequest) -> Iterator[VoiceRig]:

@@ -4,9 +4,11 @@ The bytes are those of the real bus and the real chain; only the time is not. Wh
 seconds, and always in the same way.
 """
 
+import errno
+
 from drivers.clock import Clock, ManualClock
 from drivers.dynamixel.bus import Bus
-from drivers.errors import NotConnected
+from drivers.ports import explain
 from drivers.virtual.dynamixel import VirtualServoBus
 
 
@@ -24,7 +26,7 @@ class DirectLine:
     def dial(self, who: str, port: str, baud: int, clock: Clock) -> "DirectLine":
         """Be the line that is opened."""
         if not self.plugged:
-            raise NotConnected(f"{who}: {port}: no such device")
+            raise explain(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
         assert clock is self._clock
         self.chain.tune(baud)
         return self
@@ -36,13 +38,17 @@ class DirectLine:
 
     def hear(self, until: float) -> bytes:
         self._require()
-        self._heard += self.chain.poll(self._clock.now())
+        self.poll()
         while not self._heard and self._clock.now() < until:
             due = self.chain.next_at()
             self._clock.reach(until if due is None else min(due, until))
-            self._heard += self.chain.poll(self._clock.now())
+            self.poll()
         heard, self._heard = self._heard, b""
         return heard
+
+    def poll(self) -> None:
+        """Let the servos go on although nobody asks them."""
+        self._heard += self.chain.poll(self._clock.now())
 
     def tune(self, baud: int) -> None:
         self._require()
@@ -53,7 +59,7 @@ class DirectLine:
 
     def _require(self) -> None:
         if not self.plugged:
-            raise NotConnected("the line: unplugged")
+            raise explain("arm", "/dev/servos", OSError(errno.EIO, "it was unplugged"))
 
 
 def direct_bus(

@@ -598,7 +598,7 @@ def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, mon
 
 def test_without_its_thread_the_arm_is_not_online(make: Make) -> None:
     arm = make().start()
-    arm.joints._ending.set()
+    arm.joints._loop.end()
     wait_until(lambda: not arm.joints.health().online)
     assert arm.bus.is_open
 

@@ -13,6 +13,7 @@ from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.link import Link
+from drivers.ports import SerialPort
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 
@@ -211,8 +212,8 @@ def test_the_last_word_is_said_before_the_port_is_released(rig: Rig) -> None:
 
 def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: Rig) -> None:
     rig.open()
-    port = rig.link._serial
-    assert port is not None
+    port = rig.link._port
+    assert isinstance(port, SerialPort)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(port, "write", raising(serial.SerialException("gone")))
         with rig.link._lock:  # the link's thread cannot let it go while we look

@@ -11,7 +11,7 @@ from drivers.api import Health
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.link import Link
-from drivers.ports import open_port, set_dtr
+from drivers.ports import open_port
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 
@@ -70,7 +70,7 @@ def test_dtr_is_set_so_that_closing_the_port_leaves_it(
         settings = termios.tcgetattr(port.fileno())
         settings[2] |= termios.HUPCL
         termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
-        set_dtr(port, on=on)
+        port.set_dtr(on=on)
         assert lines == [on]
         assert not termios.tcgetattr(port.fileno())[2] & termios.HUPCL
         wait_until(lambda: port.read(1) == b"x")  # the port is as usable as before
@@ -78,7 +78,7 @@ def test_dtr_is_set_so_that_closing_the_port_leaves_it(
 
 def test_a_terminal_without_modem_lines_is_no_error(terminal: Terminal) -> None:
     with open_port("range", terminal.path, BAUD) as port:
-        set_dtr(port, on=True)
+        port.set_dtr(on=True)
 
 
 def test_any_other_trouble_with_the_line_is_an_error(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +88,7 @@ def test_any_other_trouble_with_the_line_is_an_error(terminal: Terminal, monkeyp
     with open_port("range", terminal.path, BAUD) as port:
         monkeypatch.setattr(port, "_update_dtr_state", breaks)
         with pytest.raises(OSError, match="broken"):
-            set_dtr(port, on=True)
+            port.set_dtr(on=True)
 
 
 def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: Terminal) -> None:
@@ -98,7 +98,7 @@ def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: Terminal) -> N
 
         def fails() -> bool:
             try:
-                set_dtr(port, on=True)
+                port.set_dtr(on=True)
             except OSError as error:
                 found.append(error.errno)
             return bool(found)
