@@ -1,24 +1,21 @@
-"""An arm for tests: virtual servos on a terminal, the driver over them, and a record of what went over the wire."""
+"""An arm for tests: virtual servos, the driver over them, turned by hand, and a record of what went over the wire."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from threading import Event
 from typing import Any
 
-import pytest
-
 from drivers.api import JointState, Notice
-from drivers.clock import SystemClock
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.wire import Instruction, Packet, Parser
+from drivers.sim.timeline import Timeline
 from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.terminal import Terminal
 from tests.drivers.chains import chain
-from tests.waiting import wait_until
+from tests.drivers.cranked import PERIOD, by_hand
+from tests.drivers.lines import DirectLine
 
 TICK = MODELS["AX-12A"].tick
 PLAIN = {"shoulder": JointSpec(1), "elbow": JointSpec(2), "wrist": JointSpec(3)}
@@ -51,6 +48,9 @@ class Recorder:
     def poll(self, now: float) -> bytes:
         return self._device.poll(now)
 
+    def next_at(self) -> float | None:
+        return self._device.next_at()
+
     def tune(self, baud: int) -> None:
         self._device.tune(baud)
 
@@ -69,7 +69,7 @@ class Recorder:
 
 
 class Arm:
-    """Virtual servos on a terminal, three AX-12A unless others are given, and the driver over them."""
+    """Virtual servos, three AX-12A unless others are given, and the driver over them, in simulated time."""
 
     def __init__(
         self,
@@ -78,26 +78,38 @@ class Arm:
         baud: int = 1_000_000,
         **options: Any,
     ) -> None:
-        self.clock = SystemClock()
+        self.timeline = Timeline()
+        self.clock = self.timeline.clock
         self.chain = servos or chain(3)
         self.wire = Recorder(self.chain)
-        self.terminal = Terminal("arm", self.wire, self.clock)
-        self.terminal.open()
+        self.line = DirectLine(self.wire, self.clock)
+        self.timeline.every(PERIOD, self.line.poll)
         self.notices: list[Notice] = []
-        self.rounds = Event()
-        self.bus = Bus(self.terminal.path, self.clock, baud=baud, name="arm", patience=0.04)
-        self.joints = DynamixelJoints(
-            self.bus, specs, self.clock, report=self.notices.append, changed=self.rounds.set, **options
-        )
+        self.rounds = 0
+        self.bus = Bus("/dev/servos", self.clock, baud=baud, name="arm", dial=self.line.dial)
+        self.joints = self.driver(specs, report=self.notices.append, changed=self.count, **options)
+
+    def driver(self, specs: Mapping[str, JointSpec], **options: Any) -> DynamixelJoints:
+        """Return a driver over the bus."""
+        return DynamixelJoints(self.bus, specs, self.clock, loop=by_hand(self.timeline), **options)
+
+    def count(self) -> None:
+        self.rounds += 1
 
     def start(self) -> "Arm":
         self.joints.open()
-        wait_until(lambda: self.joints.health().online and self.told("online"))
+        self.until(lambda: self.joints.health().online and self.told("online"))
         return self
 
     def close(self) -> None:
         self.joints.close()
-        self.terminal.close()
+
+    def until(self, holds: Callable[[], object]) -> None:
+        """Let time pass until ``holds`` is true; fail after 20 s."""
+        end = self.clock.now() + 20.0
+        while not holds():
+            assert self.clock.now() < end, "it did not come true within 20 s"
+            self.timeline.run(self.clock.now() + PERIOD)
 
     def told(self, text: str) -> bool:
         """Whether a notice of that kind, or with these words in it, has come."""
@@ -114,7 +126,7 @@ class Arm:
     def fresh_of(self, name: str) -> None:
         """Wait for a reading of one joint that begins after now."""
         now = self.clock.now()
-        wait_until(lambda: self.joints.states()[name].stamp > now)
+        self.until(lambda: self.joints.states()[name].stamp > now)
 
     def limp(self, servo: int) -> bool:
         return self.chain.servo(servo).limp
@@ -122,30 +134,23 @@ class Arm:
     def fresh(self) -> None:
         """Wait for a whole round of readings that begins after now."""
         now = self.clock.now()
-        wait_until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
+        self.until(lambda: all(reading.stamp > now for reading in self.joints.states().values() if reading.value))
 
 
 Make = Callable[..., Arm]
 
 
-OFTEN = {"watch.SLOWLY": 0.2, "driver.RETRY": 0.1}
-"""What the driver does about once a second, and how often (s) it does it in most tests."""
-
-
 @contextmanager
-def making(intervals: Mapping[str, float] = OFTEN) -> Iterator[Make]:
-    """Give a maker of arms, all of which are closed at the end; their drivers work at the ``intervals``."""
+def making() -> Iterator[Make]:
+    """Give a maker of arms, all of which are closed at the end."""
     arms: list[Arm] = []
 
     def build(specs: Mapping[str, JointSpec] = PLAIN, **options: Any) -> Arm:
         arms.append(Arm(specs, **options))
         return arms[-1]
 
-    with pytest.MonkeyPatch.context() as patch:
-        for name, seconds in intervals.items():
-            patch.setattr(f"drivers.dynamixel.{name}", seconds)
-        try:
-            yield build
-        finally:
-            for arm in arms:
-                arm.close()
+    try:
+        yield build
+    finally:
+        for arm in arms:
+            arm.close()

@@ -5,17 +5,31 @@ seconds, and always in the same way.
 """
 
 import errno
+from collections.abc import Callable
+from typing import Generic, Protocol, Self, TypeVar
 
 from drivers.clock import Clock, ManualClock
 from drivers.dynamixel.bus import Bus
 from drivers.ports import explain
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.terminal import Punctual, Tunable, WireDevice
 
 
-class DirectLine:
-    """A ``drivers.dynamixel.adapter.Line`` with a virtual chain at its end. ``sent`` keeps what was sent."""
+class Servos(WireDevice, Punctual, Tunable, Protocol):
+    """What a chain of servos is to its line."""
 
-    def __init__(self, chain: VirtualServoBus, clock: ManualClock, *, latency: float = 0.0) -> None:
+
+S = TypeVar("S", bound=Servos)
+
+
+class DirectLine(Generic[S]):
+    """A ``drivers.dynamixel.adapter.Line`` with a virtual chain at its end. ``sent`` keeps what was sent.
+
+    ``distort`` sees all bytes that the chain sends, and returns what arrives instead.
+    """
+
+    def __init__(self, chain: S, clock: ManualClock, *, latency: float = 0.0) -> None:
+        self.distort: Callable[[bytes], bytes] = bytes
         self.chain = chain
         self.latency = latency
         self.sent: list[bytes] = []
@@ -23,7 +37,7 @@ class DirectLine:
         self._clock = clock
         self._heard = b""
 
-    def dial(self, who: str, port: str, baud: int, clock: Clock) -> "DirectLine":
+    def dial(self, who: str, port: str, baud: int, clock: Clock) -> Self:
         """Be the line that is opened."""
         if not self.plugged:
             raise explain(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
@@ -34,7 +48,7 @@ class DirectLine:
     def send(self, data: bytes) -> None:
         self._require()
         self.sent.append(data)
-        self._heard += self.chain.feed(data, self._clock.now())
+        self._take(self.chain.feed(data, self._clock.now()))
 
     def hear(self, until: float) -> bytes:
         self._require()
@@ -48,7 +62,7 @@ class DirectLine:
 
     def poll(self) -> None:
         """Let the servos go on although nobody asks them."""
-        self._heard += self.chain.poll(self._clock.now())
+        self._take(self.chain.poll(self._clock.now()))
 
     def tune(self, baud: int) -> None:
         self._require()
@@ -57,6 +71,9 @@ class DirectLine:
     def close(self) -> None:
         self._heard = b""
 
+    def _take(self, said: bytes) -> None:
+        self._heard += self.distort(said) if said else b""
+
     def _require(self) -> None:
         if not self.plugged:
             raise explain("arm", "/dev/servos", OSError(errno.EIO, "it was unplugged"))
@@ -64,7 +81,7 @@ class DirectLine:
 
 def direct_bus(
     chain: VirtualServoBus, *, baud: int = 1_000_000, patience: float = 0.004, latency: float = 0.0
-) -> tuple[Bus, DirectLine, ManualClock]:
+) -> tuple[Bus, DirectLine[VirtualServoBus], ManualClock]:
     """Return a bus that is open on ``chain``, its line, and their clock."""
     clock = ManualClock()
     line = DirectLine(chain, clock, latency=latency)

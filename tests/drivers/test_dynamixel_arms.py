@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.api import Coupling, JointState, Quality
+from drivers.api import Away, Coupling, JointState, Quality
 from drivers.clock import SystemClock
 from drivers.dynamixel import gathering, wire2
 from drivers.dynamixel.bus import Bus
@@ -20,9 +20,6 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain
-from tests.waiting import wait_until
-
-pytestmark = pytest.mark.real_time
 
 MIXED = {"hip": "MX-64", "knee": "MX-28", "elbow": "XM430-W350", "wrist": "XL430-W250", "finger": "AX-12A"}
 
@@ -30,12 +27,6 @@ MIXED = {"hip": "MX-64", "knee": "MX-28", "elbow": "XM430-W350", "wrist": "XL430
 @pytest.fixture
 def make() -> Iterator[Make]:
     with making() as build:
-        yield build
-
-
-@pytest.fixture
-def make_unhurried() -> Iterator[Make]:
-    with making(intervals={}) as build:
         yield build
 
 
@@ -69,11 +60,11 @@ def test_every_model_is_moved_read_held_and_relaxed_in_the_same_units(make: Make
         seen.append(arm.state("a"))
         return seen[-1].moving
 
-    wait_until(turns)
+    arm.until(turns)
     assert seen[-1].velocity == pytest.approx(0.5, rel=0.03)
     assert seen[-1].load > 0
-    wait_until(lambda: there(arm, "a", 0.2) and there(arm, "b", 0.2))
-    wait_until(lambda: not arm.state("b").moving)
+    arm.until(lambda: there(arm, "a", 0.2) and there(arm, "b", 0.2))
+    arm.until(lambda: not arm.state("b").moving)
     state = arm.state("b")
     assert (state.goal, state.voltage, state.temperature, state.torque) == (0.2, 12.0, 35.0, True)
     assert state.error == pytest.approx(state.position - 0.2)
@@ -93,7 +84,7 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
     before, before2 = len(arm.wire.requests), len(arm.wire.requests2)
     goals = dict.fromkeys(MIXED, 0.3)
     assert arm.joints.move(goals) == goals
-    wait_until(lambda: all(there(arm, name, 0.3) for name in MIXED))
+    arm.until(lambda: all(there(arm, name, 0.3) for name in MIXED))
     requests, requests2 = arm.wire.requests[before:], arm.wire.requests2[before2:]
     sync = Instruction.SYNC_WRITE
     assert [sum(p.code == sync for p in list_) for list_ in (requests, requests2)] == [1, 1]
@@ -105,10 +96,10 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
     assert len([packet for packet in single if packet.id != 5]) < len(bulk)  # now and then, after a miss
 
 
-def test_slow_registers_are_read_about_once_a_second_and_of_one_servo_a_round(make_unhurried: Make) -> None:
-    arm = mixed(make_unhurried).start()
+def test_slow_registers_are_read_about_once_a_second_and_of_one_servo_a_round(make: Make) -> None:
+    arm = mixed(make).start()
     before, rounds = len(arm.wire.requests), arm.joints.health().counters["rounds"]
-    wait_until(lambda: arm.joints.health().counters["rounds"] >= rounds + 150)
+    arm.until(lambda: arm.joints.health().counters["rounds"] >= rounds + 150)
     fast = [packet.code == Instruction.BULK_READ for packet in arm.wire.requests[before:]]
     slow = [packet.parameters[0] == 24 and packet.code == Instruction.READ for packet in arm.wire.requests[before:]]
     assert 1 <= sum(slow) <= sum(fast) / 5
@@ -118,18 +109,18 @@ def test_slow_registers_are_read_about_once_a_second_and_of_one_servo_a_round(ma
         assert since <= 1
 
 
-def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make_unhurried: Make) -> None:
+def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make: Make) -> None:
     specs = {name: spec(servo, "XM430-W350") for servo, name in enumerate("abcd", 1)}
-    arm = make_unhurried(specs, servos=chain(4, "XM430-W350")).start()
+    arm = make(specs, servos=chain(4, "XM430-W350")).start()
     arm.chain.servo(2).present = False
-    wait_until(lambda: arm.told("b (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("b (servo 2) does not answer any more"))
     tries = {servo: arm.bus.tally(servo).tries for servo in (1, 2, 4)}
-    wait_until(lambda: arm.bus.tally(4).tries >= tries[4] + 60)
+    arm.until(lambda: arm.bus.tally(4).tries >= tries[4] + 60)
     assert arm.bus.tally(1).tries - tries[1] == pytest.approx(60, abs=10)
     assert arm.bus.tally(2).tries - tries[2] <= 6
     arm.chain.servo(2).present = True
-    wait_until(lambda: arm.told("b (servo 2) is back"))
-    wait_until(lambda: arm.joints.states()["b"].good)
+    arm.until(lambda: arm.told("b (servo 2) is back"))
+    arm.until(lambda: arm.joints.states()["b"].good)
 
 
 def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> None:
@@ -142,8 +133,8 @@ def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> Non
             return b""
         return data
 
-    arm.terminal.distort = lose_one
-    wait_until(lambda: missed)
+    arm.line.distort = lose_one
+    arm.until(lambda: missed)
     arm.fresh()
     assert arm.joints.health().detail == ""
     assert [notice.kind for notice in arm.notices] == ["online"]
@@ -163,7 +154,7 @@ def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
         return sum(packet.code == Instruction.BULK_READ for packet in arm.wire.requests)
 
     began = arm.clock.now()
-    wait_until(lambda: arm.clock.now() > began + gathering.IN_VAIN + 0.2)
+    arm.until(lambda: arm.clock.now() > began + gathering.IN_VAIN + 0.2)
     arm.fresh()
     tried = asked()
     for _ in range(20):
@@ -183,11 +174,11 @@ def test_a_bulk_read_that_gets_lost_now_and_then_is_not_given_up(make: Make) -> 
     for _ in range(3):
         before = asked()
         arm.wire.deaf_to = {Instruction.BULK_READ}
-        wait_until(partial(lambda before: asked() > before + 1, before))
+        arm.until(partial(lambda before: asked() > before + 1, before))
         arm.wire.deaf_to = set()
         arm.fresh()
     now = asked()
-    wait_until(lambda: asked() > now + 5)
+    arm.until(lambda: asked() > now + 5)
     assert [notice.kind for notice in arm.notices] == ["online"]
 
 
@@ -206,7 +197,7 @@ def test_all_that_differs_of_a_servo_is_told_in_one_message(make: Make) -> None:
     third.set("drive_mode", 1)
     specs = {"a": spec(1, "XM430-W350"), "b": spec(2, "MX-106"), "c": spec(3, "EX-106+"), "d": spec(4, "MX-28")}
     arm = make(specs, servos=servos).start()
-    wait_until(lambda: arm.told("fault"))
+    arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
     for words in (
         "4 of 4 servos: a (servo 1) has angle limits of 0..3000 ticks, and the joint needs 744..3352",
@@ -223,7 +214,7 @@ def test_all_that_differs_of_a_servo_is_told_in_one_message(make: Make) -> None:
     first.set("operating_mode", 3)
     first.set("homing_offset", 0)
     first.set("max_position", 4095)
-    wait_until(lambda: arm.told("a (servo 1) is back"))
+    arm.until(lambda: arm.told("a (servo 1) is back"))
 
 
 def test_the_same_servo_with_the_firmware_of_the_other_protocol_is_recognised(make: Make) -> None:
@@ -231,8 +222,8 @@ def test_the_same_servo_with_the_firmware_of_the_other_protocol_is_recognised(ma
     arm = make(specs, servos=mixed_chain("MX-28(2.0)", "AX-12A"))
     arm.joints.open()
     alone = "a (servo 1) answers in protocol 2.0 alone, as model 30, not as MX-28: write model: MX-28(2.0)"
-    wait_until(lambda: alone in arm.joints.health().detail)
-    wait_until(lambda: "b (servo 2) answers in protocol 1.0 alone, as model 12" in arm.joints.health().detail)
+    arm.until(lambda: alone in arm.joints.health().detail)
+    arm.until(lambda: "b (servo 2) answers in protocol 1.0 alone, as model 12" in arm.joints.health().detail)
     assert not arm.joints.health().online
 
 
@@ -248,7 +239,7 @@ def test_an_id_that_takes_the_other_protocol_for_its_own_is_refused() -> None:
 def test_a_wire_that_is_too_slow_for_the_rate_is_told_once_with_the_cure(make: Make) -> None:
     specs = {f"joint_{servo}": spec(servo) for servo in range(1, 23)}
     arm = make(specs, servos=chain(22)).start()
-    wait_until(lambda: arm.told("fault"))
+    arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
     assert fault.what == "a round of 22 servos takes 16 ms, 11 ms of it return delay: 61 Hz instead of 100 Hz"
     assert "mission servo set all return_delay 0 --robot FILE" in fault.hint
@@ -259,7 +250,7 @@ def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:
     for servo in servos.servos:
         servo.set("return_delay", 0)
     arm = make({f"joint_{servo}": spec(servo) for servo in range(1, 7)}, servos=servos, baud=57_600).start()
-    wait_until(lambda: arm.told("0 ms of it return delay: 38 Hz instead of 100 Hz"))
+    arm.until(lambda: arm.told("0 ms of it return delay: 38 Hz instead of 100 Hz"))
     assert "baud rate" in arm.notices[-1].hint
     quiet = make(servos=chain(3), rate=10.0).start()
     assert [notice.kind for notice in quiet.notices] == ["online"]
@@ -272,8 +263,8 @@ def test_a_rate_that_makes_no_sense_is_refused(rate: float) -> None:
 
 
 def test_health_tells_how_often_the_arm_is_read_and_how_full_its_wire_is(make: Make) -> None:
-    arm = make(rate=50.0).start()
-    wait_until(lambda: arm.joints.health().counters["achieved rate (Hz)"])
+    arm = make(servos=chain(3, paced=True), rate=50.0).start()
+    arm.until(lambda: arm.joints.health().counters["achieved rate (Hz)"])
     counters = arm.joints.health().counters
     assert 0 < counters["achieved rate (Hz)"] <= 60
     assert 0 < counters["utilisation (%)"] <= 100
@@ -289,24 +280,24 @@ def test_health_tells_how_often_the_arm_is_read_and_how_full_its_wire_is(make: M
 def test_a_servo_of_protocol_2_that_shut_down_is_told_at_once_and_recovers_by_starting_again(make: Make) -> None:
     arm = mixed(make).start()
     arm.joints.move({"elbow": 0.5})
-    wait_until(lambda: there(arm, "elbow", 0.5))
+    arm.until(lambda: there(arm, "elbow", 0.5))
     servo = arm.chain.servo(3)
     servo.overload()
-    wait_until(lambda: arm.told("elbow (servo 3) has shut down: its torque is off until it starts again"))
+    arm.until(lambda: arm.told("elbow (servo 3) has shut down: its torque is off until it starts again"))
     assert arm.told("elbow (servo 3) reports overload (12.0 V, 35 °C")
     assert all(notice.hint for notice in arm.notices if notice.kind == "fault")
     assert arm.limp(3)
     arm.joints.move({"elbow": 1.0, "knee": 0.2})
-    wait_until(lambda: arm.told("a move left elbow (servo 3) out: it has shut down"))
-    wait_until(lambda: there(arm, "knee", 0.2))
+    arm.until(lambda: arm.told("a move left elbow (servo 3) out: it has shut down"))
+    arm.until(lambda: there(arm, "knee", 0.2))
     arm.joints.hold()
     assert arm.limp(3)
-    arm.terminal.ask(lambda: servo.turn_by_hand(0.3))
+    servo.turn_by_hand(0.3)
     assert arm.joints.recover() == ("elbow",)
     assert arm.joints.recover() == ()
-    wait_until(lambda: arm.told("elbow (servo 3) is back"))
+    arm.until(lambda: arm.told("elbow (servo 3) is back"))
     assert not arm.limp(3)
-    wait_until(lambda: arm.joints.states()["elbow"].good and arm.state("elbow").torque)
+    arm.until(lambda: arm.joints.states()["elbow"].good and arm.state("elbow").torque)
     assert servo.angle == pytest.approx(0.3, abs=0.006)
     assert servo.get("profile_velocity") > 0
     assert arm.joints.health().detail == ""
@@ -316,7 +307,7 @@ def test_a_hot_servo_of_protocol_2_is_told_once(make: Make) -> None:
     arm = mixed(make).start()
     arm.chain.servo(4).set("shutdown", 0)
     arm.chain.servo(4).temperature = 90.0
-    wait_until(lambda: arm.told("wrist (servo 4) reports overheating"))
+    arm.until(lambda: arm.told("wrist (servo 4) reports overheating"))
     for _ in range(5):
         arm.fresh()
     assert sum("overheating" in notice.what for notice in arm.notices) == 1
@@ -328,15 +319,15 @@ def test_a_brown_out_ends_with_every_joint_as_it_is_meant_to_be(make: Make, serv
     arm = mixed(make).start()
     name = list(MIXED)[servo - 1]
     arm.joints.move({name: 0.4})
-    wait_until(lambda: there(arm, name, 0.4))
+    arm.until(lambda: there(arm, name, 0.4))
     before = len(arm.notices)
-    arm.terminal.ask(lambda: arm.chain.servo(servo).brown_out(0.3))
-    wait_until(lambda: len(arm.notices) > before and not arm.limp(servo))
-    wait_until(lambda: arm.joints.states()[name].good and arm.state(name).torque)
+    arm.chain.servo(servo).brown_out(0.3)
+    arm.until(lambda: len(arm.notices) > before and not arm.limp(servo))
+    arm.until(lambda: arm.joints.states()[name].good and arm.state(name).torque)
     table = arm.chain.servo(servo).model.table
     assert arm.chain.servo(servo).get(table.speed) > 0
     arm.joints.move({name: 0.0})
-    wait_until(partial(there, arm, name, 0.0))
+    arm.until(partial(there, arm, name, 0.0))
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
@@ -346,9 +337,9 @@ def test_a_dip_that_nobody_saw_gives_a_limp_servo_its_torque_limit_back(make: Ma
     limit = servo.model.table.torque_limit
     wanted = servo.get(limit)
     assert wanted == round(0.3 * servo.model.full)
-    arm.terminal.ask(servo.power_cycle)
+    servo.power_cycle()
     assert servo.get(limit) != wanted
-    wait_until(lambda: arm.told("elbow (servo 1) had lost its settings and was given them again"))
+    arm.until(lambda: arm.told("elbow (servo 1) had lost its settings and was given them again"))
     assert servo.get(limit) == wanted
     assert servo.limp
 
@@ -358,7 +349,7 @@ def test_a_bus_watchdog_that_somebody_left_on_is_switched_off(make: Make) -> Non
     servos.servo(1).set("bus_watchdog", -1)  # it has fired: goals are locked
     arm = make({"elbow": spec(1, "XM430-W350")}, servos=servos).start()
     arm.joints.move({"elbow": 0.2})
-    wait_until(lambda: there(arm, "elbow", 0.2))
+    arm.until(lambda: there(arm, "elbow", 0.2))
 
 
 def test_limits_that_are_set_in_the_servo_are_kept(make: Make) -> None:
@@ -369,14 +360,14 @@ def test_limits_that_are_set_in_the_servo_are_kept(make: Make) -> None:
     servo.power_cycle()
     arm = make({"elbow": spec(1, "XM430-W350")}, servos=servos).start()
     arm.joints.move({"elbow": 0.2}, speeds={"elbow": 99.0})
-    wait_until(lambda: there(arm, "elbow", 0.2))
+    arm.until(lambda: there(arm, "elbow", 0.2))
     assert (servo.get("profile_velocity"), servo.get("goal_pwm")) == (50, 400)
 
 
 def test_servos_of_both_protocols_that_could_not_be_relaxed_are_named(make: Make) -> None:
     arm = mixed(make, at_rest="relax").start()
     arm.joints.move(dict.fromkeys(MIXED, 0.2))
-    wait_until(lambda: all(there(arm, name, 0.2) for name in MIXED))
+    arm.until(lambda: all(there(arm, name, 0.2) for name in MIXED))
     for servo in (2, 4):
         arm.chain.servo(servo).present = False
     arm.joints.close()
@@ -390,12 +381,12 @@ def test_servos_of_both_protocols_that_could_not_be_relaxed_are_named(make: Make
 def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make) -> None:
     arm = make(rate=50.0).start()
     arm.joints.follow([Coupling("elbow", "wrist")])
-    wait_until(lambda: not arm.limp(3))
+    arm.until(lambda: not arm.limp(3))
     leader, follower = arm.chain.servo(2), arm.chain.servo(3)
     before = len(arm.wire.requests)
     for angle in (0.3, 0.6, 0.2, -0.3):
-        arm.terminal.ask(partial(leader.turn_by_hand, angle))
-        wait_until(partial(lambda goal: follower.get("goal_position") == goal, follower.model.ticks(angle)))
+        leader.turn_by_hand(angle)
+        arm.until(partial(lambda goal: follower.get("goal_position") == goal, follower.model.ticks(angle)))
     order = ""
     for packet in arm.wire.requests[before:]:
         if packet.code == Instruction.READ and packet.id == 2 and packet.parameters[0] == 36:
@@ -403,36 +394,36 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
         elif packet.code == Instruction.SYNC_WRITE and packet.parameters[0] == 30:
             order += "G"
     assert order.count("RG") == order.count("G") >= 4
-    wait_until(lambda: abs(follower.angle - leader.angle) < 0.01)
+    arm.until(lambda: abs(follower.angle - leader.angle) < 0.01)
     assert arm.limp(2)
 
 
 def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_told_once(make: Make) -> None:
-    arm = mixed(make).start()
+    arm = mixed(make, away=Away(decide=30.0, latch=60.0)).start()
     arm.joints.follow([Coupling("elbow", "finger", scale=-1.0), Coupling("elbow", "knee")])
-    arm.terminal.ask(lambda: arm.chain.servo(3).turn_by_hand(0.5))
-    wait_until(lambda: there(arm, "finger", -0.5) and there(arm, "knee", 0.5))
+    arm.chain.servo(3).turn_by_hand(0.5)
+    arm.until(lambda: there(arm, "finger", -0.5) and there(arm, "knee", 0.5))
     arm.chain.servo(3).present = False
     words = "stays where it is: nothing is heard of elbow (servo 3), which leads it"
-    wait_until(lambda: arm.told(f"finger (servo 5) {words}") and arm.told(f"knee (servo 2) {words}"))
-    wait_until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
+    arm.until(lambda: arm.told(f"finger (servo 5) {words}") and arm.told(f"knee (servo 2) {words}"))
+    arm.until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
     for _ in range(5):
         arm.fresh_of("finger")
     assert there(arm, "finger", -0.5)
     assert sum(words in notice.what for notice in arm.notices) == 2
-    arm.terminal.ask(lambda: arm.chain.servo(3).turn_by_hand(0.2))
+    arm.chain.servo(3).turn_by_hand(0.2)
     arm.chain.servo(3).present = True
-    wait_until(lambda: there(arm, "finger", -0.2) and there(arm, "knee", 0.2))
+    arm.until(lambda: there(arm, "finger", -0.2) and there(arm, "knee", 0.2))
 
 
 def test_a_follower_that_shuts_down_is_left_out_and_the_others_go_on(make: Make) -> None:
     arm = make().start()
     arm.joints.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
-    wait_until(lambda: not arm.limp(3) and not arm.limp(1))
+    arm.until(lambda: not arm.limp(3) and not arm.limp(1))
     arm.chain.servo(3).overload()
-    wait_until(lambda: arm.told("a move left wrist (servo 3) out: it has shut down"))
-    arm.terminal.ask(lambda: arm.chain.servo(2).turn_by_hand(0.4))
-    wait_until(lambda: there(arm, "shoulder", 0.4))
+    arm.until(lambda: arm.told("a move left wrist (servo 3) out: it has shut down"))
+    arm.chain.servo(2).turn_by_hand(0.4)
+    arm.until(lambda: there(arm, "shoulder", 0.4))
     assert arm.limp(3)
     assert sum("a move left" in notice.what for notice in arm.notices) == 1
 
@@ -440,7 +431,7 @@ def test_a_follower_that_shuts_down_is_left_out_and_the_others_go_on(make: Make)
 def test_at_rest_nothing_follows_any_more(make: Make) -> None:
     arm = make(at_rest="relax").start()
     arm.joints.follow([Coupling("elbow", "wrist")])
-    wait_until(lambda: not arm.limp(3))
+    arm.until(lambda: not arm.limp(3))
     arm.joints.rest()
     arm.fresh()
     assert all(arm.limp(servo) for servo in (1, 2, 3))

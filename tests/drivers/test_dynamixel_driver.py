@@ -1,6 +1,7 @@
-"""The arm's driver over virtual servos: real packets, real time, every fault that an arm has."""
+"""The arm's driver over virtual servos: real packets, simulated time, every fault that an arm has."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from math import inf, nan
 from pathlib import Path
@@ -18,21 +19,15 @@ from drivers.dynamixel.register import Register
 from drivers.dynamixel.torque import settle
 from drivers.dynamixel.wire import Fault, Instruction, status
 from drivers.errors import BadRequest, DeviceFault, NotConnected
+from drivers.virtual.terminal import Terminal
 from tests.drivers.arms import PLAIN, TICK, Make, making
+from tests.drivers.chains import chain
 from tests.waiting import wait_until
-
-pytestmark = pytest.mark.real_time
 
 
 @pytest.fixture
 def make() -> Iterator[Make]:
     with making() as build:
-        yield build
-
-
-@pytest.fixture
-def make_unhurried() -> Iterator[Make]:
-    with making(intervals={}) as build:
         yield build
 
 
@@ -66,17 +61,17 @@ def test_limits_are_those_of_the_robot_file_in_its_order(make: Make) -> None:
 
 def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
     arm = make()
-    arm.terminal.unplug()
+    arm.line.plugged = False
     arm.joints.open()
-    wait_until(lambda: "no such device" in arm.joints.health().detail)
+    arm.until(lambda: "no such device" in arm.joints.health().detail)
     assert not arm.joints.health().online
     assert {reading.quality for reading in arm.joints.states().values()} == {Quality.NONE}
     with pytest.raises(NotConnected, match="no such device"):
         arm.joints.move({"elbow": 0.1})
-    arm.terminal.replug()
-    wait_until(lambda: arm.joints.health().online)
-    wait_until(lambda: arm.told("3 of 3 servos answer"))
-    wait_until(lambda: all(reading.good for reading in arm.joints.states().values()))
+    arm.line.plugged = True
+    arm.until(lambda: arm.joints.health().online)
+    arm.until(lambda: arm.told("3 of 3 servos answer"))
+    arm.until(lambda: all(reading.good for reading in arm.joints.states().values()))
     assert [notice.kind for notice in arm.notices] == ["online"]
     assert arm.joints.health().detail == arm.joints.health().hint == ""
 
@@ -84,9 +79,9 @@ def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
 def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 0.3})
-    wait_until(lambda: arm.at("elbow", 0.3))
-    arm.terminal.unplug()
-    wait_until(lambda: arm.told("offline"))
+    arm.until(lambda: arm.at("elbow", 0.3))
+    arm.line.plugged = False
+    arm.until(lambda: arm.told("offline"))
     online_at: list[tuple[int, bool]] = []
     who_are_you = bytes((m.MODEL_NUMBER.address, 3))
 
@@ -96,14 +91,14 @@ def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(
         return data
 
     seen = len(arm.wire.requests)
-    arm.terminal.distort = note
-    arm.terminal.replug()
-    wait_until(lambda: arm.joints.health().online)
+    arm.line.distort = note
+    arm.line.plugged = True
+    arm.until(lambda: arm.joints.health().online)
     assert [asked for asked, online in online_at if asked < 3 and online] == []
     assert (1, False) in online_at
     # A move that came earlier would have been undone: the elbow is stopped where it stands when it is found.
     arm.joints.move({"elbow": -0.3})
-    wait_until(lambda: arm.at("elbow", -0.3))
+    arm.until(lambda: arm.at("elbow", -0.3))
 
 
 def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) -> None:
@@ -112,7 +107,7 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
     arm.chain.servo(1).set(m.MODEL_NUMBER, 18)
     arm.chain.servo(2).set(m.CCW_ANGLE_LIMIT, 0)
     arm.start()
-    wait_until(lambda: arm.told("fault"))
+    arm.until(lambda: arm.told("fault"))
     (fault,) = [notice for notice in arm.notices if notice.kind == "fault"]
     assert "4 of 5 servos" in fault.what
     assert "a (servo 1) is model 18 (AX-18A), not 12 (AX-12A)" in fault.what
@@ -124,9 +119,9 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
     assert health.online
     assert "d (servo 4) does not answer" in health.detail
     assert arm.joints.move({"a": 0.5, "c": 0.5}) == {"a": 0.5, "c": 0.5}
-    wait_until(lambda: arm.at("c", 0.5))
+    arm.until(lambda: arm.at("c", 0.5))
     assert arm.chain.servo(1).angle == 0
-    wait_until(lambda: arm.told("a move left a (servo 1) out: it is model 18"))
+    arm.until(lambda: arm.told("a move left a (servo 1) out: it is model 18"))
 
 
 @pytest.mark.parametrize(
@@ -143,9 +138,9 @@ def test_a_servo_that_is_set_up_otherwise_is_not_driven_until_it_is_put_right(
     right = arm.chain.servo(2).get(register)
     arm.chain.servo(2).set(register, value)
     arm.start()
-    wait_until(lambda: arm.told(f"elbow (servo 2) {complaint}") or complaint in arm.joints.health().detail)
+    arm.until(lambda: arm.told(f"elbow (servo 2) {complaint}") or complaint in arm.joints.health().detail)
     arm.chain.servo(2).set(register, right)
-    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    arm.until(lambda: arm.told("elbow (servo 2) is back"))
     assert arm.joints.health().detail == ""
 
 
@@ -153,7 +148,7 @@ def test_offline_when_no_servo_answers(make: Make) -> None:
     arm = make().start()
     for servo in arm.chain.servos:
         servo.present = False
-    wait_until(lambda: arm.told("offline"))
+    arm.until(lambda: arm.told("offline"))
     health = arm.joints.health()
     assert not health.online
     assert "does not answer" in health.detail
@@ -161,22 +156,22 @@ def test_offline_when_no_servo_answers(make: Make) -> None:
     arm.joints.move({"elbow": 0.3})  # the bus is there: no error, and nobody moves
     for servo in arm.chain.servos:
         servo.present = True
-    wait_until(lambda: arm.joints.health().online and arm.joints.health().detail == "")
+    arm.until(lambda: arm.joints.health().online and arm.joints.health().detail == "")
 
 
-def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make_unhurried: Make) -> None:
-    arm = make_unhurried().start()
+def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> None:
+    arm = make().start()
     arm.chain.servo(2).present = False
-    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
-    wait_until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
+    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.joints.states()["elbow"].quality is Quality.STALE)
     before = {servo: arm.bus.tally(servo).tries for servo in (1, 2)}
-    wait_until(lambda: arm.bus.tally(1).tries >= before[1] + 25)
+    arm.until(lambda: arm.bus.tally(1).tries >= before[1] + 25)
     assert arm.bus.tally(2).tries - before[2] <= 6
     assert arm.joints.health().online
     assert arm.joints.health().counters["misses of elbow"] > 0
     arm.chain.servo(2).present = True
-    wait_until(lambda: arm.told("elbow (servo 2) is back"))
-    wait_until(lambda: arm.joints.states()["elbow"].good)
+    arm.until(lambda: arm.told("elbow (servo 2) is back"))
+    arm.until(lambda: arm.joints.states()["elbow"].good)
 
 
 # --- moving -----------------------------------------------------------------------------------------------------------
@@ -185,9 +180,9 @@ def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make_unhurried: 
 def test_joints_move_to_their_goals_and_tell_what_they_feel(make: Make) -> None:
     arm = make().start()
     assert arm.joints.move({"shoulder": 0.4, "elbow": -0.4}, speeds={"elbow": 1.0}) == {"shoulder": 0.4, "elbow": -0.4}
-    wait_until(lambda: arm.state("elbow").moving)
+    arm.until(lambda: arm.state("elbow").moving)
     assert arm.state("elbow").velocity == pytest.approx(-1.0, rel=0.02)
-    wait_until(lambda: arm.at("shoulder", 0.4) and arm.at("elbow", -0.4))
+    arm.until(lambda: arm.at("shoulder", 0.4) and arm.at("elbow", -0.4))
     arm.fresh()
     state = arm.state("elbow")
     assert (state.goal, state.voltage, state.temperature, state.torque) == (-0.4, 12.0, 35.0, True)
@@ -200,7 +195,7 @@ def test_a_move_of_stiff_joints_is_one_packet_of_goals_and_speeds(make: Make) ->
     servo = arm.chain.servo(1)
     already = len(arm.wire.requests)
     arm.joints.move({"shoulder": 0.1, "wrist": -0.2}, speeds={"shoulder": 0.5})
-    wait_until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.1))
+    arm.until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.1))
     (packet,) = [p for p in arm.wire.requests[already:] if p.code != Instruction.READ]
     assert packet.code == Instruction.SYNC_WRITE
     assert servo.get(m.MOVING_SPEED) == servo.model.speed_ticks(0.5)
@@ -211,9 +206,9 @@ def test_a_move_of_stiff_joints_is_one_packet_of_goals_and_speeds(make: Make) ->
 def test_the_goal_is_where_the_joint_stands_before_its_torque_comes_on(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(1).turn_by_hand(0.7)
-    wait_until(lambda: arm.at("shoulder", 0.7))
+    arm.until(lambda: arm.at("shoulder", 0.7))
     arm.joints.move({"shoulder": 0.0})
-    wait_until(lambda: arm.at("shoulder", 0.0))
+    arm.until(lambda: arm.at("shoulder", 0.0))
     here = m.GOAL_POSITION.encode(MODELS["AX-12A"].ticks(0.7))
     writes = arm.wire.writes(1)
     first_goal = next(i for i, (address, _) in enumerate(writes) if address == m.GOAL_POSITION.address)
@@ -238,10 +233,10 @@ def test_the_eeprom_is_never_written_and_no_speed_is_ever_0(make: Make) -> None:
 def test_a_joint_mounted_the_other_way_round_turns_the_other_way(make: Make) -> None:
     arm = make({"neck": JointSpec(1, zero=0.5, direction=-1, lower=-0.4, upper=0.4)}).start()
     arm.chain.servo(1).turn_by_hand(0.5)
-    wait_until(lambda: arm.at("neck", 0.0))
+    arm.until(lambda: arm.at("neck", 0.0))
     arm.joints.move({"neck": 0.3}, speeds={"neck": 0.5})
-    wait_until(lambda: arm.state("neck").velocity > 0)
-    wait_until(lambda: arm.at("neck", 0.3) and not arm.state("neck").moving)
+    arm.until(lambda: arm.state("neck").velocity > 0)
+    arm.until(lambda: arm.at("neck", 0.3) and not arm.state("neck").moving)
     assert arm.chain.servo(1).angle == pytest.approx(0.2, abs=TICK)
 
 
@@ -249,10 +244,11 @@ def test_goals_are_clamped_and_speeds_kept_within_bounds(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3, speed=1.5)}).start()
     assert arm.joints.move({"elbow": 9.0}, speeds={"elbow": 50.0}) == {"elbow": 0.3}
     servo = arm.chain.servo(2)
-    wait_until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.3))
+    arm.until(lambda: servo.get(m.GOAL_POSITION) == servo.model.ticks(0.3))
     assert servo.get(m.MOVING_SPEED) == servo.model.speed_ticks(1.5)
     arm.joints.move({"elbow": -9.0}, speeds={"elbow": 0.0})
-    wait_until(lambda: servo.get(m.MOVING_SPEED) == 1)
+    arm.until(lambda: servo.get(m.MOVING_SPEED) == 1)
+    arm.fresh()
     assert arm.state("elbow").goal == -0.3
 
 
@@ -270,11 +266,11 @@ def test_a_move_that_cannot_be_names_every_fault_and_moves_nothing(make: Make) -
 def test_a_missing_servo_is_left_out_of_a_move_once_told_and_the_others_go(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(2).present = False
-    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     for goal in (0.2, 0.3):
         assert arm.joints.move({"elbow": goal, "wrist": goal}) == {"elbow": goal, "wrist": goal}
-        wait_until(partial(arm.at, "wrist", goal))
-    wait_until(lambda: arm.told("a move left elbow (servo 2) out: it does not answer"))
+        arm.until(partial(arm.at, "wrist", goal))
+    arm.until(lambda: arm.told("a move left elbow (servo 2) out: it does not answer"))
     assert sum("left elbow" in notice.what for notice in arm.notices) == 1
 
 
@@ -285,11 +281,11 @@ def test_stiffening_never_jumps_to_an_old_goal(make: Make) -> None:
     arm = make().start()
     servo = arm.chain.servo(1)
     arm.joints.move({"shoulder": 0.8})
-    wait_until(lambda: arm.at("shoulder", 0.8))
+    arm.until(lambda: arm.at("shoulder", 0.8))
     arm.joints.relax()
     assert arm.limp(1)
     servo.turn_by_hand(-0.5)
-    wait_until(lambda: arm.at("shoulder", -0.5))
+    arm.until(lambda: arm.at("shoulder", -0.5))
     reached = [servo.angle]
     arm.joints.hold()
     assert not arm.limp(1)
@@ -304,7 +300,7 @@ def test_a_move_from_limp_starts_where_the_joint_stands_at_the_speed_asked_for(m
     arm = make().start()
     servo = arm.chain.servo(1)
     servo.turn_by_hand(1.0)
-    wait_until(lambda: arm.at("shoulder", 1.0))
+    arm.until(lambda: arm.at("shoulder", 1.0))
     arm.joints.move({"shoulder": 1.05}, speeds={"shoulder": 0.1})
     seen = []
 
@@ -312,7 +308,7 @@ def test_a_move_from_limp_starts_where_the_joint_stands_at_the_speed_asked_for(m
         seen.append(servo.angle)
         return arm.at("shoulder", 1.05)
 
-    wait_until(arrived)
+    arm.until(arrived)
     assert min(seen) >= 1.0 - TICK
     assert max(seen) <= 1.05 + TICK
 
@@ -320,10 +316,10 @@ def test_a_move_from_limp_starts_where_the_joint_stands_at_the_speed_asked_for(m
 def test_holding_stops_a_move_half_way(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 2.0}, speeds={"elbow": 1.0})
-    wait_until(lambda: arm.state("elbow").position > 0.2)
+    arm.until(lambda: arm.state("elbow").position > 0.2)
     arm.joints.hold()
     arm.fresh()
-    wait_until(lambda: not arm.state("elbow").moving)
+    arm.until(lambda: not arm.state("elbow").moving)
     stopped = arm.chain.servo(2).angle
     assert 0.1 < stopped < 1.9
     arm.fresh()
@@ -334,9 +330,9 @@ def test_holding_stops_a_move_half_way(make: Make) -> None:
 def test_a_joint_turned_beyond_its_limits_is_held_at_the_limit(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3)}).start()
     arm.chain.servo(2).turn_by_hand(0.6)
-    wait_until(lambda: arm.at("elbow", 0.6))
+    arm.until(lambda: arm.at("elbow", 0.6))
     arm.joints.hold()
-    wait_until(lambda: arm.at("elbow", 0.3))
+    arm.until(lambda: arm.at("elbow", 0.3))
 
 
 def test_hold_relax_and_rest_are_safe_before_open_after_close_and_twice(make: Make) -> None:
@@ -365,7 +361,7 @@ def test_it_may_be_opened_again_after_it_was_closed(make: Make) -> None:
     arm.notices.clear()
     arm.start()
     arm.joints.move({"elbow": 0.1})
-    wait_until(lambda: arm.at("elbow", 0.1))
+    arm.until(lambda: arm.at("elbow", 0.1))
     assert [notice.kind for notice in arm.notices] == ["online"]
 
 
@@ -373,7 +369,7 @@ def test_at_the_end_the_arm_rests_as_its_robot_file_asks(make: Make) -> None:
     for policy, limp in (("hold", False), ("relax", True)):
         arm = make(at_rest=policy).start()
         arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
-        wait_until(partial(arm.at, "wrist", 0.2))
+        arm.until(partial(arm.at, "wrist", 0.2))
         arm.joints.close()
         assert [servo.limp for servo in arm.chain.servos] == [limp] * 3
         assert not arm.bus.is_open
@@ -382,7 +378,7 @@ def test_at_the_end_the_arm_rests_as_its_robot_file_asks(make: Make) -> None:
 def test_closing_tells_which_servos_could_not_be_relaxed_and_relaxes_the_others(make: Make) -> None:
     arm = make(at_rest="relax").start()
     arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
-    wait_until(lambda: arm.at("wrist", 0.2))
+    arm.until(lambda: arm.at("wrist", 0.2))
     arm.chain.servo(1).present = False
     arm.joints.close()
     assert [servo.limp for servo in arm.chain.servos] == [False, True, True]
@@ -394,7 +390,7 @@ def test_closing_tells_which_servos_could_not_be_relaxed_and_relaxes_the_others(
 def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
     arm = make(at_rest="relax").start()
     arm.joints.move({"elbow": 0.2})
-    arm.terminal.unplug()
+    arm.line.plugged = False
     arm.joints.close()
     (fault,) = [notice for notice in arm.notices if "could not be relaxed" in notice.what]
     assert fault.what.count("servo") == 3
@@ -436,32 +432,32 @@ def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: 
 def test_after_replugging_it_goes_on_with_its_settings_restored(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, torque_limit=0.5)}).start()
     arm.joints.move({"elbow": 0.4})
-    wait_until(lambda: arm.at("elbow", 0.4))
-    arm.terminal.unplug()
-    wait_until(lambda: arm.told("offline"))
+    arm.until(lambda: arm.at("elbow", 0.4))
+    arm.line.plugged = False
+    arm.until(lambda: arm.told("offline"))
     with pytest.raises(NotConnected):
         arm.joints.move({"elbow": 0.0})
     arm.chain.servo(2).power_cycle()
     assert arm.limp(2)
-    arm.terminal.replug()
-    wait_until(lambda: arm.joints.health().online)
-    wait_until(lambda: not arm.limp(2))
+    arm.line.plugged = True
+    arm.until(lambda: arm.joints.health().online)
+    arm.until(lambda: not arm.limp(2))
     assert arm.chain.servo(2).get(m.TORQUE_LIMIT) == round(0.5 * 1023)
     assert arm.chain.servo(2).angle == pytest.approx(0.4, abs=TICK)
-    wait_until(lambda: arm.joints.health().counters["connections"] == 2)
+    arm.until(lambda: arm.joints.health().counters["connections"] == 2)
     assert [notice.kind for notice in arm.notices[:3]] == ["online", "offline", "online"]
 
 
 def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 0.1})
-    wait_until(lambda: arm.at("elbow", 0.1))
+    arm.until(lambda: arm.at("elbow", 0.1))
     arm.chain.servo(2).present = False
-    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     arm.joints.relax()
     assert not arm.limp(2)  # it could not hear
     arm.chain.servo(2).present = True
-    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    arm.until(lambda: arm.told("elbow (servo 2) is back"))
     assert arm.limp(2)
 
 
@@ -474,38 +470,38 @@ def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_d
     arm.joints.move({"shoulder": 1.5, "elbow": 1.5}, speeds={"shoulder": 0.1, "elbow": 0.1})
     for number in gone:
         arm.chain.servo(number).present = False
-    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     seen = arm.joints.states()["elbow"].stamp
-    wait_until(lambda: arm.clock.now() - seen > 0.6)
+    arm.until(lambda: arm.clock.now() - seen > 0.6)
     for number in gone:
         arm.chain.servo(number).present = True
-    wait_until(lambda: arm.joints.health().online and not arm.joints.health().detail)
+    arm.until(lambda: arm.joints.health().online and not arm.joints.health().detail)
     assert arm.joints.health().returned is not None
-    wait_until(lambda: all(arm.state(joint).goal != 1.5 for joint in ("shoulder", "elbow")))
+    arm.until(lambda: all(arm.state(joint).goal != 1.5 for joint in ("shoulder", "elbow")))
     if latch < 1:
         with pytest.raises(DeviceFault, match="was away for"):
             arm.joints.move({"shoulder": 0.0})
         arm.joints.enable()
     arm.joints.move({"shoulder": 0.0, "elbow": 0.0})
-    wait_until(lambda: arm.at("shoulder", 0.0) and arm.at("elbow", 0.0))
+    arm.until(lambda: arm.at("shoulder", 0.0) and arm.at("elbow", 0.0))
 
 
 def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make: Make) -> None:
     arm = make().start()
     refusal = status(2, Fault.RANGE)
-    arm.terminal.distort = lambda data: refusal if data[2:3] == b"\x02" else data
-    wait_until(lambda: arm.told("elbow (servo 2) does not answer any more"))
+    arm.line.distort = lambda data: refusal if data[2:3] == b"\x02" else data
+    arm.until(lambda: arm.told("elbow (servo 2) does not answer any more"))
     arm.fresh_of("wrist")
-    arm.terminal.distort = bytes
-    wait_until(lambda: arm.told("elbow (servo 2) is back"))
+    arm.line.distort = bytes
+    arm.until(lambda: arm.told("elbow (servo 2) is back"))
 
 
 def test_a_dip_of_the_supply_is_noticed_and_made_good(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 0.3})
-    wait_until(lambda: arm.at("elbow", 0.3))
+    arm.until(lambda: arm.at("elbow", 0.3))
     arm.chain.servo(2).power_cycle()
-    wait_until(lambda: arm.told("elbow (servo 2) had lost its settings and was made stiff again where it stood"))
+    arm.until(lambda: arm.told("elbow (servo 2) had lost its settings and was made stiff again where it stood"))
     assert not arm.limp(2)
     assert arm.chain.servo(2).get(m.MOVING_SPEED) > 0
 
@@ -513,30 +509,30 @@ def test_a_dip_of_the_supply_is_noticed_and_made_good(make: Make) -> None:
 def test_lasting_faults_are_told_once_and_readings_go_on(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(3).voltage = 5.5
-    wait_until(lambda: arm.told("wrist (servo 3) reports voltage (5.5 V, 35 °C, load +0%)"))
+    arm.until(lambda: arm.told("wrist (servo 3) reports voltage (5.5 V, 35 °C, load +0%)"))
     for _ in range(3):
         arm.fresh()
     assert sum("reports voltage" in notice.what for notice in arm.notices) == 1
     assert arm.joints.states()["wrist"].good
     arm.chain.servo(3).voltage = 12.0
-    wait_until(lambda: arm.state("wrist").voltage == 12.0)
+    arm.until(lambda: arm.state("wrist").voltage == 12.0)
     arm.chain.servo(3).voltage = 5.5
-    wait_until(lambda: sum("reports voltage" in notice.what for notice in arm.notices) == 2)
+    arm.until(lambda: sum("reports voltage" in notice.what for notice in arm.notices) == 2)
 
 
 def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_when_asked(make: Make) -> None:
     arm = make().start()
     servo = arm.chain.servo(2)
     arm.joints.move({"elbow": 0.5})
-    wait_until(lambda: arm.at("elbow", 0.5))
+    arm.until(lambda: arm.at("elbow", 0.5))
     servo.overload()
-    wait_until(lambda: arm.told("elbow (servo 2) reports overload"))
-    wait_until(lambda: arm.told("elbow (servo 2) has shut down"))
+    arm.until(lambda: arm.told("elbow (servo 2) reports overload"))
+    arm.until(lambda: arm.told("elbow (servo 2) has shut down"))
     assert "elbow (servo 2) has shut down" in arm.joints.health().detail
     servo.turn_by_hand(0.2)
-    wait_until(lambda: arm.at("elbow", 0.2))
+    arm.until(lambda: arm.at("elbow", 0.2))
     arm.joints.move({"elbow": 1.0})
-    wait_until(lambda: arm.told("a move left elbow (servo 2) out: it has shut down"))
+    arm.until(lambda: arm.told("a move left elbow (servo 2) out: it has shut down"))
     arm.joints.hold()
     assert arm.limp(2)
     assert arm.joints.recover() == ("elbow",)
@@ -553,14 +549,14 @@ def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, 
         raise error
 
     arm = make()
-    joints = DynamixelJoints(arm.bus, PLAIN, arm.clock, at_rest="relax", report=throw, changed=throw)
+    joints = arm.driver(PLAIN, at_rest="relax", report=throw, changed=throw)
     joints.open()
-    wait_until(lambda: joints.health().online)
+    arm.until(lambda: joints.health().online)
     joints.move({"elbow": 0.2})
     arm.chain.servo(1).present = False
-    wait_until(lambda: "does not answer" in joints.health().detail)
+    arm.until(lambda: "does not answer" in joints.health().detail)
     stamp = arm.clock.now()
-    wait_until(lambda: joints.states()["wrist"].stamp > stamp)
+    arm.until(lambda: joints.states()["wrist"].stamp > stamp)
     joints.close()
     assert not joints.health().online
     assert not arm.bus.is_open
@@ -579,7 +575,7 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
 
     with monkeypatch.context() as patched:
         patched.setattr(arm.joints._watch, "read", broken)
-        wait_until(lambda: len(rounds) >= 2)
+        arm.until(lambda: len(rounds) >= 2)
     arm.fresh()
     assert [notice.what for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]
 
@@ -599,26 +595,16 @@ def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, mon
 def test_without_its_thread_the_arm_is_not_online(make: Make) -> None:
     arm = make().start()
     arm.joints._loop.end()
-    wait_until(lambda: not arm.joints.health().online)
+    arm.until(lambda: not arm.joints.health().online)
     assert arm.bus.is_open
-
-
-def test_a_port_that_someone_else_holds_is_told_by_health(make: Make) -> None:
-    arm = make()
-    other = Bus(arm.terminal.path, arm.clock, name="other")
-    other.open()
-    arm.joints.open()
-    wait_until(lambda: "in use" in arm.joints.health().detail)
-    other.close()
-    wait_until(lambda: arm.joints.health().online)
 
 
 def test_readings_that_are_never_renewed_turn_stale(make: Make) -> None:
     arm = make().start()
-    wait_until(lambda: all(reading.good for reading in arm.joints.states().values()))
-    assert arm.rounds.is_set()
-    arm.terminal.distort = lambda _: b""
-    wait_until(lambda: {reading.quality for reading in arm.joints.states().values()} == {Quality.STALE})
+    arm.until(lambda: all(reading.good for reading in arm.joints.states().values()))
+    assert arm.rounds > 0
+    arm.line.distort = lambda _: b""
+    arm.until(lambda: {reading.quality for reading in arm.joints.states().values()} == {Quality.STALE})
     assert all(reading.value is not None for reading in arm.joints.states().values())
 
 
@@ -629,3 +615,63 @@ def test_nothing_is_opened_before_open(tmp_path: Path) -> None:
     assert joints.health().detail.endswith("not opened yet")
     with pytest.raises(NotConnected, match="not opened yet"):
         joints.move({})
+
+
+# --- over a port, in real time ----------------------------------------------------------------------------------------
+
+
+class Ported:
+    """The driver on its thread, with virtual servos on a pseudo-terminal."""
+
+    def __init__(self) -> None:
+        self.clock = SystemClock()
+        self.chain = chain(3)
+        self.terminal = Terminal("arm", self.chain, self.clock)
+        self.terminal.open()
+        self.joints = DynamixelJoints(self.bus(), PLAIN, self.clock, at_rest="relax")
+
+    def bus(self) -> Bus:
+        return Bus(self.terminal.path, self.clock, name="arm", patience=0.04)
+
+    def goes(self, goal: float) -> None:
+        """Move a joint as soon as it can be moved; wait until it is there."""
+
+        def moved() -> bool:
+            with suppress(NotConnected):
+                self.joints.move({"elbow": goal})
+            value = self.joints.states()["elbow"].value
+            return value is not None and abs(value.position - goal) <= TICK
+
+        wait_until(moved)
+
+
+@pytest.fixture
+def ported() -> Iterator[Ported]:
+    ported = Ported()
+    yield ported
+    ported.joints.close()
+    ported.terminal.close()
+
+
+@pytest.mark.real_time
+def test_over_a_port_the_arm_is_moved_lost_found_again_and_relaxed(ported: Ported) -> None:
+    ported.joints.open()
+    ported.goes(0.3)
+    ported.terminal.unplug()
+    wait_until(lambda: not ported.joints.health().online)
+    ported.terminal.replug()
+    wait_until(lambda: ported.joints.health().online)
+    ported.joints.enable()  # a slow machine may have made a long absence of a short one
+    ported.goes(-0.2)
+    ported.joints.close()
+    assert [servo.limp for servo in ported.chain.servos] == [True] * 3
+
+
+@pytest.mark.real_time
+def test_a_port_that_someone_else_holds_is_told_by_health(ported: Ported) -> None:
+    other = ported.bus()
+    other.open()
+    ported.joints.open()
+    wait_until(lambda: "in use" in ported.joints.health().detail)
+    other.close()
+    wait_until(lambda: ported.joints.health().online)

@@ -46,7 +46,7 @@ def at_times(chance: Random, share: float) -> bool:
     return chance.random() < share
 
 
-class LossyLine(DirectLine):
+class LossyLine(DirectLine[VirtualServoBus]):
     """Requests that it ``loses`` never arrive; the plug is pulled behind one that is the ``last``.
 
     Replies that are ``late`` are not heard; ``held_up`` is how long (s) a request takes to leave.

@@ -7,7 +7,7 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from tests.drivers.lines import DirectLine
 
 
-class Wired(DirectLine):
+class Wired(DirectLine[VirtualServoBus]):
     """``rates`` are the baud rates that it was set to since it was opened; those in ``beyond`` it cannot run at."""
 
     def __init__(self, chain: VirtualServoBus) -> None:
