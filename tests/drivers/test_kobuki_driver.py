@@ -12,6 +12,7 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers import ports
 from drivers.api import COMMAND_LIFE, STILL, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
@@ -821,7 +822,7 @@ def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytes
 
     rig.terminal.open()
     with monkeypatch.context() as forbidden:  # taken away by hand, for root is never refused
-        forbidden.setattr(serial, "Serial", refuse)
+        forbidden.setattr(ports, "SerialPort", refuse)
         rig.base.open()
         wait_until(lambda: "no permission" in rig.base.health().detail)
         assert "usermod" in rig.base.health().hint
