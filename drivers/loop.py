@@ -1,0 +1,67 @@
+"""Turn after turn of the same work: on a thread of its own, or by whoever else has the time in hand."""
+
+from collections.abc import Callable
+from threading import Event, Thread
+from typing import Protocol
+
+Turn = Callable[[], float]
+"""Does what is due, and returns the seconds until more is. It raises nothing: a loop has nobody to tell."""
+
+
+class Loop(Protocol):
+    """Takes turns from ``start`` to ``end``."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether turns are taken."""
+        ...
+
+    def start(self) -> None:
+        """Take turns from now on, until ``end``; does nothing while they are taken."""
+        ...
+
+    def end(self) -> None:
+        """Take no turn any more, and wait for the one that is under way. Safe more than once, but not in a turn."""
+        ...
+
+
+MakeLoop = Callable[[str, Turn, Callable[[], object]], Loop]
+"""Makes a loop from its name, its turn, and what is done once after the last turn."""
+
+
+class ThreadLoop:
+    """A ``Loop`` on a daemon thread called ``name``, which does ``last`` too; ``end`` cuts a pause short."""
+
+    def __init__(self, name: str, turn: Turn, last: Callable[[], object]) -> None:
+        self._name = name
+        self._turn = turn
+        self._last = last
+        self._ending = Event()
+        self._thread: Thread | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Start the thread; does nothing if it was started and not ended."""
+        if self._thread is None:
+            self._ending.clear()
+            self._thread = Thread(target=self._run, name=self._name, daemon=True)
+            self._thread.start()
+
+    def end(self) -> None:
+        """End the thread and wait for it."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.is_set():
+                if (pause := self._turn()) > 0:
+                    self._ending.wait(pause)
+        finally:
+            self._last()

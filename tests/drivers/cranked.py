@@ -1,0 +1,128 @@
+"""Drivers whose threads are turned by hand, and wires without a port: real driver, virtual device, simulated time.
+
+The bytes are those of the wire and the turns those of the threads; only the time is not, and nothing waits.
+"""
+
+import errno
+from collections.abc import Callable
+from functools import partial
+
+from drivers.api import Report, unreported
+from drivers.link import Link
+from drivers.loop import Turn
+from drivers.ports import explain
+from drivers.sim.timeline import Timeline
+from drivers.virtual.terminal import Powered, WireDevice
+
+PERIOD = 0.005
+"""Seconds between two looks at a wire, as on a pseudo-terminal, and the least between two turns."""
+
+
+class HandLoop:
+    """A ``drivers.loop.Loop`` whose turns are taken as a timeline comes to them."""
+
+    def __init__(self, timeline: Timeline, turn: Turn, last: Callable[[], object]) -> None:
+        self.alive = False
+        self._timeline = timeline
+        self._turn = turn
+        self._last = last
+        self._starts = 0
+
+    def start(self) -> None:
+        if not self.alive:
+            self.alive = True
+            self._starts += 1
+            self._timeline.at(self._timeline.clock.now(), partial(self._again, self._starts))
+
+    def end(self) -> None:
+        if self.alive:
+            self.alive = False
+            self._last()
+
+    def _again(self, start: int) -> None:
+        if self.alive and start == self._starts:
+            pause = self._turn()
+            self._timeline.at(self._timeline.clock.now() + max(pause, PERIOD), partial(self._again, start))
+
+
+def by_hand(timeline: Timeline) -> Callable[[str, Turn, Callable[[], object]], HandLoop]:
+    """Return what makes loops that are turned as ``timeline`` goes on: a ``drivers.loop.MakeLoop``."""
+    return lambda name, turn, last: HandLoop(timeline, turn, last)  # noqa: ARG005 - no thread, no name
+
+
+class HandWire:
+    """A wire from a virtual device to a link, which looks at it every ``PERIOD``.
+
+    ``distort`` sees all bytes that the device sends, and returns what arrives instead.
+    """
+
+    def __init__(self, device: WireDevice, timeline: Timeline) -> None:
+        self.distort: Callable[[bytes], bytes] = bytes
+        self.arrived = b""
+        self.device = device
+        self.clock = timeline.clock
+        self.holder: HandPort | None = None
+        self._timeline = timeline
+        self._plugged = True
+        timeline.every(PERIOD, self._poll)
+
+    def link(self, name: str, *, gather: float = 0.0, report: Report = unreported) -> Link:
+        """Return a link to the device."""
+        loop, baud = by_hand(self._timeline), self.device.baud
+        return Link(name, f"/dev/{name}", baud, retry=0.05, gather=gather, report=report, dial=self.dial, loop=loop)
+
+    def dial(self, who: str, port: str, baud: int) -> "HandPort":
+        """Take the port, as a link does."""
+        assert baud == self.device.baud
+        if not self._plugged:
+            raise explain(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
+        self.arrived, self.holder = b"", HandPort(self)
+        return self.holder
+
+    def unplug(self) -> None:
+        self._plugged, self.holder = False, None
+
+    def plug_in(self) -> None:
+        self._plugged = True
+        if isinstance(self.device, Powered):
+            self.device.plugged(self.clock.now())
+
+    def take(self, said: bytes) -> None:
+        """Pass on what the device says, to whoever has the port."""
+        if said and self.holder is not None:
+            self.arrived += self.distort(said)
+
+    def _poll(self) -> None:
+        self.take(self.device.poll(self.clock.now()))
+
+
+class HandPort:
+    """A ``drivers.link.Port`` at the end of a ``HandWire``."""
+
+    def __init__(self, wire: HandWire) -> None:
+        self._wire = wire
+
+    @property
+    def in_waiting(self) -> int:
+        self._require()
+        return len(self._wire.arrived)
+
+    def read(self, size: int) -> bytes:
+        self._require()
+        data, self._wire.arrived = self._wire.arrived[:size], self._wire.arrived[size:]
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._require()
+        self._wire.take(self._wire.device.feed(data, self._wire.clock.now()))
+
+    def set_dtr(self, *, on: bool) -> None:  # noqa: ARG002 - a wire without modem lines
+        self._require()
+
+    def close(self) -> None:
+        if self._wire.holder is self:
+            self._wire.holder = None
+
+    def _require(self) -> None:
+        if self._wire.holder is not self:
+            raise OSError(errno.EIO, "it was unplugged")
