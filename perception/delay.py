@@ -27,17 +27,21 @@ Floats = npt.NDArray[np.float64]
 GRID: Floats = np.arange(-0.1, 0.2501, 0.01)
 """The delays that may be, in seconds; shape (36,), dtype float64. Below 0 a picture is stamped before its exposure."""
 
-BELIEVED = 0.06
+BELIEVED = 0.1
 """Seconds, one sigma: how far a delay may be from what it was believed to be."""
 
-MEASURED = radians(0.15)
+MEASURED = radians(0.2)
 """Radians, one sigma: how exactly the shift of a background tells a turn."""
 
-SCALE = 0.03
-"""One sigma, as a share of a turn: what the angle of view and the speed of the servos may be wrong by."""
+SCALE = 0.1
+"""One sigma, as a share of a turn: what the angle of view is wrong by, and how far beside the straight line between two
+recorded poses servos stand that know whole degrees. Where this is too little, a few pairs outvote all others."""
 
 LEAST_TURN = radians(0.4)
 """Radians: from a pair of pictures between which all delays mean nearly the same turn, nothing can be learnt."""
+
+PROBES = [0, len(GRID) // 2, len(GRID) - 1]
+"""The delays of ``GRID`` whose poses tell whether the camera turns."""
 
 LONGEST_PAIR = 0.3
 """Seconds between two pictures at most: after more, they show too little of the same."""
@@ -87,12 +91,12 @@ class Exposed:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """What is kept of a picture: its stamp, where the camera looked under each delay, and the picture, if wanted."""
+class _Turned:
+    """What is kept of a picture that was taken in a turn: its stamp, the yaw under each delay, the picture itself."""
 
     stamp: float
     yaws: Floats
-    picture: Grey | None
+    picture: Grey
 
 
 class Exposures:
@@ -104,7 +108,7 @@ class Exposures:
     def __init__(self, gaze: Callable[[float], Gaze | None], delay: Delay) -> None:
         self.delay = delay
         self._gaze = gaze
-        self._before: _Seen | None = None
+        self._before: _Turned | None = None
         self._last = -np.inf
 
     def exposed(self, frame: Frame, camera: Pinhole) -> Frame:
@@ -115,23 +119,33 @@ class Exposures:
         return Exposed(frame.image, stamp)
 
     def _learn(self, frame: Frame, camera: Pinhole) -> None:
+        """Compare a picture with the one before it, if either was taken in a turn."""
         before, self._before = self._before, None
-        yaws = self._yaws(frame.stamp)
+        if before is not None and frame.stamp - before.stamp > LONGEST_PAIR:
+            before = None
+        turning = self._turning(frame.stamp)
+        if not turning and before is None:
+            return
+        yaws = self._yaws(frame.stamp, GRID)
         if yaws is None:
             return
-        turning = float(np.ptp(yaws)) >= LEAST_TURN or (before is not None and before.picture is not None)
-        self._before = now = _Seen(frame.stamp, yaws, level(frame.image, camera) if turning else None)
-        if before is None or before.picture is None or now.picture is None:
-            return
-        if frame.stamp - before.stamp > LONGEST_PAIR or before.picture.shape != now.picture.shape:
+        now = _Turned(frame.stamp, yaws, level(frame.image, camera))
+        if turning:
+            self._before = now
+        if before is None or before.picture.shape != now.picture.shape:
             return
         moved = shift(before.picture, now.picture)
         if moved is not None:
             # What moves to the right in a picture was turned away from to the left.
             self.delay.learn(moved[0] * camera.field_of_view / now.picture.shape[1], yaws - before.yaws)
 
-    def _yaws(self, stamp: float) -> Floats | None:
-        found = [self._gaze(stamp - delay) for delay in GRID]
+    def _turning(self, stamp: float) -> bool:
+        """Whether the camera turned about then, by a few of its poses: all of them would cost more."""
+        yaws = self._yaws(stamp, GRID[PROBES])
+        return yaws is not None and float(np.ptp(yaws)) >= LEAST_TURN
+
+    def _yaws(self, stamp: float, delays: Floats) -> Floats | None:
+        found = [self._gaze(stamp - delay) for delay in delays]
         return None if None in found else np.array([gaze.yaw for gaze in found if gaze is not None])
 
 

@@ -4,7 +4,7 @@ After Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking 
 piecewise constant acceleration model, with two states.
 """
 
-from math import radians
+from math import radians, sqrt
 
 from perception.geometry import wrap
 
@@ -17,11 +17,21 @@ ACCELERATION = 2.0
 FIRST_RATE = 1.0
 """Standard deviation in rad/s of the rate before a second measurement."""
 
+JUMP = radians(4), radians(100)
+"""What is farther than so many radians, and rad/s, from where it was expected has jumped, unless it was known so badly
+that this is within ``UNSURE`` standard deviations. It begins anew there: a jump tells no rate."""
+
+UNSURE = 3.0
+
 
 class Motion:
     """The filtered ``angle`` in radians and ``rate`` in rad/s at the last measurement. The angle does not wrap."""
 
     def __init__(self, angle: float) -> None:
+        self._begin(angle)
+
+    def _begin(self, angle: float) -> None:
+        """Know where it is, and nothing of its rate."""
         self.angle = angle
         self.rate = 0.0
         self._angle_variance = MEASURED**2
@@ -35,6 +45,9 @@ class Motion:
         self._go_on(after)
         surprise = wrap(angle - self.angle)
         variance = self._angle_variance + MEASURED**2
+        if abs(surprise) > max(JUMP[0], JUMP[1] * after, UNSURE * sqrt(variance)):
+            self._begin(self.angle + surprise)
+            return
         gain, rate_gain = self._angle_variance / variance, self._covariance / variance
         self.angle += gain * surprise
         self.rate += rate_gain * surprise

@@ -1,8 +1,6 @@
 """Where a base will be when the next command acts: by what it was told and has not done yet."""
 
-import math
-
-from behaviours.tracking.lag import Lag, Turning
+from behaviours.tracking.lag import Lag, Turning, ramped
 
 LONGEST = 1.0
 """Seconds to look ahead at most: what lies beyond is of no use."""
@@ -14,12 +12,11 @@ STEP = 0.02
 class Ahead:
     """Foretells how a base will stand that begins what it is told ``lag.seconds`` later.
 
-    It approaches each turn rate that it was told at ``acceleration`` (rad/s^2), like the ramps of its driver.
+    It approaches each turn rate that it was told at ``lag.acceleration``, by the ramps of its driver.
     """
 
-    def __init__(self, lag: Lag, *, acceleration: float) -> None:
+    def __init__(self, lag: Lag) -> None:
         self._lag = lag
-        self._acceleration = acceleration
 
     def at(self, time: float, known: Turning) -> Turning:
         """Return how it will stand and turn at ``time``, from how it did when that was last known."""
@@ -29,9 +26,9 @@ class Ahead:
         time = min(time, now + LONGEST)
         while now < time:
             step = min(STEP, time - now)
-            change = self._lag.told(now - self._lag.seconds, rate) - rate
-            change = math.copysign(min(abs(change), self._acceleration * step), change)
-            heading += (rate + change / 2) * step
-            rate += change
+            told = self._lag.told(now + step / 2 - self._lag.seconds, rate)
+            after = ramped(rate, told, self._lag.acceleration * step)
+            heading += (rate + after) / 2 * step
+            rate = after
             now += step
         return Turning(heading, rate, time)

@@ -43,7 +43,7 @@ class Follower:
 
     ``limits`` are the head's, None for a robot without one; ``max_turn`` in rad/s, 0 for a robot without a base.
     ``lag`` is what is known of how long the base takes to begin what it is told, and learns more of it; without one it
-    is learnt from nothing. ``acceleration`` (rad/s^2) is how quickly the base then changes its turn.
+    is learnt from nothing.
     """
 
     def __init__(
@@ -53,14 +53,13 @@ class Follower:
         limits: HeadLimits | None,
         max_turn: float,
         lag: Lag | None = None,
-        acceleration: float = TURN_ACCELERATION,
     ) -> None:
         self._rules = rules
         self._limits = limits
         self._max_turn = max_turn
-        self._lag = Lag(0.0, acceleration) if lag is None else lag
-        self._ahead = Ahead(self._lag, acceleration=acceleration)
-        self._able = acceleration if limits is None else limits.acceleration
+        self._lag = Lag(0.0, TURN_ACCELERATION) if lag is None else lag
+        self._ahead = Ahead(self._lag)
+        self._able = self._lag.acceleration if limits is None else limits.acceleration
         self._view: View = Expected(self._able)
         self._by_edge = any(law is not None and EDGE in law.inputs for law in (rules.pan, rules.base, rules.turn))
         self._goal = HeadPose(0.0, 0.0)

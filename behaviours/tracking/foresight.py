@@ -1,25 +1,34 @@
 """How far a target's motion can be foreseen: learnt from how well it could be so far.
 
-Four models foretell one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
+Three models foretell one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
 
-- walk: y + r h, with the rate of the filter, which follows a turn at once;
-- stroll: the straight line through the last 0.7 s, which is steadier;
+- walk: the straight line through as many of the last moments as are on one, so that it is steady while somebody walks
+  on and quick when he turns (adaptive windowing after Janabi-Sharifi, Hayward and Chen, 2000); y + r h, with the rate
+  of the filter, where hardly any are;
 - swing: y + a r h + b (m - y), with a and b by least squares. For a swing of angular frequency w that is exact, with
   a = sin(wh) / (wh) and b = 1 - cos(wh). How wide a swing is followed depends on what head or base are able to;
-- rest: m, for what comes and goes faster than anything can follow.
+- rest: m, for what cannot be foreseen.
 
-Each counts by how well it foretold the last seconds; a walk is what is believed before.
+Each counts by how well it foretold the last seconds; a walk is what is believed before. What comes and goes faster than
+head or base are able to is followed by a share only, from the middle of its way.
 """
 
 from collections import deque
 from dataclasses import dataclass
-from math import exp, radians, sqrt
+from itertools import pairwise
+from math import exp, pi, radians
 
 MEAN = 2.0
 """Seconds over which the slow mean is formed, and for which the past is kept."""
 
-STROLL = 0.7
-"""Seconds of the past that a straight line is put through."""
+LINES = (0.7, 0.5, 0.35, 0.25)
+"""Seconds of the past that a straight line is put through: the longest that fits."""
+
+FEWEST = 4
+"""Pictures that a line takes; through fewer the filter's rate is the better one."""
+
+FITS = radians(0.5)
+"""Radians that each may be beside it."""
 
 MEMORY = 1.5
 """Seconds after which experience has faded to a third."""
@@ -33,11 +42,14 @@ SURPRISE = radians(1.5)
 FLOOR = 20 * radians(0.5) ** 2
 """rad^2: errors below this, over the samples that are remembered, are noise and do not tell models apart."""
 
-PENALTIES = (1.0, 1.0, 2.0, 1.5)
-"""How many times better than a walk each model must foretell to count as much: walk, stroll, swing, rest."""
+PENALTIES = (1.0, 2.0, 1.5)
+"""How many times better than a walk each model must foretell to count as much: walk, swing, rest."""
 
-DOUBTS = (1.0, 1.2, 3.0, 3.0)
+DOUBTS = (1.0, 3.0, 3.0)
 """Before anything was foretold, the errors of each model count as so many times FLOOR."""
+
+ONCE = 1.5
+"""How many times as far as it got something must have gone to count as coming and going; a time more, and it does."""
 
 ABLE = 0.7
 """The share of the acceleration of head or base that following a swing may take."""
@@ -68,24 +80,23 @@ class Foresight:
         self._past.clear()
         self._since = 0.0
         self._sums = [0.0] * 6
-        self._off_line = self._angles = self._rates = 0.0
+        self._off_line = self._middle = 0.0
         self._trust, self._pull, self._share = 1.0, 0.0, 1.0
-        self._weights = [1.0, 0.0, 0.0, 0.0]
+        self._weights = [1.0, 0.0, 0.0]
 
     def foretell(self, stamp: float, angle: float, rate: float, ahead: float) -> tuple[float, float]:
         """Return (angle, rate) as they will be ``ahead`` seconds after ``stamp``, when the target was as told."""
         if not self._past or stamp > self._past[-1].stamp:
             self._see(stamp, angle, rate, ahead)
         now = self._past[-1]
-        walk, stroll, swing, rest = self._weights
+        walk, swing, rest = self._weights
         back = now.mean - angle
-        swung = now.mean + self._share * (self._trust * rate * ahead + self._pull * back - back)
+        swung = angle + self._trust * rate * ahead + self._pull * back
         turned = (1.0 - self._pull) * rate + (2 * self._trust * self._pull / ahead * back if ahead > 0 else 0.0)
         line = now.level + now.slope * (stamp - now.stamp + ahead)
-        return (
-            walk * (angle + rate * ahead) + stroll * line + swing * swung + rest * now.mean,
-            walk * rate + stroll * now.slope + swing * self._share * turned,
-        )
+        there = walk * line + swing * swung + rest * now.mean
+        going = walk * now.slope + swing * turned
+        return self._middle + self._share * (there - self._middle), self._share * going
 
     def _see(self, stamp: float, angle: float, rate: float, ahead: float) -> None:
         """Take in a new picture, and judge by it what was foretold ``ahead`` seconds before."""
@@ -99,30 +110,47 @@ class Foresight:
             before = self._past[-1].mean
             mean = before + (angle - before) * min(1.0, span / min(self._since, MEAN))
         fade = exp(-span / MEMORY)
-        self._angles = self._angles * fade + (angle - mean) ** 2 * (1 - fade)
-        self._rates = self._rates * fade + rate**2 * (1 - fade)
         self._past.append(_Past(stamp, angle, rate, mean, *self._line(stamp, angle, rate)))
         while stamp - self._past[0].stamp > MEAN:
             self._past.popleft()
+        self._limit()
         then = min(self._past, key=lambda past: abs(stamp - ahead - past.stamp))
         if then.stamp < stamp:
             self._judge(then, angle - then.angle, stamp - then.stamp, fade)
 
     def _line(self, stamp: float, angle: float, rate: float) -> tuple[float, float]:
-        """Return the straight line through the last moments: its value now, and its slope."""
-        recent = [(past.stamp - stamp, past.angle) for past in self._past if stamp - past.stamp < STROLL]
-        if len(recent) < 3:
-            return angle, rate
-        recent.append((0.0, angle))
-        time, level = (sum(column) / len(recent) for column in zip(*recent, strict=True))
-        slope = sum((t - time) * (y - level) for t, y in recent) / sum((t - time) ** 2 for t, _ in recent)
-        return level - slope * time, slope
+        """Return the straight line through the last moments that are on one: its value now, and its slope."""
+        for window in LINES:
+            recent = [(past.stamp - stamp, past.angle) for past in self._past if stamp - past.stamp < window]
+            recent.append((0.0, angle))
+            if len(recent) < FEWEST:
+                break
+            time, level = (sum(column) / len(recent) for column in zip(*recent, strict=True))
+            slope = sum((t - time) * (y - level) for t, y in recent) / sum((t - time) ** 2 for t, _ in recent)
+            level -= slope * time
+            if all(abs(y - level - slope * t) <= FITS for t, y in recent):
+                return level, slope
+        return angle, rate
+
+    def _limit(self) -> None:
+        """Find how much can be followed of what comes and goes."""
+        angles = [past.angle for past in self._past]
+        low, high, time = min(angles), max(angles), self._past[-1].stamp - self._past[0].stamp
+        self._middle = (low + high) / 2
+        path = sum(abs(after - before) for before, after in pairwise(angles))
+        if time <= 0 or path <= ONCE * (high - low):
+            self._share = 1.0
+            return
+        # A swing by A at w goes a way of 2 A w / pi a second, and takes the acceleration A w^2.
+        needed = (high - low) / 2 * (pi * path / (high - low) / time) ** 2
+        followed = min(1.0, max(0.0, 1.25 * ABLE * self._able / needed - 0.25))
+        self._share = 1.0 - min(1.0, path / (high - low) - ONCE) * (1.0 - followed)
 
     def _judge(self, then: _Past, went: float, time: float, fade: float) -> None:
         """Count how well each model foretold that it ``went`` so far in ``time`` seconds."""
         by_rate, by_mean = then.rate * time, then.mean - then.angle
         off_line = went - (then.level + then.slope * time - then.angle)
-        errors = (went - by_rate, off_line, went - self._trust * by_rate - self._pull * by_mean, went - by_mean)
+        errors = (off_line, went - self._trust * by_rate - self._pull * by_mean, went - by_mean)
         weight = 1 / (1 + min(map(abs, errors)) ** 2 / SURPRISE**2)
         new = (by_rate * by_rate, by_rate * by_mean, by_mean * by_mean, by_rate * went, by_mean * went, went * went)
         self._sums = [old * fade + weight * product for old, product in zip(self._sums, new, strict=True)]
@@ -137,11 +165,8 @@ class Foresight:
         determinant = more_rr * more_mm - rm * rm
         a = self._trust = min(max((more_rw * more_mm - mw * rm) / determinant, -1.0), 1.0)
         b = self._pull = min(max((more_rr * mw - rm * more_rw) / determinant, 0.0), 2.0)
-        # A swing by A at w takes the acceleration A w^2, and its rate is A w at most.
-        needed = sqrt(2 / self._angles) * self._rates if self._angles > 0 else 0.0
-        self._share = min(1.0, max(0.0, 1.25 * ABLE * self._able / needed - 0.25)) if needed > 0 else 1.0
         swing = ww + a * a * rr + b * b * mm + 2 * a * b * rm - 2 * a * rw - 2 * b * mw
-        costs = (ww - 2 * rw + rr, self._off_line, swing, ww - 2 * mw + mm)
+        costs = (self._off_line, swing, ww - 2 * mw + mm)
         found = zip(costs, PENALTIES, DOUBTS, strict=True)
         weights = [(FLOOR / (max(cost, 0.0) * penalty + FLOOR * doubt)) ** 4 for cost, penalty, doubt in found]
         self._weights = [weight / sum(weights) for weight in weights]

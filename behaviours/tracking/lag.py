@@ -36,13 +36,21 @@ LONGEST_GAP = 0.3
 """Seconds between two reports: after more, the reckoning begins afresh."""
 
 
+BRAKING = 1.2
+"""How much harder than it speeds up a base slows down: as its driver has it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """How the base stood, and turned, at ``stamp``: ``heading`` in radians (odometry frame), ``rate`` in rad/s."""
+    """How the base stood, and turned, at ``stamp``: ``heading`` in radians (odometry frame), ``rate`` in rad/s.
+
+    It is ``reported`` by the base, or only reckoned.
+    """
 
     heading: float
     rate: float
     stamp: float
+    reported: bool = True
 
 
 class Lag:
@@ -53,7 +61,7 @@ class Lag:
 
     def __init__(self, told: float, acceleration: float) -> None:
         self.seconds, self.spread = told, BELIEVED
-        self._acceleration = acceleration
+        self.acceleration = acceleration
         self._costs = [((lag - told) / BELIEVED) ** 2 for lag in GRID]
         self._rates = [0.0] * len(GRID)
         self._told: deque[tuple[float, float]] = deque()
@@ -75,20 +83,18 @@ class Lag:
         return next((rate for when, rate in reversed(self._told) if when <= time), otherwise)
 
     def learn(self, known: Turning) -> None:
-        """Take in how the base turned at a time."""
+        """Take in how the base turned at a time; what it did not report itself teaches nothing."""
         before = self._known
-        if before is not None and known.stamp <= before.stamp:
+        if not known.reported or (before is not None and known.stamp <= before.stamp):
             return
         self._known = known
         span = 0.0 if before is None else known.stamp - before.stamp
         if not 0 < span <= LONGEST_GAP or not self._told or self._told[0][0] > known.stamp - span - GRID[-1]:
             self._rates = [known.rate] * len(GRID)
             return
-        most = self._acceleration * span
         for number, lag in enumerate(GRID):
-            rate = self._rates[number]
-            change = self.told(known.stamp - lag - span / 2, rate) - rate
-            self._rates[number] = rate + math.copysign(min(abs(change), most), change)
+            told = self.told(known.stamp - lag - span / 2, self._rates[number])
+            self._rates[number] = ramped(self._rates[number], told, self.acceleration * span)
         if max(self._rates) - min(self._rates) >= LEAST:
             self._weigh(known.rate)
 
@@ -103,3 +109,10 @@ class Lag:
         self.seconds = sum(weight * lag for weight, lag in pairs) / sum(weights)
         variance = sum(weight * (lag - self.seconds) ** 2 for weight, lag in pairs) / sum(weights)
         self.spread = math.sqrt(variance + GRID[1] ** 2 / 12)
+
+
+def ramped(rate: float, told: float, most: float) -> float:
+    """Return the turn rate of a base on its way to the one that it was ``told``, ``most`` nearer to it."""
+    change = told - rate
+    most *= BRAKING if change * rate < 0 else 1.0
+    return rate + math.copysign(min(abs(change), most), change)

@@ -47,7 +47,8 @@ class Track(Leaf):
         self._seen_at = self.run.now()
         limits = None if self.robot.head_part is None else self.robot.head.limits
         if self._lag is None:
-            self._lag = Lag(self.lag, TURN_ACCELERATION)
+            base = self.robot.base_part
+            self._lag = Lag(self.lag, TURN_ACCELERATION if base is None else base.limits.turn_acceleration)
         self._follower = Follower(self.controller, limits=limits, max_turn=self.max_turn, lag=self._lag)
 
     def update(self) -> Status:
@@ -126,11 +127,11 @@ class Track(Leaf):
         """Return how the base stands and turns; a robot without a base stands still."""
         reading = None if self.robot.base_part is None else self.robot.base.state()
         if reading is None or reading.value is None:
-            return Turning(0.0, 0.0, now)
+            return Turning(0.0, 0.0, now, reported=False)
         heading = reading.value.pose.heading
         if not reading.good:
             # Reports that fail to come say where it was; but not that it still turns, as it stops by itself.
-            return Turning(heading, 0.0, now)
+            return Turning(heading, 0.0, now, reported=False)
         return Turning(heading, reading.value.velocity.angular, reading.stamp)
 
     def _drive(self, speed: float, turn: float) -> None:

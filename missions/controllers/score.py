@@ -80,8 +80,11 @@ def bound(scenario: Scenario, can: Ability, lag: float = 0.0) -> float:
     """Return the earliest time in seconds from which on the error can stay within ``CENTRED``.
 
     That is of the time-optimal motion: nothing for the time of the latency and of a base's ``lag``, then as hard as it
-    can until it must brake to come to go with the face at the far edge of what counts as centred.
+    can until it must brake to come to go with the face at the far edge of what counts as centred. 0 where nothing that
+    the face does can be foreseen.
     """
+    if scenario.surprise <= 0.0:
+        return 0.0
     time = outside = scenario.latency + lag
     angle = speed = 0.0
     while time < scenario.surprise:

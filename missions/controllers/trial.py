@@ -127,7 +127,7 @@ class Trial:
 
     def _time(self) -> float:
         """Return the time of the scenario: it begins with the first picture, or when the robot has learnt."""
-        return self._clock.now() - START - PHASE - self._scenario.learning
+        return round(self._clock.now() - START - PHASE - self._scenario.learning, 9)
 
     def _gaze(self) -> float:
         """Return where the camera truly looks, in radians."""

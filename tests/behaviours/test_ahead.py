@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.tracking.ahead import LONGEST, Ahead
-from behaviours.tracking.lag import Lag, Turning
+from behaviours.tracking.lag import BRAKING, Lag, Turning, ramped
 
 
 def foretelling(lag: float, acceleration: float) -> tuple[Ahead, Lag]:
     known = Lag(lag, acceleration)
-    return Ahead(known, acceleration=acceleration), known
+    return Ahead(known), known
 
 
 def test_a_base_that_was_told_nothing_goes_on_as_it_does() -> None:
@@ -63,7 +63,7 @@ def test_it_never_turns_faster_than_told_nor_changes_faster_than_it_can(
     for when, turn in sorted(told):
         lag.tell(when, turn)
     found = ahead.at(time, Turning(0.0, rate, 0.0))
-    assert abs(found.rate - rate) <= acceleration * time + 1e-9
+    assert abs(found.rate - rate) <= BRAKING * acceleration * time + 1e-9
     limits = [rate, *(turn for _, turn in told)]
     assert min(limits) - 1e-9 <= found.rate <= max(limits) + 1e-9
     assert abs(found.heading) <= max(map(abs, limits)) * time + 1e-9
@@ -87,7 +87,7 @@ def reports(true: float, *, hindered: bool = False) -> Lag:
             if now - 0.02 < when <= now:
                 lag.tell(when, turn)
         goal = next((turn for when, turn in reversed(told) if when <= now - true), 0.0)
-        rate += max(-acceleration * 0.02, min(acceleration * 0.02, goal - rate))
+        rate = ramped(rate, goal, acceleration * 0.02)
         heading += rate * 0.02
         lag.learn(Turning(heading, 0.0 if hindered and 40 < n < 60 else rate, now))
     return lag
@@ -107,3 +107,17 @@ def test_a_base_that_does_not_turn_teaches_nothing() -> None:
         lag.tell(n * 0.02, 0.0)
         lag.learn(Turning(0.0, 0.0, n * 0.02))
     assert lag.seconds == 0.15
+
+
+def test_what_the_base_did_not_report_itself_teaches_nothing() -> None:
+    lag = Lag(0.15, 3.5)
+    for n in range(100):
+        lag.tell(n * 0.02, 0.8 if n % 40 < 20 else -0.8)
+        lag.learn(Turning(0.0, 0.0, n * 0.02, reported=False))
+    assert lag.seconds == 0.15
+
+
+def test_a_base_brakes_harder_than_it_speeds_up() -> None:
+    assert ramped(1.0, 2.0, 0.1) == pytest.approx(1.1)
+    assert ramped(1.0, -1.0, 0.1) == pytest.approx(1.0 - 0.1 * BRAKING)
+    assert ramped(1.0, 0.95, 0.1) == pytest.approx(0.95)

@@ -46,6 +46,29 @@ def test_a_swing_too_fast_for_anything_is_not_followed() -> None:
     assert max(map(abs, angles[80:])) < radians(3)
 
 
+@pytest.mark.parametrize("period", [0.25, 0.4, 0.5])
+@pytest.mark.parametrize("able", [3.5, 7.0])
+def test_what_comes_and_goes_faster_than_anything_can_is_waited_for_in_its_middle(period: float, able: float) -> None:
+    foresight, omega = Foresight(able), 2 * pi / period
+    for n in range(120):
+        time, noise = n / 20, radians(0.2) * sin(97.0 * n)
+        angle, rate = foresight.foretell(time, radians(5 + 10 * sin(omega * time)) + noise, cos(omega * time), AHEAD)
+        if time > 3:
+            assert degrees(angle) == pytest.approx(5.0, abs=0.6)
+            assert degrees(rate) == pytest.approx(0.0, abs=0.1)
+
+
+def test_somebody_who_stood_or_jumped_before_and_walks_off_is_walked_with_at_once() -> None:
+    for before in (0.0, 12.0):  # degrees; a second before the walk
+        foresight, angle, rate = Foresight(ABLE), 0.0, 0.0
+        for n in range(87):
+            place = before if n < 60 else max(0.0, 20 * (n - 80) / 20)
+            going = 20.0 if n > 81 else 0.0  # the filter knows the rate a picture later
+            angle, rate = foresight.foretell(n / 20, radians(place), radians(going), AHEAD)
+        assert degrees(angle) == pytest.approx(20 * (6 / 20 + AHEAD), abs=1.0)
+        assert degrees(rate) == pytest.approx(20.0, abs=5.0)
+
+
 def test_noise_of_the_rate_is_smoothed_where_somebody_walks_evenly() -> None:
     noise = [radians(8) * (-1) ** n for n in range(200)]
     found = error(lambda t: 0.35 * t, lambda t: 0.35 + noise[round(t * 20)])

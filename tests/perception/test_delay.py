@@ -52,6 +52,25 @@ def test_a_camera_that_stands_still_teaches_nothing_and_costs_no_look_at_its_pic
     assert (exposures.delay.seconds, exposures.delay.spread, exposures.delay.pairs) == (0.02, BELIEVED, 0)
 
 
+def test_at_rest_it_asks_few_poses_and_looks_at_no_picture_also_after_a_turn() -> None:
+    asked: list[float] = []
+
+    def gaze(time: float) -> Gaze:
+        asked.append(time)
+        return Gaze(swing(min(time, 12.0)), 0.0)
+
+    exposures, unseen = Exposures(gaze, Delay()), np.zeros((0, 0, 3), np.uint8)  # which nobody could make smaller
+    image: Image = np.zeros((480, 640, 3), np.uint8)
+    for n in range(80):
+        time = 10.0 + n * PERIOD
+        if time < 12.5:
+            exposures.exposed(Exposed(image, time), CAMERA)
+            continue
+        asked.clear()
+        exposures.exposed(Exposed(unseen, time), CAMERA)
+        assert len(asked) <= 3
+
+
 def test_pictures_get_the_time_of_their_exposure_and_never_go_back(room: Renderer) -> None:
     exposures = learnt(room, 0.06)
     image = room.draw(Viewpoint(0.3, 0.2, 0.7, 0.0, 0.0), 0.0)

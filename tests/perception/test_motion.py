@@ -38,6 +38,17 @@ def test_someone_who_turns_about_is_followed_within_half_a_second() -> None:
     assert motion.rate == pytest.approx(-radians(20), abs=radians(3))
 
 
+def test_a_jump_tells_no_rate_but_somebody_who_goes_on_as_fast_is_followed() -> None:
+    motion = Motion(0.0)
+    for angle in (0.0, 0.0, 12.0, 12.0, 12.0):
+        motion.update(radians(angle), 0.05)
+        assert abs(motion.rate) < radians(2)
+    assert motion.angle == pytest.approx(radians(12))
+    for step in range(1, 6):
+        motion.update(radians(12 + 6 * step), 0.05)
+    assert motion.rate == pytest.approx(radians(120), abs=radians(10))
+
+
 def test_an_angle_past_half_a_turn_does_not_jump() -> None:
     motion = Motion(pi - 0.02)
     for step in range(1, 40):
