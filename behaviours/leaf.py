@@ -44,6 +44,7 @@ class Leaf(Node):
     ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
     """
 
+    lasting_state = ("result", "_halt_by", "_leaf_stage")
     word: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
     uses: ClassVar[frozenset[str]] = frozenset()

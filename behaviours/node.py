@@ -8,6 +8,7 @@ nodes that have ended already. Ours are driven through three plain methods inste
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -23,8 +24,13 @@ class Node(Behaviour):
     ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
     stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
     reason: why it failed, or what it waits for.
+
+    Each class declares which attributes of its own decide what it does next: ``run_state`` while it runs, and
+    ``lasting_state`` at any time. ``mission verify`` takes nodes that are equal in these for the same.
     """
 
+    run_state: ClassVar[tuple[str, ...]] = ()
+    lasting_state: ClassVar[tuple[str, ...]] = ()
     key = ""
     kind = ""
     line = 0

@@ -18,17 +18,16 @@ from docs import dumps
 from drivers.clock import ManualClock
 from missions.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.executive.state import state_of
-from missions.language.modifiers import MODIFIERS
+from missions.language.nodes import COMPOSITES, COUNTS, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
-from missions.language.plan import COMPOSITES, COUNTS
 
 HERE = Path(__file__).parent
 
 
 def composites() -> str:
     """Return the table of the composites with a list of children."""
-    return table(("word", "what it does"), ((code(word), text) for word, text in COMPOSITES.items()))
+    return table(("word", "what it does"), ((code(word), kind.help) for word, kind in COMPOSITES.items()))
 
 
 def modifiers() -> str:

@@ -28,8 +28,7 @@ from config.marked import read_source
 from config.units import UNITS
 from missions.catalogue import WRITTEN
 from missions.language.body import KEYS
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import BRANCHES
+from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.offers import offered
 

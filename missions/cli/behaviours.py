@@ -13,8 +13,7 @@ from config.units import UNITS
 from missions.catalogue import shown_default, summary, terms
 from missions.cli.console import console, echo
 from missions.cli.options import behaviours_option, own_files
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, OTHERS
+from missions.language.nodes import BRANCHES, COMPOSITES, COUNTS, MODIFIERS, OTHERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import word_meant
 from missions.vocabulary import vocabulary
@@ -47,15 +46,15 @@ def _known() -> Mapping[str, str]:
     """Return what every word of the language does that is no leaf."""
     beside = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
-    return {**COMPOSITES, **OTHERS, **beside, **modifiers}
+    return {word: kind.help for word, kind in BRANCHES.items()} | beside | modifiers
 
 
 def _list(leaves: Mapping[str, type[Leaf]]) -> None:
     shown = console(highlight=True)
     for title, rows in (
         ("Behaviours", {word: (summary(leaf), ", ".join(sorted(leaf.drives))) for word, leaf in leaves.items()}),
-        ("Composites, each with a list of behaviours", {word: (text, "") for word, text in COMPOSITES.items()}),
-        ("Others that have behaviours below them", {word: (text, "") for word, text in OTHERS.items()}),
+        ("Composites, each with a list of behaviours", {word: (kind.help, "") for word, kind in COMPOSITES.items()}),
+        ("Others that have behaviours below them", {word: (kind.help, "") for word, kind in OTHERS.items()}),
         ("Beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
     ):

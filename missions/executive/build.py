@@ -1,6 +1,6 @@
 """From a checked plan to the nodes that are ticked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from behaviours.leaf import Leaf
@@ -8,14 +8,16 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
 from config.units import UNITS
-from missions.executive.composites import COMPOSITES, Composite, Parallel, adopt
+from missions.executive.composites import COMPOSITES
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MODIFIERS
+from missions.executive.parent import Parent
 from missions.executive.submission import Submission
 from missions.executive.switch import SWITCHES
 from missions.language.expressions import of_kind
 from missions.language.kinds import kind_of_type
-from missions.language.plan import FOR_EACH, MISSION, Plan, Step
+from missions.language.nodes import FOR_EACH, MISSION
+from missions.language.plan import Plan, Step
 from missions.language.values import Value
 
 RobotFor = Callable[[Node], Robot]
@@ -41,6 +43,16 @@ def build(plan: Plan, run: Run, robot_for: RobotFor, *, substitute: Substitute =
     builder = Builder(run, robot_for, dict(run.variables), substitute)
     run.variables.update(plan.params)
     return builder.build(plan.tree, "1", run.variables)
+
+
+NODES: Mapping[str, type[Parent]] = {
+    **COMPOSITES,
+    **SWITCHES,
+    **MODIFIERS,
+    FOR_EACH: ForEach,
+    MISSION: Submission,
+}
+"""The classes that are ticked, by the words of their kinds."""
 
 
 class Builder:
@@ -74,24 +86,7 @@ class Builder:
         if step.leaf is not None:
             leaf = step.leaf(step.name)
             return _leaf(self._substitute(step, leaf) or leaf, step, inner)
-        if step.kind in MODIFIERS:
-            return MODIFIERS[step.kind](step.name, children[0], step.arguments["value"])
-        if step.kind == FOR_EACH:
-            return ForEach(step.name, children[0], step.arguments["in"], step.binds)
-        if step.kind == MISSION:
-            params, returns = step.arguments, step.returns
-            return Submission(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)
-        composite = _composite(step)
-        adopt(composite, children)
-        return composite
-
-
-def _composite(step: Step) -> Composite:
-    if step.kind in SWITCHES:
-        return SWITCHES[step.kind](step.name, step.arguments["on"], step.cases)
-    if step.kind == "parallel":
-        return Parallel(step.name, step.arguments)
-    return COMPOSITES[step.kind](step.name)
+        return NODES[step.kind].of(step, children, inner)
 
 
 def _leaf(leaf: Leaf, step: Step, scope: Scope) -> Leaf:

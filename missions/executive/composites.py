@@ -1,8 +1,8 @@
 """The composites of the mission language, as py_trees composites that halt what runs before something else starts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from collections.abc import Sequence as Many
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
@@ -12,11 +12,19 @@ from behaviours.node import Node, reset_all
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.counts import Decision, decision
 from missions.language.expressions import ExpressionError
+from missions.language.plan import Step
 from missions.language.values import Value
 
 
 class Composite(Parent):
     """What all composites share: they forget their children's results when they start."""
+
+    @classmethod
+    def of(cls, step: Step, children: Many[Node], inner: dict[str, object]) -> Self:
+        del inner
+        composite = cls(step.name)
+        adopt(composite, children)
+        return composite
 
     def start(self) -> str:
         reset_all(self.members)
@@ -33,6 +41,7 @@ class InOrder(Composite):
     ``passes`` is the status that leads to the next; ``order`` the children in this run's order.
     """
 
+    run_state = ("_index", "order")
     passes: ClassVar[Status]
     order: tuple[Node, ...] = ()
     _index = 0
@@ -61,6 +70,7 @@ class InOrder(Composite):
 class _Reactive(Composite):
     """The children from the first at every tick; one that ends the search halts the running one behind it first."""
 
+    run_state = ("_running", "_retiring")
     passes: ClassVar[Status]
     current_child: Behaviour | None
     _running: Node | None = None
@@ -181,11 +191,18 @@ class Parallel(Composite, composites.Parallel):
     With no ``counts`` beside it, it succeeds when all have, and fails at the first failure.
     """
 
+    run_state = ("_decision",)
     _decision = Decision(1, 1)
 
-    def __init__(self, name: str, counts: Mapping[str, Value] | None = None) -> None:
+    def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnAll(synchronise=True))
-        self.counts = {} if counts is None else counts
+        self.counts: Mapping[str, Value] = {}
+
+    @classmethod
+    def of(cls, step: Step, children: Many[Node], inner: dict[str, object]) -> Self:
+        parallel = super().of(step, children, inner)
+        parallel.counts = step.arguments
+        return parallel
 
     def start(self) -> str:
         super().start()
@@ -237,7 +254,7 @@ class Race(Composite, composites.Parallel):
         return RUNNING
 
 
-COMPOSITES: dict[str, Callable[[str], Composite]] = {
+COMPOSITES: Mapping[str, type[Composite]] = {
     "sequence": Sequence,
     "reactive_sequence": ReactiveSequence,
     "selector": Selector,

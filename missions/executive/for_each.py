@@ -1,5 +1,8 @@
 """The node that does its child once for each member of a list."""
 
+from collections.abc import Sequence
+from typing import Self
+
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
@@ -7,6 +10,7 @@ from behaviours.node import Node
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import ExpressionError
 from missions.language.for_each import Members
+from missions.language.plan import Step
 from missions.language.values import Value, shown
 
 LONGEST = 40
@@ -20,6 +24,7 @@ class ForEach(Parent, Decorator):
     failure, for the reason of its child with the member before it, and succeeds at once where there is no member.
     """
 
+    run_state = ("setting", "_place")
     child: Node
     setting = Members(())
     _place = 0
@@ -30,6 +35,11 @@ class ForEach(Parent, Decorator):
         self.members = (child,)
         self.among = among
         self.names = names
+
+    @classmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        del inner
+        return cls(step.name, children[0], step.arguments["in"], step.binds)
 
     def start(self) -> str:
         try:

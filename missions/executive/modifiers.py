@@ -1,7 +1,8 @@
 """The modifiers of the mission language, as py_trees decorators."""
 
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 from py_trees.common import Status
 from py_trees.decorators import Decorator
@@ -10,6 +11,7 @@ from behaviours.node import Node
 from config.units import written
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import Expression, ExpressionError
+from missions.language.plan import Step
 from missions.language.values import Value
 
 
@@ -25,6 +27,11 @@ class Modifier(Parent, Decorator):
         self.child = child
         self.members = (child,)
         self.value = value
+
+    @classmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        del inner
+        return cls(step.name, children[0], step.arguments["value"])
 
     def start(self) -> str:
         self.since = self.run.now()
@@ -63,6 +70,8 @@ class Modifier(Parent, Decorator):
 class If(Modifier):
     """Asked once, at the start; where it is false the node is skipped and succeeds."""
 
+    run_state = ("setting",)
+
     def modify(self) -> Status:
         return self.tick_child() if self.setting else SUCCESS
 
@@ -89,6 +98,8 @@ class Until(Modifier):
 class Timeout(Modifier):
     """Fails, halting the node, when it still runs after that long; at the deadline it is not ticked once more."""
 
+    run_state = ("setting", "since")
+
     def modify(self) -> Status:
         if self.run.now() - self.since >= self.setting:
             waited = f"timed out after {written(self.setting, 'duration')}"
@@ -101,6 +112,7 @@ class Timeout(Modifier):
 class Retry(Modifier):
     """Starts again, at the next tick, after a failure; the setting counts attempts, None is for ever."""
 
+    run_state = ("setting", "_attempts")
     _attempts = 0
 
     def begin(self) -> None:
@@ -119,6 +131,7 @@ class Retry(Modifier):
 class Repeat(Modifier):
     """Starts again, at the next tick, after a success; the setting counts runs, None is for ever."""
 
+    run_state = ("setting", "_runs")
     _runs = 0
 
     def begin(self) -> None:
@@ -167,6 +180,8 @@ class OnSuccess(Modifier):
 class OnRunning(Modifier):
     """A node that runs counts as a success or a failure, and is halted."""
 
+    run_state = ("setting",)
+
     def modify(self) -> Status:
         status = self.tick_child()
         if status is not RUNNING:
@@ -181,6 +196,7 @@ class OnRunning(Modifier):
 class Hold(Modifier):
     """Succeeds once the node has succeeded at every tick for that long; until then it runs."""
 
+    run_state = ("setting", "_succeeding_since")
     _succeeding_since: float | None = None
 
     def begin(self) -> None:
@@ -199,6 +215,8 @@ class Hold(Modifier):
 class Delay(Modifier):
     """Waits before the node starts."""
 
+    run_state = ("setting", "since")
+
     def modify(self) -> Status:
         if self.child.status is RUNNING or self.run.now() - self.since >= self.setting:
             return self.tick_child()
@@ -208,6 +226,8 @@ class Delay(Modifier):
 class Cooldown(Modifier):
     """Fails without starting within that long after its last success."""
 
+    run_state = ("setting",)
+    lasting_state = ("_succeeded_at",)
     _succeeded_at: float | None = None
 
     def modify(self) -> Status:
@@ -226,6 +246,8 @@ class Cooldown(Modifier):
 class Once(Modifier):
     """After its first end, keeps answering with that result while the value that it had at the start stays the same."""
 
+    run_state = ("setting",)
+    lasting_state = ("_result",)
     _result: tuple[Status, str, object] | None = None
 
     def modify(self) -> Status:
@@ -251,7 +273,7 @@ def _tip(node: Node) -> Node:
     return node
 
 
-MODIFIERS: dict[str, type[Modifier]] = {
+MODIFIERS: Mapping[str, type[Modifier]] = {
     "if": If,
     "while": While,
     "until": Until,

@@ -1,11 +1,14 @@
 """What every node with children does alike: start afresh, halt what runs below, and end once that is at rest."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar, Self
 
 from py_trees.common import Status
 
 from behaviours.node import Node
 from drivers.errors import NotConnected
+from missions.language.plan import Step
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
@@ -17,9 +20,15 @@ class Parent(Node):
     node that was told to halt. ``unstarted`` is whether its start waits for a part of the robot to report.
     """
 
+    lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted")
     members: tuple[Node, ...] = ()
     ending: Status | None = None
     unstarted = False
+
+    @classmethod
+    @abstractmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        """Make the node of a step around its children; ``inner`` are the variables of the mission that they are in."""
 
     def work(self) -> Status:
         """Start if need be, then go on.

@@ -1,6 +1,7 @@
 """A mission inside a mission: its own variables, its params from the caller's, its results handed back."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Self
 
 from py_trees.common import Status
 from py_trees.decorators import Decorator
@@ -9,6 +10,7 @@ from behaviours.node import Node
 from drivers.errors import NotConnected
 from missions.executive.parent import FAILURE, IDLE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import ExpressionError
+from missions.language.plan import Step
 from missions.language.values import Value
 
 
@@ -37,6 +39,11 @@ class Submission(Parent, Decorator):
         self.inner = inner
         self.keep_as = keep_as
         self._lasting = dict(inner)
+
+    @classmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        params, returns = step.arguments, step.returns
+        return cls(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)
 
     def start(self) -> str:
         (child,) = self.members

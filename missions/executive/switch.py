@@ -1,16 +1,18 @@
 """The composites that choose by the value of an expression, once or at every tick."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
+from typing import Self
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.node import Node
-from missions.executive.composites import Composite
+from missions.executive.composites import Composite, adopt
 from missions.executive.parent import FAILURE, RUNNING
 from missions.language.expressions import ExpressionError
-from missions.language.plan import REACTIVE_SWITCH, SWITCH
+from missions.language.nodes import REACTIVE_SWITCH, SWITCH
+from missions.language.plan import Step
 from missions.language.values import Value, shown
 
 
@@ -20,6 +22,7 @@ class Switch(Composite, composites.Selector):
     ``cases`` belong to the members in order; one more member is the default.
     """
 
+    run_state = ("_chosen",)
     current_child: Behaviour | None
 
     def __init__(self, name: str, on: Value, cases: tuple[object, ...]) -> None:
@@ -27,6 +30,13 @@ class Switch(Composite, composites.Selector):
         self.on = on
         self.cases = cases
         self._chosen: Node | None = None
+
+    @classmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        del inner
+        switch = cls(step.name, step.arguments["on"], step.cases)
+        adopt(switch, children)
+        return switch
 
     def begin(self) -> None:
         self._chosen = None
@@ -76,7 +86,7 @@ class ReactiveSwitch(Switch):
         return self.tick_chosen(chosen)
 
 
-SWITCHES: Mapping[str, Callable[[str, Value, tuple[object, ...]], Switch]] = {
+SWITCHES: Mapping[str, type[Switch]] = {
     SWITCH: Switch,
     REACTIVE_SWITCH: ReactiveSwitch,
 }

@@ -6,9 +6,10 @@ from collections.abc import Collection, Iterator, Mapping
 from config.faults import did_you_mean
 from config.units import seen
 from missions.language.expressions import Expression
+from missions.language.nodes import MISSION, SWITCHES
 from missions.language.notes import Notes
 from missions.language.phrases import own_phrases
-from missions.language.plan import MISSION, SWITCHES, Step
+from missions.language.plan import Step
 from missions.language.values import Value
 
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 from behaviours.leaf import Leaf
 from behaviours.reach import Reach
 from config.units import article
+from missions.language.nodes import AT_ONCE
 from missions.language.notes import Notes
-from missions.language.plan import AT_ONCE, Step
+from missions.language.plan import Step
 
 
 def none_of(words: Sequence[str]) -> Sequence[str]:

@@ -6,8 +6,8 @@ from functools import partial
 
 from config.marked import Mapping, Node, Scalar
 from config.units import seen
+from missions.language.nodes import COUNTS, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.notes import Notes
-from missions.language.plan import COUNTS, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.values import UNREAD, Value, whole
 
 ALL = "all"

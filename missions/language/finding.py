@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from missions.language.nodes import MISSION
 from missions.language.notes import Notes
-from missions.language.plan import MISSION
 from missions.language.values import Convert, shown
 
 

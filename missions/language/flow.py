@@ -1,12 +1,18 @@
 """Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake."""
 
 from missions.language.kinds import STATE
+from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS
 from missions.language.notes import Notes
-from missions.language.plan import FOR_EACH, MISSION, Step
+from missions.language.plan import Step
 from missions.language.unset import unset_reads
 from missions.language.values import Value
 
-AGAIN = frozenset({"repeat", "retry", "while", "until", "parallel", "race", "reactive_sequence", "reactive_selector"})
+AGAIN = frozenset(
+    {
+        *(word for word, kind in COMPOSITES.items() if kind.at_once or kind.reactive),
+        *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
+    }
+)
 """The kinds below which one part may follow any other: in a later round, or at the same time."""
 
 

@@ -9,10 +9,11 @@ from config.units import article, seen
 from missions.language import lists
 from missions.language.arguments import default_value
 from missions.language.modifiers import outdent, read_expression
+from missions.language.nodes import AT_ONCE, FOR_EACH, MISSION
 from missions.language.notes import Notes
 from missions.language.operators import described
 from missions.language.param_types import kind_of
-from missions.language.plan import AT_ONCE, FOR_EACH, MISSION, Hole, Step
+from missions.language.plan import Hole, Step
 from missions.language.values import UNREAD, Value, shown
 from missions.language.written import written_entries
 

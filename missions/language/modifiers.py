@@ -1,23 +1,15 @@
-"""The modifiers: what may stand beside a behaviour, and what value each takes."""
+"""The values of modifiers, read by their types."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from config.marked import Node, Scalar
 from config.units import seen
 from missions.language.expressions import ExpressionError, parse
+from missions.language.nodes import MODIFIERS
 from missions.language.notes import Notes
 from missions.language.values import UNREAD, Convert, Value, in_si, whole
-
-
-@dataclass(frozen=True, slots=True)
-class Modifier:
-    """One modifier: what its value is ("a duration"), and what it does to the node that it stands beside."""
-
-    takes: str
-    help: str
-    read: Callable[[Notes, str, Scalar], Value]
 
 
 def read_modifier(notes: Notes, word: str, node: Node) -> Value:
@@ -26,7 +18,7 @@ def read_modifier(notes: Notes, word: str, node: Node) -> Value:
     if not isinstance(node, Scalar):
         notes.fault(node.mark, f"'{word}' needs {modifier.takes}")
         return UNREAD
-    return modifier.read(notes, word, node)
+    return _READERS[modifier.value](notes, word, node)
 
 
 def outdent(word: str, behaviour: str) -> str:
@@ -74,16 +66,12 @@ def read_expression(notes: Notes, what: str, node: Scalar, convert: Convert) -> 
     return notes.computed(node, expression, what, convert)
 
 
-def _one_of(*answers: bool | str) -> Callable[[Notes, str, Scalar], Value]:
-    """Return a reader for a modifier that has one value, or one of a few."""
-
-    def read(notes: Notes, word: str, node: Scalar) -> Value:
-        if not any(type(node.value) is type(answer) and node.value == answer for answer in answers):
-            notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
-            return UNREAD
-        return Value(node.value)
-
-    return read
+def _constant(notes: Notes, word: str, node: Scalar) -> Value:
+    constants = MODIFIERS[word].constants
+    if not any(type(node.value) is type(each) and node.value == each for each in constants):
+        notes.fault(node.mark, f"'{word}' takes only {MODIFIERS[word].takes}, got {seen(node.value)}")
+        return UNREAD
+    return Value(node.value)
 
 
 NEITHER = ("yes", "no", "on", "off")
@@ -99,24 +87,11 @@ def _once(notes: Notes, word: str, node: Scalar) -> Value:
     return UNREAD
 
 
-IF = "asked once, at the start; false skips the node, which counts as success; for 'else' use switch"
-ON_RUNNING = "a node that still runs after its tick is halted, and counts as that"
-ONCE = "after its first end, keeps answering with that result; with an expression, while its value stays the same"
-
-MODIFIERS = {
-    "if": Modifier("an expression", IF, _condition),
-    "while": Modifier("an expression", "asked at every tick; once false, the node is halted and fails", _condition),
-    "until": Modifier("an expression", "asked at every tick; once true, the node is halted and succeeds", _condition),
-    "timeout": Modifier("a duration", "fails, halting the node, when it still runs after that long", _duration),
-    "retry": Modifier("a count or forever", "starts again after a failure; the count is of attempts", _count),
-    "repeat": Modifier("a count or forever", "starts again after a success; the count is of runs", _count),
-    "invert": Modifier("true", "success for failure and failure for success", _one_of(True)),
-    "on_failure": Modifier("succeed", "a failure counts as success", _one_of("succeed")),
-    "on_success": Modifier("fail", "a success counts as failure", _one_of("fail")),
-    "on_running": Modifier("succeed or fail", ON_RUNNING, _one_of("succeed", "fail")),
-    "hold": Modifier("a duration", "succeeds once the node has succeeded at every tick for that long", _duration),
-    "delay": Modifier("a duration", "waits before the node starts", _duration),
-    "cooldown": Modifier("a duration", "fails without starting within that long after its last success", _duration),
-    "once": Modifier("true or an expression", ONCE, _once),
+_READERS: Mapping[str, Callable[[Notes, str, Scalar], Value]] = {
+    "condition": _condition,
+    "constant": _constant,
+    "count": _count,
+    "duration": _duration,
+    "expression": _once,
 }
-"""Every modifier by its word."""
+"""How the value of a modifier is read, by its type."""

@@ -1,50 +1,49 @@
 """How a step can end: so that what is never reached, and a modifier that cannot matter, are seen before a run."""
 
-from collections.abc import Callable
-
 from missions.language.counts import decision
 from missions.language.for_each import Members
-from missions.language.notes import Notes
-from missions.language.plan import (
+from missions.language.nodes import (
+    BOTH,
+    COMPOSITES,
+    FAILURE,
     FAILURE_COUNT,
     FOR_EACH,
     MISSION,
+    MODIFIERS,
+    SUCCESS,
     SUCCESS_COUNT,
     SWITCHES,
-    UNKNOWN,
     WAIT_FOR_ALL,
-    Step,
+    Ends,
 )
+from missions.language.notes import Notes
+from missions.language.plan import UNKNOWN, Step
 from missions.language.values import UNREAD
 
-Ends = frozenset[str]
-SUCCESS, FAILURE = "success", "failure"
-BOTH: Ends = frozenset({SUCCESS, FAILURE})
-
-LETS_THROUGH = frozenset(
-    {"timeout", "retry", "repeat", "on_failure", "on_running", "while", "until", "hold", "delay", "cooldown", "once"}
-)
+LETS_THROUGH = frozenset(word for word, kind in MODIFIERS.items() if SUCCESS in kind.success and word != "if")
 """The modifiers that succeed where what they stand around does."""
+
+VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
 
 def check_outcomes(notes: Notes, tree: Step) -> None:
     """Note the steps that are never reached, and the modifiers that cannot matter."""
     for step in tree.walk():
-        if step.kind in ("sequence", "reactive_sequence"):
-            _unreached(notes, step, SUCCESS, "succeeds")
-        elif step.kind in ("selector", "reactive_selector"):
-            _unreached(notes, step, FAILURE, "fails")
-            _no_else(notes, step)
+        kind = COMPOSITES.get(step.kind)
+        if kind is not None and kind.order == "in order":
+            _unreached(notes, step, kind.passes)
+            if kind.passes == FAILURE:
+                _no_else(notes, step)
         elif step.kind == "parallel":
             _counted(notes, step)
-        elif len(step.children) == 1:
+        elif step.kind in MODIFIERS:
             _pointless(notes, step, step.children[0])
 
 
-def _unreached(notes: Notes, step: Step, passes: str, verb: str) -> None:
+def _unreached(notes: Notes, step: Step, passes: str) -> None:
     for child, after in zip(step.children, step.children[1:], strict=False):
         if passes not in ends(child):
-            what = f"'{child.name}' (line {_inner(child).mark.line}) never {verb}"
+            what = f"'{child.name}' (line {_inner(child).mark.line}) never {VERBS[passes]}"
             notes.fault_at(_inner(after), f"'{after.name}' is never reached: {what}")
             return
 
@@ -92,22 +91,14 @@ def _behind(step: Step) -> Step:
 
 def _pointless(notes: Notes, step: Step, child: Step) -> None:
     """Note a modifier whose occasion never comes."""
-    never = {
-        "retry": (FAILURE, "never fails"),
-        "on_failure": (FAILURE, "never fails"),
-        "repeat": (SUCCESS, "never succeeds"),
-        "hold": (SUCCESS, "never succeeds"),
-        "cooldown": (SUCCESS, "never succeeds"),
-        "on_success": (SUCCESS, "never succeeds"),
-    }
-    leaf = child.leaf
-    if step.arguments.get("value") is UNREAD:
+    occasion, leaf = MODIFIERS[step.kind].occasion, child.leaf
+    if step.arguments["value"] is UNREAD:
         return
     if step.kind in ("timeout", "on_running") and leaf is not None and leaf.instant:
         notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
-    elif step.kind in never and never[step.kind][0] not in ends(child):
-        said = f"'{step.kind}' cannot matter here: '{child.name}' {never[step.kind][1]}"
-        notes.fault_at(step, said, _order(step, child, never[step.kind][0]))
+    elif occasion and occasion not in ends(child):
+        said = f"'{step.kind}' cannot matter here: '{child.name}' never {VERBS[occasion]}"
+        notes.fault_at(step, said, _order(step, child, occasion))
     elif step.kind == "timeout":
         _too_late(notes, step, child)
 
@@ -148,8 +139,38 @@ def ends(step: Step) -> Ends:
     below = [ends(child) for child in step.children]
     if step.kind == UNKNOWN:
         return BOTH
-    rule = _RULES.get(step.kind)
-    return below[0] if rule is None else rule(step, below)
+    if step.kind in MODIFIERS:
+        return _modified(step, below[0])
+    if step.kind in SWITCHES:
+        return frozenset().union(*below) | (frozenset() if len(below) > len(step.cases) else {FAILURE})
+    if step.kind == FOR_EACH:
+        return _each(step, below[0])
+    return below[0] if step.kind == MISSION else _composite(step, below)
+
+
+def cuts(step: Step) -> Ends:
+    """Return the ends that a modifier comes to without an end of its child."""
+    said = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
+    cut = MODIFIERS[step.kind].cut
+    return cut if said is None or step.kind != "on_running" else cut & {said}
+
+
+def _modified(step: Step, below: Ends) -> Ends:
+    kind = MODIFIERS[step.kind]
+    ways = {SUCCESS: kind.success, FAILURE: kind.failure}
+    passed = (BOTH & ways[end] for end in below if not (kind.without_limit(end) and _forever(step)))
+    return cuts(step).union(*passed)
+
+
+def _composite(step: Step, below: list[Ends]) -> Ends:
+    if not step.children:
+        return BOTH
+    if step.kind == "parallel":
+        return _parallel(step, below)
+    passes = COMPOSITES[step.kind].passes
+    if not passes:
+        return frozenset().union(*below)
+    return _all_or_one(below, passes, FAILURE if passes == SUCCESS else SUCCESS)
 
 
 def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
@@ -168,17 +189,9 @@ def _forever(step: Step) -> bool:
     return value.template is None and value.constant is None
 
 
-def _after_success(step: Step, below: list[Ends]) -> Ends:
-    return _all_or_one(below, SUCCESS, FAILURE) if step.children else BOTH
-
-
-def _after_failure(step: Step, below: list[Ends]) -> Ends:
-    return _all_or_one(below, FAILURE, SUCCESS) if step.children else BOTH
-
-
 def _parallel(step: Step, below: list[Ends]) -> Ends:
     """Return the ends of a parallel, from how many of its children can succeed, fail, and end at all."""
-    if not step.children or any(value.template is not None for value in step.arguments.values()):
+    if any(value.template is not None for value in step.arguments.values()):
         return BOTH
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
     decided = decision(len(below), {word: value.constant for word, value in step.arguments.items()})
@@ -188,40 +201,8 @@ def _parallel(step: Step, below: list[Ends]) -> Ends:
     return frozenset(end for end, possible in found.items() if possible)
 
 
-def _each(step: Step, below: list[Ends]) -> Ends:
+def _each(step: Step, below: Ends) -> Ends:
     """Return the ends of a for_each: where its list may be empty, it can succeed whatever its child does."""
     members = step.arguments["in"].constant
     count = members.count if isinstance(members, Members) else None
-    return frozenset({SUCCESS}) if count == 0 else below[0] if count else below[0] | {SUCCESS}
-
-
-def _any(step: Step, below: list[Ends]) -> Ends:
-    chosen_from_all = step.kind == "race" or len(below) > len(step.cases)
-    return frozenset().union(*below) | (frozenset() if chosen_from_all else {FAILURE})
-
-
-_RULES: dict[str, Callable[[Step, list[Ends]], Ends]] = {
-    "sequence": _after_success,
-    "reactive_sequence": _after_success,
-    "random_sequence": _after_success,
-    "parallel": _parallel,
-    "selector": _after_failure,
-    "reactive_selector": _after_failure,
-    "random_selector": _after_failure,
-    "race": _any,
-    **dict.fromkeys(SWITCHES, _any),
-    "invert": lambda _, below: frozenset({SUCCESS: FAILURE, FAILURE: SUCCESS}[end] for end in below[0]),
-    "on_failure": lambda _, below: frozenset({SUCCESS}) if below[0] else below[0],
-    "on_success": lambda _, below: frozenset({FAILURE}) if below[0] else below[0],
-    "on_running": lambda step, below: below[0] | {SUCCESS if step.text == "succeed" else FAILURE},
-    "repeat": lambda step, below: below[0] - {SUCCESS} if _forever(step) else below[0],
-    "retry": lambda step, below: below[0] - {FAILURE} if _forever(step) else below[0],
-    FOR_EACH: _each,
-    "hold": lambda _, below: below[0] - {FAILURE},
-    "timeout": lambda _, below: below[0] | {FAILURE},
-    "while": lambda _, below: below[0] | {FAILURE},
-    "cooldown": lambda _, below: below[0] | {FAILURE},
-    "until": lambda _, below: below[0] | {SUCCESS},
-    "if": lambda _, below: below[0] | {SUCCESS},
-}
-"""How each kind can end, from how its children can; a kind that is not here ends as its one child does."""
+    return frozenset({SUCCESS}) if count == 0 else below if count else below | {SUCCESS}

@@ -11,8 +11,8 @@ from config.units import UNITS, Quantity, article, quantity, seen
 from missions.language import lists
 from missions.language.arguments import NAMES, converter, default_value, read_argument
 from missions.language.kinds import FLAG, TEXT, Kind, ListOf
+from missions.language.nodes import MISSION
 from missions.language.notes import Notes
-from missions.language.plan import MISSION
 from missions.language.values import UNREAD, Convert, Value, shown
 
 LIST = "list"

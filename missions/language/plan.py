@@ -6,60 +6,8 @@ from dataclasses import dataclass, field
 from behaviours.leaf import Leaf
 from config.faults import Mark, Source
 from missions.language.expressions import Read
+from missions.language.nodes import MISSION
 from missions.language.values import Value
-
-COMPOSITES = {
-    "sequence": "does one after another; fails at the first failure",
-    "reactive_sequence": "a sequence that asks again from the first at every tick",
-    "selector": "tries one after another until one succeeds",
-    "reactive_selector": "a selector that asks again from the first at every tick",
-    "parallel": "does all at once; succeeds when all have",
-    "race": "does all at once; ends with the first that ends",
-    "random_sequence": "a sequence in an order drawn afresh at each start",
-    "random_selector": "a selector in an order drawn afresh at each start",
-}
-"""The composites with a list of children, and what each does."""
-
-SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
-
-COUNTS = {
-    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
-    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
-    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
-}
-"""What may stand beside a ``parallel``: what each takes, and what it does."""
-
-SWITCH = "switch"
-"""The composite that chooses one child by the value of an expression, when it starts."""
-
-REACTIVE_SWITCH = "reactive_switch"
-"""The composite that does so at every tick."""
-
-SWITCHES = {
-    SWITCH: "does the one whose case is the value of an expression, asked when it starts",
-    REACTIVE_SWITCH: "a switch that asks at every tick; another case halts the one that runs before it starts",
-}
-"""The composites that choose, and what each does."""
-
-FOR_EACH = "for_each"
-"""The node that does its one child for each member of a list."""
-
-MISSION = "mission"
-"""The node that runs another mission as a subtree."""
-
-OTHERS = {
-    **SWITCHES,
-    FOR_EACH: "does one behaviour for each member of a list, one after another; fails at the first failure",
-    MISSION: "runs another mission",
-}
-"""The nodes that have others below them in ways of their own, and what each does."""
-
-BRANCHES = (*COMPOSITES, *OTHERS)
-"""All words of nodes that have others below them, but for modifiers."""
-
-AT_ONCE = ("parallel", "race")
-"""The composites whose children run at the same time."""
-
 
 PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head", "range": "range"}
 """The part of a robot that knows each piece of state that expressions read."""

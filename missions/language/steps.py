@@ -12,9 +12,10 @@ from config.units import seen
 from missions.language.arguments import read_arguments
 from missions.language.counts import read_counts
 from missions.language.for_each import read_for_each
-from missions.language.modifiers import MODIFIERS, read_modifier
+from missions.language.modifiers import read_modifier
+from missions.language.nodes import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.notes import MAX_STEPS, Notes
-from missions.language.plan import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, SWITCHES, UNKNOWN, Hole, Step
+from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.stored import setters
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch

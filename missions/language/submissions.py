@@ -9,9 +9,10 @@ from config.marked import Mapping, Node, Scalar, compose, read_source
 from config.units import article, seen
 from missions.language.body import read_body, read_returns
 from missions.language.modifiers import outdent
+from missions.language.nodes import MISSION
 from missions.language.notes import Notes
 from missions.language.params import Param
-from missions.language.plan import MISSION, Step
+from missions.language.plan import Step
 from missions.language.values import Value
 from missions.language.written import written_entries
 

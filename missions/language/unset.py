@@ -13,11 +13,15 @@ from typing import NamedTuple
 from behaviours.basics import Fail, Log, Set, Succeed
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
-from missions.language.outcomes import FAILURE, SUCCESS
+from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.outcomes import cuts
 from missions.language.outcomes import ends as ends_of
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES, UNKNOWN, Hole, Step
+from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.reading import may_fail, never_zero, surely_read
 from missions.language.values import Value
+
+CONDITIONS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
+"""The kinds of nodes that ask an expression which way to go."""
 
 Way = tuple[str, ...]
 """What has to happen, in order, for a variable to be unset at some place; nothing, where that is so at first."""
@@ -79,9 +83,16 @@ class _Ways:
             return self._leaf(step, unset, here)
         if step.kind == MISSION:
             return self._mission(step, unset, here)
-        if step.kind in WAYS:
-            return WAYS[step.kind](self, step, unset, here)
-        return self._modifier(step, unset, here)
+        if step.kind in SWITCHES:
+            return self.one_of(step, unset, here)
+        if step.kind == FOR_EACH:
+            return self.for_each(step, unset, here)
+        if step.kind in MODIFIERS or step.kind == UNKNOWN:
+            return self._modifier(step, unset, here)
+        kind = COMPOSITES[step.kind]
+        if kind.order == "in order":
+            return self.in_order(step, unset, here, passes=kind.passes)
+        return self.at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
 
     def _read(self, step: Step, value: Value, unset: Unset, here: Here) -> None:
         for name in sorted(surely_read(value)):
@@ -180,81 +191,47 @@ class _Ways:
     # --- modifiers ------------------------------------------------------------------------------------------------
 
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
-        guarded = here.guarded or (step.kind in _CUTS and _asks_variables(step))
-        caught = here.caught or catches(step, step.children[0])
         if step.kind == UNKNOWN:  # it may make one end of another
             after = self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
             return After(after.success or {}, after.failure or {})
+        kind = MODIFIERS[step.kind]
+        guarded = here.guarded or (bool(kind.cut_when) and _asks_variables(step))
+        caught = here.caught or catches(step, step.children[0])
         value = step.arguments["value"]
         known = value.template is None
         if step.kind == "if" and known and not value.constant:
             return After(_by(_cut(step), unset), None)
         after = self.after(step.children[0], unset, replace(here, guarded=guarded, caught=caught))
-        if step.kind in ("repeat", "retry"):
-            endless = known and value.constant is None
-            return After(
-                *(None if endless and step.kind == word else each for word, each in zip(_LOOPS, after, strict=True))
+        endless = known and value.constant is None
+        ways = [
+            (None if endless and kind.without_limit(end) else each, onward)
+            for end, onward, each in ((SUCCESS, kind.success, after.success), (FAILURE, kind.failure, after.failure))
+        ]
+        cut = _by(_cut(step), unset) if kind.cut_when else after.success
+        always = kind.value == "condition" and known and bool(value.constant) == (step.kind != "until")
+        cut_to = frozenset[str]() if always else cuts(step)
+        return After(
+            *(
+                _either([*(each for each, onward in ways if end in onward), *([cut] if end in cut_to else ())])
+                for end in (SUCCESS, FAILURE)
             )
-        always = known and step.kind in ("if", "while", "until") and bool(value.constant) == (step.kind != "until")
-        cut = None if always else _by(_cut(step), unset)
-        return _MODIFIERS[step.kind](after, cut) if step.kind in _MODIFIERS else after
-
-
-_LOOPS = ("repeat", "retry")
-"""The loop that goes on after a success, and the one that goes on after a failure."""
-
-_CUTS = {"if": "is false", "while": "is false", "until": "is true", "timeout": "is over", "on_running": "ends it"}
-"""How a modifier keeps its child from its end, in words."""
-
-_MODIFIERS: Mapping[str, Callable[[After, Unset | None], After]] = {
-    **dict.fromkeys(("if", "until"), lambda after, cut: After(_either((after.success, cut)), after.failure)),
-    **dict.fromkeys(("while", "timeout"), lambda after, cut: After(after.success, _either((after.failure, cut)))),
-    "on_running": lambda after, cut: After(_either((after.success, cut)), _either((after.failure, cut))),
-    "invert": lambda after, _: After(after.failure, after.success),
-    "on_failure": lambda after, _: After(_either(after), None),
-    "on_success": lambda after, _: After(None, _either(after)),
-    "cooldown": lambda after, _: After(after.success, _either((after.failure, after.success))),
-    "hold": lambda after, _: After(after.success, None),
-}
-"""What may be unset after a modifier, from what may be after its child, and after the modifier has cut that short."""
+        )
 
 
 def _cut(step: Step) -> str:
-    return f"'{step.kind}' (line {step.mark.line}) {_CUTS.get(step.kind, '')}"
-
-
-_Follow = Callable[[_Ways, Step, Unset, Here], After]
-
-WAYS: Mapping[str, _Follow] = {
-    **dict.fromkeys(
-        ("sequence", "reactive_sequence"),
-        lambda ways, step, unset, here: ways.in_order(step, unset, here, passes=SUCCESS),
-    ),
-    **dict.fromkeys(
-        ("selector", "reactive_selector"),
-        lambda ways, step, unset, here: ways.in_order(step, unset, here, passes=FAILURE),
-    ),
-    **dict.fromkeys(
-        ("parallel", "random_sequence"),
-        lambda ways, step, unset, here: ways.at_once(step, unset, here, all_succeed=True),
-    ),
-    **dict.fromkeys(
-        ("race", "random_selector"),
-        lambda ways, step, unset, here: ways.at_once(step, unset, here, all_succeed=False),
-    ),
-    **dict.fromkeys(SWITCHES, _Ways.one_of),
-    FOR_EACH: _Ways.for_each,
-}
-"""How a run goes through each kind of composite."""
+    return f"'{step.kind}' (line {step.mark.line}) {MODIFIERS[step.kind].cut_when}"
 
 
 def catches(step: Step, child: Step) -> bool:
     """Say whether a failure of ``child`` is nothing bad to ``step``: another has its turn, or it is taken otherwise."""
-    if step.kind in ("selector", "reactive_selector"):
-        return child is not step.children[-1]
-    return step.kind in ("random_selector", "on_failure", "invert", "hold") or (
-        step.kind == "parallel" and bool(step.arguments)
-    )
+    if step.kind in MODIFIERS:
+        return FAILURE not in MODIFIERS[step.kind].failure
+    kind = COMPOSITES.get(step.kind)
+    if kind is None:
+        return False
+    if kind.passes == FAILURE:
+        return kind.order != "in order" or child is not step.children[-1]
+    return step.kind == "parallel" and bool(step.arguments)
 
 
 def _by(event: str, unset: Unset | None) -> Unset | None:
@@ -290,6 +267,6 @@ def _case(case: object) -> str:
 
 def _asks_variables(step: Step) -> bool:
     """Say whether a condition in ``step`` asks for anything but what the robot senses."""
-    asked = (each for each in step.walk() if each.kind in ("if", "while", "until", *SWITCHES))
+    asked = (each for each in step.walk() if each.kind in CONDITIONS)
     values = (value.template for each in asked for value in each.arguments.values())
     return any(read.name not in STATE for template in values if template is not None for read in template.reads)

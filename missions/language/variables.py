@@ -10,9 +10,10 @@ from missions.language.fitting import misfits
 from missions.language.for_each import Members, own_steps
 from missions.language.inference import kind_made
 from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
+from missions.language.nodes import FOR_EACH, MISSION, SWITCHES
 from missions.language.notes import Notes
 from missions.language.param_types import param_kind
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Hole, Step
+from missions.language.plan import Hole, Step
 from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]

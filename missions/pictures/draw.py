@@ -6,8 +6,8 @@ from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
 
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import MISSION, SWITCHES, Plan, Step
+from missions.language.nodes import MISSION, MODIFIERS, SWITCHES
+from missions.language.plan import Plan, Step
 from missions.pictures.drawing import Badge, Box, Drawing
 from missions.pictures.states import Now
 from missions.pictures.symbols import symbol_of

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 from typing import Literal
 
-from missions.language.plan import MISSION
+from missions.language.nodes import MISSION
 from missions.pictures.canvas import Canvas
 from missions.pictures.card import BADGE_PAD, BAND, SMALL, Line
 from missions.pictures.compare import CHANGES, Change, Comparison

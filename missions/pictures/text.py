@@ -12,7 +12,8 @@ from py_trees.common import Status as Result
 from py_trees.decorators import PassThrough
 
 from missions.executive.composites import COMPOSITES
-from missions.language.plan import SWITCHES, Plan
+from missions.language.nodes import SWITCHES
+from missions.language.plan import Plan
 from missions.pictures.draw import at, drawing_of
 from missions.pictures.drawing import ASCII_SIGNS, SIGNS, Box, Drawing
 from missions.pictures.labels import Labels

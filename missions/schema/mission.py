@@ -13,8 +13,8 @@ from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.catalogue import sentence
 from missions.language.body import IF_INTERRUPTED
+from missions.language.nodes import MISSION
 from missions.language.param_types import LIST, TYPES
-from missions.language.plan import MISSION
 from missions.language.properties import FORMS, PROPERTIES
 from missions.library import shipped_missions
 from missions.schema.nodes import NODE, RESULTS, definitions

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
 from missions.catalogue import sentence, summary
-from missions.language.modifiers import MODIFIERS, NEITHER
-from missions.language.plan import COMPOSITES, COUNTS, FOR_EACH, MISSION, OTHERS, SWITCHES
+from missions.language.modifiers import NEITHER
+from missions.language.nodes import COMPOSITES, COUNTS, FOR_EACH, MISSION, MODIFIERS, OTHERS, SWITCHES
 from missions.language.steps import ONLY_BESIDE
 from missions.schema.leaves import leaf_value, needs_nothing
 from missions.schema.values import EXPRESSION, HOLE, NAME, SCALAR, Schema, Things, named, quantity
@@ -74,7 +74,9 @@ def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
 
 def _composites(things: Things) -> dict[str, Schema]:
     """Return what stands behind each composite, and behind ``mission``."""
-    lists = {word: {"description": f"A list of behaviours: {text}.", **CHILDREN} for word, text in COMPOSITES.items()}
+    lists = {
+        word: {"description": f"A list of behaviours: {kind.help}.", **CHILDREN} for word, kind in COMPOSITES.items()
+    }
     switch = {
         "type": "object",
         "properties": {
@@ -93,7 +95,8 @@ def _composites(things: Things) -> dict[str, Schema]:
     text = "Runs another mission as one node: its name in the library, or a path from this file's folder."
     mission = {"description": text, **named(MISSION, things[MISSION], computed=False)}
     switches = {
-        word: {"description": f"{sentence(text)} Fails where no case is.", **switch} for word, text in SWITCHES.items()
+        word: {"description": f"{sentence(kind.help)} Fails where no case is.", **switch}
+        for word, kind in SWITCHES.items()
     }
     return {**lists, **switches, FOR_EACH: _for_each(), MISSION: mission}
 
@@ -102,7 +105,7 @@ def _for_each() -> Schema:
     """Return what stands behind ``for_each``."""
     members = {"type": "array", "items": {"type": SCALAR}}
     return {
-        "description": sentence(OTHERS[FOR_EACH]),
+        "description": sentence(OTHERS[FOR_EACH].help),
         "type": "object",
         "properties": {
             "in": {

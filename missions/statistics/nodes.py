@@ -13,19 +13,17 @@ import numpy as np
 
 from missions.executive.events import NodeChanged
 from missions.executive.moment import Moment
+from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
 from missions.pictures.drawing import Box, Drawing
 from missions.statistics.figures import NodeFigures, Place
 
-REACTIVE: Mapping[str, str] = {"reactive_sequence": "success", "reactive_selector": "failure"}
+REACTIVE: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
 """The composites that ask from their first child on at every tick, and the status that leads them to the next."""
 
-TURNING = frozenset({"invert", "on_failure", "on_success", "on_running", "hold"})
+TURNING = frozenset(word for word, kind in MODIFIERS.items() if kind.asks == "always")
 """The modifiers that always ask their node, and may answer otherwise."""
 
-AT_ONCE = frozenset({"parallel", "race"})
-"""The composites that ask all their children in turn, until the end of one is theirs too: then they halt the others."""
-
-PASSING = frozenset({"if", "while", "until", "timeout", "delay", "cooldown"})
+PASSING = frozenset(word for word, kind in MODIFIERS.items() if kind.asks == "sometimes")
 """The modifiers that ask their node, and answer as it does, or do not ask it."""
 
 

@@ -15,7 +15,7 @@ from config.units import seen
 from config.world import load_world
 from missions.assembly.assemble import with_carriers
 from missions.assembly.target import target_of
-from missions.language.modifiers import MODIFIERS
+from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written
 from missions.library import behaviour_files, find_mission, load_mission

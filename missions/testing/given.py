@@ -10,7 +10,7 @@ from config.fields import Fields
 from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.arguments import default_value
-from missions.language.modifiers import MODIFIERS
+from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
 from missions.language.plan import Step
 from missions.testing.context import Setting

@@ -18,7 +18,7 @@ from missions.executive.events import (
     Ticked,
 )
 from missions.executive.executive import Result
-from missions.executive.modifiers import MODIFIERS
+from missions.language.nodes import MODIFIERS
 from missions.language.outcomes import ends
 from missions.language.plan import Step
 from missions.testing.moments import Happening

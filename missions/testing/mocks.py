@@ -10,8 +10,8 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from missions.language.expressions import of_kind
 from missions.language.kinds import dimensions_of
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import MISSION, Step
+from missions.language.nodes import MISSION, MODIFIERS
+from missions.language.plan import Step
 from missions.testing.script import Script, Turn
 from perception.api import Box, Face
 

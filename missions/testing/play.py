@@ -7,7 +7,7 @@ from config.faults import Fault, InvalidFileError
 from drivers.clock import SystemClock
 from missions.executive.events import Ended, Logged
 from missions.executive.watchdog import Limits
-from missions.language.plan import BRANCHES, MISSION
+from missions.language.nodes import BRANCHES, MISSION
 from missions.testing.history import History, NodeRecord
 from missions.testing.judge import judge
 from missions.testing.moments import BASE_VERBS, Happening

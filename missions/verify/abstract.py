@@ -7,7 +7,8 @@ from behaviours.leaf import FAILURE, Leaf
 from missions.language.flow import sets
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
-from missions.language.plan import FOR_EACH, MISSION, SWITCHES, Plan, Step
+from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.plan import Plan, Step
 from missions.language.reading import surely_read
 from missions.language.values import Value
 from missions.verify.choices import Oracle
@@ -16,9 +17,8 @@ from missions.verify.instants import Some
 from missions.verify.mocks import outcomes, stand_in, waits
 from missions.verify.watch import Watch
 
-CONDITIONS = ("if", "while", "until")
-TIMES = ("timeout", "delay", "hold", "cooldown")
-COUNTS = ("retry", "repeat")
+TIMES = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "duration")
+COUNTS = frozenset(word for word, kind in MODIFIERS.items() if kind.value == "count")
 
 OTHERWISE = "anything else"
 """What a ``switch`` finds that is none of its cases."""

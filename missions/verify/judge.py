@@ -7,7 +7,8 @@ from behaviours.leaf import RUNNING
 from behaviours.node import Node
 from config.faults import Fault, Mark, Source
 from missions.executive.modifiers import Repeat, Retry
-from missions.language.plan import FOR_EACH, SWITCHES, Plan, Step
+from missions.language.nodes import NODES
+from missions.language.plan import Plan, Step
 from missions.verify.explore import GOING, HALTING, RESTED, Space
 from missions.verify.mocks import StandIn
 from missions.verify.monitors import Following
@@ -84,7 +85,7 @@ class Judge:
             step.source,
             step.mark,
             f"'{step.name}' is never reached",
-            f"'{parent.kind}' (line {parent.mark.line}): {_WHY.get(parent.kind, 'it never comes to it')}",
+            f"'{parent.kind}' (line {parent.mark.line}): {NODES[parent.kind].unreached or 'it never comes to it'}",
         )
 
     def _times(self) -> list[Verdict]:
@@ -227,20 +228,3 @@ def _innermost(step: Step) -> Step:
     while "value" in step.arguments and step.leaf is None and len(step.children) == 1:
         step = step.children[0]
     return step
-
-
-_WHY = {
-    "if": "its condition is never true",
-    "while": "its condition is never true",
-    "until": "its condition is true from the start",
-    "delay": "something else always ends it before",
-    FOR_EACH: "its list is always empty",
-    **dict.fromkeys(SWITCHES, "the value of this case never comes"),
-    "sequence": "what stands before it never succeeds",
-    "reactive_sequence": "what stands before it never succeeds",
-    "selector": "what stands before it never fails",
-    "reactive_selector": "what stands before it never fails",
-    "race": "what stands before it always ends first",
-    "parallel": "what stands before it always ends it first",
-}
-"""Why a child is never reached, by the kind of its parent."""

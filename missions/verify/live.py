@@ -9,7 +9,18 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from missions.language.plan import FOR_EACH, MISSION, REACTIVE_SWITCH, SWITCHES, Step
+from missions.language.nodes import (
+    AGAIN,
+    COMPOSITES,
+    FAILURE,
+    FOR_EACH,
+    MISSION,
+    MODIFIERS,
+    SUCCESS,
+    SWITCHES,
+    CompositeKind,
+)
+from missions.language.plan import Step
 from missions.language.values import Value
 from missions.verify.guesses import Guess
 from missions.verify.mocks import SetStandIn
@@ -25,34 +36,9 @@ class Onward(NamedTuple):
     failure: Names
 
 
-class Modified(NamedTuple):
-    """How a run goes on when the one child of a modifier ends: the modifier succeeds, fails, or starts it again.
-
-    ``skips`` says that the modifier can succeed while the child runs, or without it.
-    """
-
-    success: tuple[str, ...]
-    failure: tuple[str, ...]
-    skips: bool = False
-
-
-SUCCEEDS, FAILS, AGAIN = "succeeds", "fails", "again"
-
-ANYHOW = Modified((SUCCEEDS, FAILS, AGAIN), (SUCCEEDS, FAILS, AGAIN), skips=True)
-"""What covers every modifier."""
-
-MODIFIED: Mapping[str, Modified] = {
-    **dict.fromkeys(("while", "timeout", "delay", "cooldown"), Modified((SUCCEEDS,), (FAILS,))),
-    **dict.fromkeys(("if", "until", "once", "on_running"), Modified((SUCCEEDS,), (FAILS,), skips=True)),
-    "retry": Modified((SUCCEEDS,), (FAILS, AGAIN)),
-    "repeat": Modified((SUCCEEDS, AGAIN), (FAILS,)),
-    "hold": Modified((SUCCEEDS, AGAIN), (AGAIN,)),
-    "invert": Modified((FAILS,), (SUCCEEDS,)),
-    "on_failure": Modified((SUCCEEDS,), (SUCCEEDS,)),
-    "on_success": Modified((FAILS,), (FAILS,)),
-}
-
-RESUMES = frozenset({"if", "invert", "on_failure", "on_success", "on_running", "once"})
+RESUMES = frozenset(
+    word for word, kind in MODIFIERS.items() if kind.value != "duration" and not kind.repeats and not kind.every_tick
+)
 """Modifiers that run only while their child does, and leave it alone: what is live then, the child knows."""
 
 
@@ -97,15 +83,16 @@ class Analysis:
             found = running = reads | ended | (children[0](Onward(ended | again, ended)) - frozenset(step.binds))
         elif step.kind in SWITCHES:
             found = reads.union(onward.failure, *(child(onward) for child in children))
-            running = found if step.kind == REACTIVE_SWITCH else NONE
-        elif step.kind in _COMPOSITES:
-            # Where a parallel counts, any end of a child may go before either end of the parallel.
-            ends = Onward(*(onward.success | onward.failure,) * 2) if step.arguments else onward
-            found = reads | _COMPOSITES[step.kind](children, ends, again)
-            running = found if step.kind in REACTIVE else NONE
-        else:
+            running = found if SWITCHES[step.kind].reactive else NONE
+        elif step.kind in MODIFIERS:
             found = reads | _modifier(step.kind, children[0], onward, again)
             running = NONE if step.kind in RESUMES else found
+        else:
+            # Where a parallel counts, any end of a child may go before either end of the parallel.
+            ends = Onward(*(onward.success | onward.failure,) * 2) if step.arguments else onward
+            kind = COMPOSITES[step.kind]
+            found = reads | _composite(kind, children, ends, again)
+            running = found if kind.reactive else NONE
         self.running[key] = running
         self.grows = self.grows or found != again
         self._known[key] = found
@@ -131,53 +118,22 @@ def _stored(step: Step) -> Names:
     return frozenset(step.arguments) if step.leaf is not None and issubclass(step.leaf, SetStandIn) else NONE
 
 
-def _modifier(kind: str, child: Child, onward: Onward, again: Names) -> Names:
-    rule = MODIFIED.get(kind, ANYHOW)
-    known = {SUCCEEDS: onward.success, FAILS: onward.failure, AGAIN: again}
-    success, failure = (NONE.union(*(known[way] for way in ways)) for ways in (rule.success, rule.failure))
-    return child(Onward(success, failure)).union(onward.failure, onward.success if rule.skips else NONE)
+def _modifier(word: str, child: Child, onward: Onward, again: Names) -> Names:
+    kind = MODIFIERS[word]
+    known = {SUCCESS: onward.success, FAILURE: onward.failure, AGAIN: again}
+    success, failure = (NONE.union(*(known[way] for way in ways)) for ways in (kind.success, kind.failure))
+    skips = SUCCESS in kind.cut or kind.remembers  # it can succeed while its child runs, or without it
+    return child(Onward(success, failure)).union(onward.failure, onward.success if skips else NONE)
 
 
-# --- composites -------------------------------------------------------------------------------------------------------
-
-
-def _sequence(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
-    del again
-    before = onward.success
+def _composite(kind: CompositeKind, children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
+    if kind.at_once:
+        # What one child stores before it reads it is not live for its sake, whoever else stores it in between.
+        return NONE.union(*(child(onward) for child in children))
+    if kind.reactive or kind.order == "in any order":  # each may follow on each
+        ends = onward.success | onward.failure | again
+        return ends.union(*(child(Onward(ends, ends)) for child in children))
+    before = onward.success if kind.passes == SUCCESS else onward.failure
     for child in reversed(children):
-        before = child(Onward(before, onward.failure))
+        before = child(Onward(before, onward.failure) if kind.passes == SUCCESS else Onward(onward.success, before))
     return before
-
-
-def _selector(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
-    del again
-    before = onward.failure
-    for child in reversed(children):
-        before = child(Onward(onward.success, before))
-    return before
-
-
-def _any_order(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
-    """Return what is live before nodes each of which may follow on each, at once or again."""
-    ends = onward.success | onward.failure | again
-    return ends.union(*(child(Onward(ends, ends)) for child in children))
-
-
-def _at_once(children: tuple[Child, ...], onward: Onward, again: Names) -> Names:
-    """Return what is live before nodes that run at once.
-
-    What one of them stores before it reads it is not live for its sake, whoever else stores it in between.
-    """
-    del again
-    return NONE.union(*(child(onward) for child in children))
-
-
-REACTIVE = frozenset({"reactive_sequence", "reactive_selector"})
-
-_COMPOSITES: Mapping[str, Callable[[tuple[Child, ...], Onward, Names], Names]] = {
-    "sequence": _sequence,
-    "selector": _selector,
-    "parallel": _at_once,
-    "race": _at_once,
-    **dict.fromkeys(("random_sequence", "random_selector", *REACTIVE), _any_order),
-}

@@ -1,5 +1,9 @@
 """Stand-ins for leaves: what each may do at a tick is a choice, within what the real one says of itself."""
 
+import ast
+import inspect
+import textwrap
+from types import FunctionType
 from typing import ClassVar, NamedTuple
 
 from py_trees.common import Status
@@ -8,7 +12,6 @@ from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from missions.language.plan import Step
 from missions.verify.choices import Oracle
-from missions.verify.fields import always_true
 from missions.verify.guesses import UNKNOWN
 from missions.verify.watch import Watch
 
@@ -36,6 +39,7 @@ class StandIn(Leaf):
     (see missions.verify.alike).
     """
 
+    run_state = ("live",)
     oracle: ClassVar[Oracle]
     watch: ClassVar[Watch]
     outcomes: ClassVar[tuple[Outcome, ...]]
@@ -102,6 +106,7 @@ class SetStandIn(StandIn):
 class WaitStandIn(StandIn):
     """The leaf that waits: it is over after its ``seconds``, and neither sooner nor later than the next tick."""
 
+    run_state = ("_until",)
     seconds: ClassVar[float]
     _until = 0.0
 
@@ -167,3 +172,16 @@ def outcomes(step: Step) -> tuple[Outcome, ...]:
 
 def _listed(value: object) -> list[Status]:
     return [each for each in value if isinstance(each, Status)] if isinstance(value, tuple) else []
+
+
+def always_true(function: object) -> bool:
+    """Say whether all that a method ever returns is a plain true, as far as its source shows that."""
+    if not isinstance(function, FunctionType):
+        return False
+    try:
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+    except (OSError, SyntaxError):
+        return False
+    returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)]
+    ends = isinstance(body, ast.FunctionDef) and isinstance(body.body[-1], ast.Return)
+    return ends and all(isinstance(value, ast.Constant) and value.value is True for value in returns)

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from behaviours.node import Node
 from missions.language.flow import sets
-from missions.language.plan import MISSION, Step
+from missions.language.nodes import MISSION
+from missions.language.plan import Step
 from missions.language.reading import surely_read
 from missions.language.unset import catches
 from missions.verify.abstract import TIMES

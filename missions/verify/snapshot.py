@@ -10,7 +10,6 @@ from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import Modifier, Repeat, Retry
-from missions.verify.fields import Fields, fields_of
 from missions.verify.guesses import Many
 from missions.verify.instants import Instant, Timing
 from missions.verify.mocks import StandIn
@@ -56,11 +55,12 @@ class Part:
         return True
 
     @classmethod
-    def of(cls, node: Node, fields: Fields, nodes: Sequence[Node]) -> "Part":
+    def of(cls, node: Node, nodes: Sequence[Node]) -> "Part":
         """Take what ``node`` has now as what it has at rest."""
         parent = next((place for place, other in enumerate(nodes) if node in other.children), None)
-        names = tuple(name for name in fields.names if name != "result" or not _gives_anew(node))
-        at_rest = tuple((name in fields.lasting, getattr(node, name)) for name in names)
+        running, lasting = declared_state(type(node))
+        names = tuple(name for name in sorted(running | lasting) if name != "result" or not _gives_anew(node))
+        at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
         return cls(node, parent, names, at_rest)
 
 
@@ -69,8 +69,7 @@ class Snapshots:
 
     def __init__(self, nodes: Sequence[Node], timing: Timing) -> None:
         self._timing = timing
-        counting = fields_of(nodes)
-        self._parts = [Part.of(node, counting[type(node)], nodes) for node in nodes]
+        self._parts = [Part.of(node, nodes) for node in nodes]
         self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
         self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants
@@ -125,6 +124,15 @@ class Snapshots:
             fields.update(plain)
             for name, (place, offset) in instants.items():
                 fields[name] = Instant(self._timing, place, offset)
+
+
+def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the attributes that a class and its bases declare: those of a run, and those that last."""
+    declared = [vars(each) for each in kind.__mro__]
+    running, lasting = (
+        frozenset().union(*(each.get(name, ()) for each in declared)) for name in ("run_state", "lasting_state")
+    )
+    return running, lasting
 
 
 def _place(status: Status) -> int:

@@ -37,8 +37,8 @@ from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.events import Event, NodeChanged, Stream
 from missions.executive.executive import Executive
-from missions.executive.modifiers import MODIFIERS
 from missions.language.document import check_plan
+from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan
 from tests.conformance.probes import PROBES, Bench
 

@@ -5,8 +5,7 @@ from collections import Counter
 import pytest
 
 from config.faults import InvalidFileError
-from missions.executive.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, FOR_EACH, SWITCHES
+from missions.language.nodes import COMPOSITES, FOR_EACH, MODIFIERS, SWITCHES
 from tests.conformance.harness import Case, all_cases, play, read_cases
 
 ALL = all_cases()

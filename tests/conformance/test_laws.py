@@ -13,7 +13,8 @@ from behaviours.node import Node
 from config.faults import InvalidFileError
 from missions.executive.composites import COMPOSITES
 from missions.executive.events import STATUS_WORDS
-from missions.language.plan import FOR_EACH, SWITCHES, Plan
+from missions.language.nodes import FOR_EACH, SWITCHES
+from missions.language.plan import Plan
 from tests.conformance.harness import Case, Play
 from tests.conformance.probes import Probe
 

@@ -14,13 +14,12 @@ from behaviours.robot import Robot
 from config.faults import MAX_FAULTS, InvalidFileError, Source
 from drivers.clock import ManualClock
 from missions.assembly.things import THINGS
-from missions.executive.composites import COMPOSITES as COMPOSITE_NODES
-from missions.executive.modifiers import MODIFIERS as MODIFIER_NODES
+from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
 from missions.language.document import MAX_DEPTH, check_plan, load_plan
 from missions.language.kinds import STATE
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import COMPOSITES, Plan, Step
+from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
+from missions.language.plan import Plan, Step
 from missions.language.steps import LISTED
 from missions.language.values import Value
 from missions.library import load_mission
@@ -184,8 +183,7 @@ def test_a_count_is_a_whole_number_however_it_is_written(count: str) -> None:
 
 
 def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
-    assert COMPOSITES.keys() == COMPOSITE_NODES.keys()
-    assert MODIFIERS.keys() == MODIFIER_NODES.keys()
+    assert NODES.keys() == NODE_CLASSES.keys()
     state = state_of(Robot(None, None, None, None, None), ManualClock())
     assert state.keys() == STATE.keys()
     for name, members in STATE.items():

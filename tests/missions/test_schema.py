@@ -24,8 +24,7 @@ from missions.catalogue import bounds, shown_default
 from missions.catalogue import example as example_of
 from missions.language import body, for_each, params, steps, switches
 from missions.language.document import check_plan
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import BRANCHES, FOR_EACH, MISSION, SWITCHES
+from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.library import find_mission, shipped_missions
 from missions.schema.mission import known_things, mission_schema
 from missions.schema.values import quantity as written_quantity

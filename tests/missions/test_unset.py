@@ -6,8 +6,6 @@ import pytest
 
 from config.faults import InvalidFileError
 from missions.language import document
-from missions.language.plan import COMPOSITES, FOR_EACH, SWITCHES
-from missions.language.unset import WAYS
 from missions.verify.verdicts import REFUTED
 from tests.missions.verify.exploring import explored, outcomes, plan_of
 
@@ -112,10 +110,6 @@ def test_what_a_mission_has_set_before_it_can_fail_is_handed_back(
 def test_what_to_write_is_said() -> None:
     hint = "set it before, such as set: {guest: null}, and ask for it here with if: guest != null"
     assert hint in said("sequence: [{TRIED}, {GREETED}]")
-
-
-def test_every_composite_has_its_ways() -> None:
-    assert WAYS.keys() == {*COMPOSITES, *SWITCHES, FOR_EACH}
 
 
 def test_verify_shows_a_run_for_each_of_these_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,8 +17,7 @@ from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
 from missions.language.kinds import FLAG, STATE
-from missions.language.modifiers import MODIFIERS
-from missions.language.plan import BRANCHES
+from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
 from missions.library import find_mission, shipped_missions

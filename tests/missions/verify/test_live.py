@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from behaviours.leaf import Leaf
 from drivers.clock import ManualClock
-from missions.language.plan import MISSION, Plan, Step
+from missions.language.nodes import MISSION
+from missions.language.plan import Plan, Step
 from missions.library import load_mission
 from missions.verify.abstract import abstract
 from missions.verify.choices import Oracle

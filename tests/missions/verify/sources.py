@@ -1,7 +1,7 @@
-"""What of a node decides its future: the attributes that its methods set, and that a method reads again.
+"""The attributes of a node that decide what it does next, found in the source of its class.
 
-Read from the source of the node classes, so that a class that keeps something new is explored rightly without a list
-of its attributes here. An attribute that is set only where a node starts means nothing while it does not run.
+They are those that a method sets, and a method reads again. One that is set only where the node starts means nothing
+while it does not run.
 """
 
 import ast
@@ -13,7 +13,7 @@ from types import FunctionType
 
 from behaviours.node import Node
 
-OURS = ("behaviours.", "missions.")
+OURS = ("behaviours.", "missions.", "tests.")
 """The packages whose classes are read: py_trees' own methods are not called."""
 
 STARTS = frozenset({"start", "begin", "initialise"})
@@ -40,17 +40,8 @@ class Use:
     read_elsewhere: set[str] = field(default_factory=set)
 
 
-@dataclass(frozen=True, slots=True)
-class Fields:
-    """The attributes of a node that count: all of them while it runs, ``lasting`` ones at any time."""
-
-    names: tuple[str, ...]
-    lasting: frozenset[str]
-
-
-def fields_of(nodes: Sequence[Node]) -> dict[type[Node], Fields]:
-    """Return what counts of each class among ``nodes``."""
-    classes = dict.fromkeys(type(node) for node in nodes)
+def state_in_source(classes: Sequence[type[Node]]) -> dict[type[Node], tuple[frozenset[str], frozenset[str]]]:
+    """Return for each class the attributes that count while it runs, and those of them that count at any time."""
     bases = dict.fromkeys(base for cls in classes for base in cls.__mro__ if base.__module__.startswith(OURS))
     ours = {base: _use(base) for base in bases}
     shared = set().union(*(use.read_elsewhere for use in ours.values()))
@@ -59,7 +50,7 @@ def fields_of(nodes: Sequence[Node]) -> dict[type[Node], Fields]:
         uses = [ours[base] for base in cls.__mro__ if base in ours]
         read = shared.union(*(use.read for use in uses))
         names = set().union(*(use.stored for use in uses)) & read - IGNORED
-        found[cls] = Fields(tuple(sorted(names)), frozenset(names.difference(*(use.begun for use in uses))))
+        found[cls] = frozenset(names), frozenset(names.difference(*(use.begun for use in uses)))
     return found
 
 
@@ -92,16 +83,3 @@ def _note(use: Use, name: str, function: FunctionType) -> None:
             use.read.add(node.attr)
         else:
             use.read_elsewhere.add(node.attr)
-
-
-def always_true(function: object) -> bool:
-    """Say whether all that a method ever returns is a plain true, as far as its source shows that."""
-    if not isinstance(function, FunctionType):
-        return False
-    try:
-        (body,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
-    except (OSError, SyntaxError):
-        return False
-    returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)]
-    ends = isinstance(body, ast.FunctionDef) and isinstance(body.body[-1], ast.Return)
-    return ends and all(isinstance(value, ast.Constant) and value.value is True for value in returns)
