@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from drivers.dynamixel.models import MODELS, Model, model_named, model_of
 from drivers.dynamixel.units import RPM, Protocol, baud_code, baud_of
 from drivers.errors import BadRequest
+from tests.cases import each
 
-EVERY = [pytest.param(model, id=model.name) for model in MODELS.values()]
+EVERY = tuple(MODELS.values())
 ANY = st.sampled_from(list(MODELS.values()))
 
 NUMBERS = (
@@ -31,7 +32,7 @@ def test_a_number_that_no_servo_has_is_unknown() -> None:
     assert model_of(0) is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "meant"),
     [
         ("XL430", ["XL430-W250"]),
@@ -49,7 +50,7 @@ def test_a_misspelt_model_says_what_may_be_meant(name: str, meant: list[str]) ->
     assert all(model in caught.value.hint for model in meant)
 
 
-@pytest.mark.parametrize("name", ["", "a lamp"])
+@each("name", ["", "a lamp"])
 def test_a_model_that_resembles_none_lists_them_all(name: str) -> None:
     with pytest.raises(BadRequest) as caught:
         model_named(name)
@@ -60,7 +61,7 @@ def test_a_model_is_found_by_its_name() -> None:
     assert model_named("MX-28(2.0)").number == 30
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "tick", "reach", "speed_unit"),
     [  # degrees, degrees, rad/s
         ("AX-12A", 0.29297, 150, 0.0116239),
@@ -79,7 +80,7 @@ def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: flo
     assert model.speed(-10) == -model.speed(10)
 
 
-@pytest.mark.parametrize("model", EVERY)
+@each("model", EVERY)
 def test_the_middle_of_every_servo_is_its_zero(model: Model) -> None:
     assert model.ticks(0.0) == model.centre
     assert model.angle(model.centre) == 0.0
@@ -116,7 +117,7 @@ def test_no_torque_limit_looks_like_a_shutdown(model: Model, share: float) -> No
     assert abs(limit / model.full - share) <= 1 / model.full
 
 
-@pytest.mark.parametrize("model", EVERY)
+@each("model", EVERY)
 def test_all_of_its_torque_is_what_the_ceiling_allows(model: Model) -> None:
     ceiling = model.table[model.table.torque_ceiling]
     assert model.torque_ticks(1.0) == model.full == ceiling.upper
@@ -124,7 +125,7 @@ def test_all_of_its_torque_is_what_the_ceiling_allows(model: Model) -> None:
     assert model.default(limit) == model.default(ceiling)  # a servo that was never touched has what its EEPROM allows
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "raw", "share"),
     [
         ("AX-12A", -1023, -1.0),
@@ -147,7 +148,7 @@ def test_one_write_of_protocol_2_holds_speed_and_goal() -> None:
     assert MODELS["XM430-W350"].order(2048, 50) == (112, bytes.fromhex("32 00 00 00 00 08 00 00"))
 
 
-@pytest.mark.parametrize("model", EVERY)
+@each("model", EVERY)
 def test_the_free_speed_is_one_that_the_servo_can_be_told(model: Model) -> None:
     assert 0 < model.free_speed < 1.2 * model.top_speed
     assert model.stall_torque > 0
@@ -160,12 +161,12 @@ def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
             assert model.reads == "sync"
 
 
-@pytest.mark.parametrize("model", EVERY)
+@each("model", EVERY)
 def test_an_ax_is_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
     assert model.default_baud == (1_000_000 if model.name.startswith("AX") else 57_600)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "register", "value"),
     [  # what distinguishes one row from its neighbours
         ("AX-12A", "temperature_limit", 70),
@@ -195,7 +196,7 @@ def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value
     assert model.default(model.table[register]) == value
 
 
-@pytest.mark.parametrize(
+@each(
     ("code", "protocol", "baud"),
     [
         *[(1, 1, 1_000_000), (3, 1, 500_000), (4, 1, 400_000), (7, 1, 250_000), (9, 1, 200_000), (16, 1, 115_200)],
@@ -215,9 +216,7 @@ def test_the_true_rate_of_a_usual_one_has_the_same_code() -> None:
     assert baud_code(57_143, 1) == 34
 
 
-@pytest.mark.parametrize(
-    ("baud", "protocol"), [(1_500_000, 1), (4_500_000, 1), (1200, 1), (0, 1), (-9600, 2), (250_000, 2), (500_000, 2)]
-)
+@each(("baud", "protocol"), [(1_500_000, 1), (4_500_000, 1), (1200, 1), (0, 1), (-9600, 2), (250_000, 2), (500_000, 2)])
 def test_a_rate_that_no_servo_can_run_at_is_refused_with_those_that_exist(baud: int, protocol: Protocol) -> None:
     with pytest.raises(BadRequest, match=str(baud)) as caught:
         baud_code(baud, protocol)

@@ -10,15 +10,11 @@ from drivers.dynamixel import tables
 from drivers.dynamixel.models import MODELS, Model
 from drivers.dynamixel.register import Block, Coding, Register, Table
 from drivers.errors import BadRequest
+from tests.cases import each
 
 TABLES = {name: table for name, table in vars(tables).items() if isinstance(table, Table)}
-EVERY = [pytest.param(table, id=name) for name, table in TABLES.items()]
-WRITABLE = [
-    pytest.param(register, id=f"{name}-{register.name}")
-    for name, table in TABLES.items()
-    for register in table.registers.values()
-    if register.writable
-]
+EVERY = tuple(TABLES.values())
+WRITABLE = [register for table in EVERY for register in table.registers.values() if register.writable]
 
 
 def blocks(table: Table) -> list[Block]:
@@ -29,7 +25,7 @@ def within(register: Register, block: Block) -> bool:
     return block.address <= register.address and register.end <= block.address + block.size
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_registers_ascend_and_do_not_overlap(table: Table) -> None:
     rows = list(table.registers.values())
     assert all(before.end <= after.address for before, after in pairwise(rows))
@@ -37,19 +33,19 @@ def test_registers_ascend_and_do_not_overlap(table: Table) -> None:
     assert table.size == rows[-1].end
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_settings_come_before_goals_and_readings(table: Table) -> None:
     first = table["torque_enable"].address
     assert [row.eeprom for row in table.registers.values()] == [row.address < first for row in table.registers.values()]
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_every_part_is_played_by_a_register_of_the_table(table: Table) -> None:
     parts = (table.goal, table.speed, table.velocity, table.effort, table.torque_limit, table.torque_ceiling)
     assert set(parts) | set(table.limits) <= set(table.registers)
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_each_round_reads_what_a_joint_must_know(table: Table) -> None:
     wanted = [table["present_position"], table[table.velocity], table[table.effort], table["moving"]]
     assert all(within(register, table.fast) for register in wanted)
@@ -59,7 +55,7 @@ def test_each_round_reads_what_a_joint_must_know(table: Table) -> None:
     assert all(within(register, table.setup) for register in joins)
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_no_block_cuts_a_register_in_two(table: Table) -> None:
     for block in blocks(table):
         ends = {block.address, block.address + block.size}
@@ -67,13 +63,13 @@ def test_no_block_cuts_a_register_in_two(table: Table) -> None:
         assert block.address + block.size <= table.size
 
 
-@pytest.mark.parametrize("table", EVERY)
+@each("table", EVERY)
 def test_a_goal_and_its_speed_are_side_by_side(table: Table) -> None:
     goal, speed = sorted((table[table.goal], table[table.speed]), key=lambda register: register.address)
     assert goal.end == speed.address
 
 
-@pytest.mark.parametrize("register", WRITABLE)
+@each("register", WRITABLE)
 def test_the_default_and_both_bounds_fit_their_register(register: Register) -> None:
     assert register.lower <= register.default <= register.upper
     for value in (register.lower, register.default, register.upper):
@@ -82,14 +78,14 @@ def test_the_default_and_both_bounds_fit_their_register(register: Register) -> N
         assert register.decode(data, register.address) == value
 
 
-@pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+@each("model", MODELS.values())
 def test_what_a_model_differs_in_is_within_its_table(model: Model) -> None:
     for name, value in model.defaults.items():
         register = model.table[name]
         assert not register.writable or register.lower <= value <= register.upper, name
 
 
-@pytest.mark.parametrize(
+@each(
     ("table", "name", "address", "size"),
     [
         ("TABLE_AX", "goal_position", 30, 2),
@@ -164,7 +160,7 @@ def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
     assert register.decode(bytes(10) + register.encode(value), register.address - 10) == value
 
 
-@pytest.mark.parametrize(
+@each(
     ("register", "value"),
     [
         (tables.GOAL_POSITION, -1),
@@ -182,7 +178,7 @@ def test_a_bus_watchdog_that_has_fired_reads_minus_one() -> None:
     assert tables.TABLE_X["bus_watchdog"].decode(b"\xff", 98) == -1
 
 
-@pytest.mark.parametrize(
+@each(
     ("asked", "meant"),
     [("Return Delay", "return_delay"), ("goal-position", "goal_position"), ("temprature_limit", "temperature_limit")],
 )
@@ -204,7 +200,7 @@ def test_a_register_is_found_by_its_name() -> None:
     assert "goal_pwm" not in tables.TABLE_AX
 
 
-@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+@each("model", MODELS.values())
 def test_the_goal_is_among_the_slow_registers_for_the_watch_to_compare(model: Model) -> None:
     goal = model.table[model.table.goal]
     assert any(block.address <= goal.address and goal.end <= block.address + block.size for block in model.table.slow)

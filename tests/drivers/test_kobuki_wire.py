@@ -37,6 +37,7 @@ from drivers.kobuki.feedback import (
     UniqueId,
 )
 from drivers.kobuki.wire import HEADER, FrameFinder, Part, decode, encode, frame, subpayload
+from tests.cases import each
 
 COMMAND_PACKETS: list[tuple[Part, str]] = [
     (BaseControl.of(0.0, 0.0), "AA 55 06 01 04 00 00 00 00 03"),
@@ -108,7 +109,7 @@ ANY_PART: st.SearchStrategy[Part] = st.one_of(
 )
 
 
-@pytest.mark.parametrize(("command", "packet"), COMMAND_PACKETS)
+@each(("command", "packet"), COMMAND_PACKETS)
 def test_a_command_is_the_published_packet_in_both_directions(command: Part, packet: str) -> None:
     raw = bytes.fromhex(packet)
     assert encode(command) == raw
@@ -116,7 +117,7 @@ def test_a_command_is_the_published_packet_in_both_directions(command: Part, pac
     assert decode(payload, COMMANDS).parts == (command,)
 
 
-@pytest.mark.parametrize(("parts", "packet"), FEEDBACK_PACKETS)
+@each(("parts", "packet"), FEEDBACK_PACKETS)
 def test_feedback_is_the_published_packet_in_both_directions(parts: tuple[Part, ...], packet: str) -> None:
     raw = bytes.fromhex(packet)
     assert encode(*parts) == raw
@@ -139,9 +140,7 @@ def test_every_part_survives_the_way_there_and_back(parts: list[Part]) -> None:
     assert (decoded.unknown, decoded.malformed) == (0, 0)
 
 
-@pytest.mark.parametrize(
-    ("number", "version"), [(123, "1.0.0"), (110, "1.1.0"), (10100, "1.1.0"), (111, "1.1.1"), (10101, "1.1.1")]
-)
+@each(("number", "version"), [(123, "1.0.0"), (110, "1.1.0"), (10100, "1.1.0"), (111, "1.1.1"), (10101, "1.1.1")])
 def test_old_firmware_tells_its_version_in_two_bytes(number: int, version: str) -> None:
     payload = subpayload(FirmwareVersion.ID, number.to_bytes(2, "little"))
     (part,) = decode(payload, FEEDBACK).parts
@@ -195,7 +194,7 @@ SPEEDS = sorted({sign * speed for sign in (-1, 1) for speed in (*EDGES, *(step /
 TURNS = sorted({sign * turn for sign in (-1, 1) for turn in (*EDGES, *(step / 10 for step in range(1, 33)), 300.0)})
 
 
-@pytest.mark.parametrize("linear", SPEEDS)
+@each("linear", SPEEDS)
 def test_speed_and_radius_are_those_of_the_documented_rule(linear: float) -> None:
     for angular in TURNS:
         command = BaseControl.of(linear, angular)
@@ -206,7 +205,7 @@ def test_speed_and_radius_are_those_of_the_documented_rule(linear: float) -> Non
         assert decode(payload, COMMANDS).parts == (command,)
 
 
-@pytest.mark.parametrize(("linear", "angular", "speed"), [(0.0005, 0.5, 57), (-0.0005, 0.5, 57), (0.002, -2.0, -230)])
+@each(("linear", "angular", "speed"), [(0.0005, 0.5, 57), (-0.0005, 0.5, 57), (0.002, -2.0, -230)])
 def test_a_radius_of_one_millimetre_is_a_turn_on_the_spot(linear: float, angular: float, speed: int) -> None:
     assert BaseControl.of(linear, angular) == BaseControl(speed, 1)
 
@@ -216,7 +215,7 @@ def test_a_circle_too_wide_for_16_bits_is_clipped_but_keeps_its_speed() -> None:
     assert (command.speed_mm, command.radius_mm) == (500, 0x7FFF)
 
 
-@pytest.mark.parametrize("velocity", [(1e9, 0.0), (-1e9, 0.0), (0.0, 1e9), (1e9, -1e9)])
+@each("velocity", [(1e9, 0.0), (-1e9, 0.0), (0.0, 1e9), (1e9, -1e9)])
 def test_an_absurd_velocity_still_fits_its_bytes(velocity: tuple[float, float]) -> None:
     assert len(encode(BaseControl.of(*velocity))) == 10
 
@@ -228,7 +227,7 @@ def test_one_unknown_part_does_not_cost_the_others() -> None:
     assert (decoded.unknown, decoded.malformed) == (1, 0)
 
 
-@pytest.mark.parametrize("kind", [Core(), Inertia(), RawGyro(0, ((1, 2, 3),)), UniqueId(1, 2, 3)])
+@each("kind", [Core(), Inertia(), RawGyro(0, ((1, 2, 3),)), UniqueId(1, 2, 3)])
 def test_one_short_or_long_part_does_not_cost_the_others(kind: Part) -> None:
     good = subpayload(DockInfrared.ID, DockInfrared(1, 2, 3).pack())
     for data in (kind.pack()[:-1], kind.pack() + b"\x00", b""):
@@ -237,7 +236,7 @@ def test_one_short_or_long_part_does_not_cost_the_others(kind: Part) -> None:
         assert decoded.malformed == 1
 
 
-@pytest.mark.parametrize("tail", [b"\x04", b"\x04\x07", b"\x04\x07\x01\x02", b"\x04\xff\x01"])
+@each("tail", [b"\x04", b"\x04\x07", b"\x04\x07\x01\x02", b"\x04\xff\x01"])
 def test_a_part_cut_off_by_the_end_does_not_cost_those_before(tail: bytes) -> None:
     decoded = decode(subpayload(DockInfrared.ID, b"\x01\x02\x03") + tail, FEEDBACK)
     assert decoded.parts == (DockInfrared(1, 2, 3),)

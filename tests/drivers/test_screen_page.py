@@ -22,6 +22,7 @@ from drivers.screen.pages import PageScreen
 from drivers.screen.server import LISTENERS, TALKS
 from drivers.screen.svg import numbers
 from tests.browser import Browser, Tab, chromium
+from tests.cases import each
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
@@ -84,7 +85,7 @@ class Listener:
 # --- the server -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "kind"),
     [
         ("/", "text/html"),
@@ -113,20 +114,18 @@ def test_the_page_has_the_face_at_first_sight(screen: PageScreen) -> None:
     assert "$" not in text
 
 
-@pytest.mark.parametrize("host", ["localhost", "localhost:8321", "127.0.0.1:1", "[::1]:8321", "192.168.1.7"])
+@each("host", ["localhost", "localhost:8321", "127.0.0.1:1", "[::1]:8321", "192.168.1.7"])
 def test_who_names_this_computer_is_answered(screen: PageScreen, host: str) -> None:
     assert ask(screen, "/", host=host)[0].status == 200
 
 
-@pytest.mark.parametrize(
-    "host", ["robot.example", "localhost.example:8321", "", "[", "127.0.0.1.example", "robot.example@localhost"]
-)
-@pytest.mark.parametrize("path", ["/", "/events"])
+@each("host", ["robot.example", "localhost.example:8321", "", "[", "127.0.0.1.example", "robot.example@localhost"])
+@each("path", ["/", "/events"])
 def test_a_name_that_was_pointed_at_this_computer_is_refused(screen: PageScreen, host: str, path: str) -> None:
     assert ask(screen, path, host=host)[0].status == 403
 
 
-@pytest.mark.parametrize(
+@each(
     "headers",
     [
         {"Origin": "https://robot.example", "Sec_Fetch_Site": "cross-site"},
@@ -142,13 +141,13 @@ def test_pages_from_elsewhere_may_not_listen_and_take_no_place(screen: PageScree
     assert screen.health().counters == {"pages": 0}
 
 
-@pytest.mark.parametrize("site", ["same-origin", "none"])
+@each("site", ["same-origin", "none"])
 def test_the_page_itself_may_listen(screen: PageScreen, site: str) -> None:
     with closing(Listener(screen, Sec_Fetch_Site=site, Origin=screen.address.rstrip("/"))) as page:
         assert page.status == 200
 
 
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
+@each("method", ["POST", "PUT", "DELETE", "OPTIONS"])
 def test_it_is_only_to_be_looked_at(screen: PageScreen, method: str) -> None:
     assert ask(screen, "/", method=method)[0].status == 501
 
