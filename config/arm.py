@@ -56,7 +56,8 @@ class JointConfig:
 class ArmConfig:
     """Dynamixel servos on one bus, by joint name; ``at_end`` is ``hold`` or ``relax``.
 
-    ``rate`` is how often a second they are read and led. ``groups`` are names for several joints.
+    ``rate`` is how often a second those are read that lead or follow, and others at most. ``groups`` are names for
+    several joints.
     """
 
     port: str

@@ -19,6 +19,11 @@ class Absence:
         self._away = away or Away()
         self._heard_at = -inf
 
+    @property
+    def shortest(self) -> float:
+        """Seconds from which on it counts as having been away."""
+        return self._away.decide
+
     def begin(self) -> None:
         """Begin anew: what is heard next is the first of it."""
         self.returned, self.latched, self._heard_at = None, "", -inf
@@ -40,10 +45,6 @@ class Absence:
     def unheard(self, now: float) -> bool:
         """Whether it was silent for so long by ``now`` that it is to be heard again before anything moves."""
         return -inf < self._heard_at < now - self._away.decide
-
-    def before_return(self, asked: float) -> bool:
-        """Whether what was ``asked`` at that time is from before its last return."""
-        return self.returned is not None and asked < self.returned
 
     def require(self, who: str) -> None:
         """Raise DeviceFault while it is latched; ``who`` is the part."""

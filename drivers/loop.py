@@ -20,6 +20,10 @@ class Loop(Protocol):
         """Take turns from now on, until ``end``; does nothing while they are taken."""
         ...
 
+    def wake(self) -> None:
+        """Take the next turn now, whatever the pause was to be. From any thread."""
+        ...
+
     def end(self) -> None:
         """Take no turn any more, and wait for the one that is under way. Safe more than once, but not in a turn."""
         ...
@@ -36,7 +40,8 @@ class ThreadLoop:
         self._name = name
         self._turn = turn
         self._last = last
-        self._ending = Event()
+        self._ending = False
+        self._woken = Event()
         self._thread: Thread | None = None
 
     @property
@@ -47,21 +52,27 @@ class ThreadLoop:
     def start(self) -> None:
         """Start the thread; does nothing if it was started and not ended."""
         if self._thread is None:
-            self._ending.clear()
+            self._ending = False
             self._thread = Thread(target=self._run, name=self._name, daemon=True)
             self._thread.start()
 
+    def wake(self) -> None:
+        """Cut a pause short."""
+        self._woken.set()
+
     def end(self) -> None:
         """End the thread and wait for it."""
-        self._ending.set()
+        self._ending = True
+        self.wake()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     def _run(self) -> None:
         try:
-            while not self._ending.is_set():
-                if (pause := self._turn()) > 0:
-                    self._ending.wait(pause)
+            while not self._ending:
+                pause = self._turn()
+                if pause > 0 and self._woken.wait(pause):
+                    self._woken.clear()
         finally:
             self._last()

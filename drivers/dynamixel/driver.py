@@ -1,7 +1,8 @@
 """An arm of Dynamixel servos as named joints: ``drivers.api.Joints`` over one bus.
 
-A thread of the driver finds the servos, reads them and finds them again (``watch``), and leads joints that follow
-others (``leading``); commands go out at once from the caller's thread. Nothing is ever written to a servo's EEPROM.
+A thread of the driver finds the servos, reads them as often as they need it (``attention``), finds them again
+(``watch``), and leads joints that follow others (``leading``); commands go out at once from the caller's thread.
+Nothing is ever written to a servo's EEPROM.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -15,6 +16,7 @@ from drivers.absence import Absence, Enabling
 from drivers.api import Away, Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report
 from drivers.api.device import unheard, unreported
 from drivers.clock import Clock
+from drivers.dynamixel.attention import RESTING, Attention
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.figures import counted, health_of
@@ -31,7 +33,7 @@ from drivers.guard import guarded
 from drivers.loop import MakeLoop, ThreadLoop
 
 RATE = 100.0
-"""Rounds of readings a second, as far as the wire can carry them."""
+"""Rounds of readings a second at most, as far as the wire can carry them."""
 
 RETRY = 0.5
 """Seconds between attempts to open the port."""
@@ -46,10 +48,11 @@ GO_ON = 0.01
 class DynamixelJoints(Enabling):
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
-    ``rate`` (Hz) is how often they are read, unless the wire needs longer. ``at_rest`` says what rest means for
-    this arm: stiff where it is, or without torque; ``away`` what of before goes on when it is back. ``report`` hears
-    what the servos tell, ``changed`` is called after every round of readings, both mostly from the driver's
-    thread, which ``loop`` makes. Raises BadRequest for joints that cannot be, all faults in one message.
+    ``rate`` (Hz) is how often those joints are read that lead or follow, as far as the wire allows; others as often as
+    ``drivers.dynamixel.attention`` says. ``at_rest`` says what rest means for this arm: stiff where it is, or without
+    torque; ``away`` what of before goes on when it is back. ``report`` hears what the servos tell, ``changed`` is
+    called after every round of readings, both mostly from the driver's thread, which ``loop`` makes.
+    Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class DynamixelJoints(Enabling):
         self._leading = Leading(bus, self._joints, self._clamping, self._telling)
         self._watch = Watch(bus, self._joints, self._lock, clock, self._telling, self._absence)
         self._pace = Pace(rate)
+        self._attention = Attention(rate, min(RESTING, self._absence.shortest / 3))
         self._loop = loop(f"joints {name}", self._turn, unheard)
         self._opened = False
         self._connections = 0
@@ -165,14 +169,15 @@ class DynamixelJoints(Enabling):
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
         DeviceFault while it is latched.
         """
-        asked, speeds = self._clock.now(), speeds or {}
+        speeds = speeds or {}
         check_move(self._name, goals, speeds, self._joints)
         with self._lock:
-            self._require(asked)
+            self._require()
             now = self._clock.now()
             accepted = self._clamping.accept(goals, now)
             self._leading.end(goals)
             go(self._bus, [self._joints[name] for name in goals], accepted, speeds, now)
+        self._loop.wake()
         return accepted
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
@@ -183,13 +188,13 @@ class DynamixelJoints(Enabling):
         the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
         in order to end them.
         """
-        asked = self._clock.now()
         check_couplings(self._name, couplings, self._joints)
         with self._lock:
             if couplings:
-                self._require(asked)
+                self._require()
             if freed := self._leading.begin(couplings):
                 self._command(freed, stiff=True)
+        self._loop.wake()
 
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
@@ -203,6 +208,7 @@ class DynamixelJoints(Enabling):
 
     def states(self) -> Mapping[str, Reading[JointState]]:
         """The newest state of each joint; stale after ``FRESH`` seconds without a reading."""
+        self._attention.asked(self._clock.now())
         readings = {name: joint.reading for name, joint in self._joints.items()}
         return {name: replace(reading, quality=self._quality(reading)) for name, reading in readings.items()}
 
@@ -217,11 +223,10 @@ class DynamixelJoints(Enabling):
             return Quality.NONE
         return Quality.GOOD if self._clock.now() - reading.stamp <= FRESH else Quality.STALE
 
-    def _require(self, asked: float) -> None:
-        """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""
+    def _require(self) -> None:
+        """Raise NotConnected unless what is told to a servo now lasts: restoring its settings would undo it."""
         self._bus.require()
-        absent = self._absence.unheard(self._clock.now()) or self._absence.before_return(asked)
-        if absent or not self._watch.connected:
+        if not self._watch.connected or self._absence.unheard(self._clock.now()):
             raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
         self._absence.require(self._name)
 
@@ -231,6 +236,7 @@ class DynamixelJoints(Enabling):
             for joint in self._settle(names, stiff=stiff):
                 joint.checked = -inf
             self._telling.unsettled(since=self._clock.now() - GRACE if self._bus.is_open else inf)
+        self._loop.wake()
 
     def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints whose servo did not confirm it."""
@@ -248,13 +254,18 @@ class DynamixelJoints(Enabling):
         pause = RETRY
         try:
             self._round()
-            pause = self._pace.rest(self._clock.now(), self._bus.busy())
+            pause = self._pace.rest(self._clock.now(), self._bus.busy(), self._due_at())
         except NotConnected as error:
             self._watch.lost(error)
         except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
             self._complain(error)
         self._changed()
         return pause
+
+    def _due_at(self) -> float:
+        """Return when there is something to be done next."""
+        joints, now = self._joints.values(), self._clock.now()
+        return min(self._attention.next_at(joints, self._leading.joints, now), self._watch.due_at())
 
     def _round(self) -> None:
         if not self._watch.connected:
@@ -267,10 +278,9 @@ class DynamixelJoints(Enabling):
             return
         began = self._clock.now()
         if self._absence.heard(began):
-            for joint in self._joints.values():
-                joint.strayed = True
             self._stand()
-        self._watch.read(meanwhile=self._go_on)
+        wanted = self._attention.wanted(self._joints.values(), self._leading.joints, began)
+        self._watch.read(wanted, meanwhile=self._go_on)
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())
         self._go_on()

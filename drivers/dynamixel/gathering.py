@@ -51,7 +51,7 @@ class Gathering:
         for reads, members in groups.items():
             if len(members) > 1:
                 yield from self._together(members, reads)
-            else:
+            elif members:
                 alone += members
                 self._in_vain_since.pop(reads, None)
         for joint in alone:

@@ -25,6 +25,12 @@ class Leading:
         self._following = Following()
         self._unheard: set[str] = set()
 
+    @property
+    def joints(self) -> frozenset[str]:
+        """Those that lead or follow."""
+        couplings = self._following.couplings
+        return frozenset(name for coupling in couplings for name in (coupling.leader, coupling.follower))
+
     def begin(self, couplings: Sequence[Coupling]) -> list[str]:
         """Replace the couplings; return the joints that follow no more."""
         freed = self._following.freed_by(couplings)

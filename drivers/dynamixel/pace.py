@@ -1,11 +1,16 @@
-"""How often the driver of an arm goes round, and how much of its wire's time that takes."""
+"""When the driver of an arm goes round, and how much of its wire's time that takes."""
+
+from math import ceil, inf
 
 WINDOW = 1.0
 """Seconds over which the figures are taken."""
 
+ROUNDED = 1e-6
+"""Periods by which what is due may be early."""
+
 
 class Pace:
-    """Keeps rounds at ``rate`` (Hz) on an absolute schedule, as far as they can be; counts what came of it.
+    """Keeps rounds on an absolute schedule of ``rate`` (Hz), as far as they can be; counts what came of it.
 
     ``rounds`` is their number, ``achieved`` (Hz) their rate and ``share`` that of the time that the wire was in use
     (0..1), both over the last full window.
@@ -24,8 +29,11 @@ class Pace:
         self._next = now
         self._window = (now, self.rounds, busy)
 
-    def rest(self, now: float, busy: float) -> float:
-        """End a round; return the seconds until the next: at least a little, for others want the wire too."""
+    def rest(self, now: float, busy: float, until: float = -inf) -> float:
+        """End a round; return the seconds until the next: at least a little, for others want the wire too.
+
+        There is nothing to be done before ``until``: that leaves rounds of the schedule out.
+        """
         self.rounds += 1
         began, rounds, used = self._window
         if (passed := now - began) >= WINDOW:
@@ -34,4 +42,6 @@ class Pace:
         self._next += self._period
         if now - self._next > self._period:  # too late to be made up for
             self._next = now
+        if until > self._next:
+            self._next += ceil((until - self._next) / self._period - ROUNDED) * self._period
         return max(self._next - now, self._period / 10)

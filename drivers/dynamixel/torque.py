@@ -7,14 +7,19 @@ be taken up at once. On its way a joint is sent a short leg at a time: see ``leg
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
+from drivers.api import Quality, Reading
 from drivers.clock import Clock
+from drivers.dynamixel.attention import under_way
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.legs import leg, nearest, paced
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
 
 RECENT = 0.06
-"""Seconds for which a reading still says where a joint is."""
+"""Seconds for which a reading still says where a joint is that may move."""
+
+STOOD = 0.15
+"""The same for one that is stiff and at rest: nobody turns it, and it is read ten times a second."""
 
 PATIENCE, TRIES = 1.0, 10
 """Seconds for which, and how often, joints are told to rest that have not confirmed that they do."""
@@ -35,6 +40,11 @@ def send(bus: Bus, orders: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
     for (_, address), blocks in packets.items():
         protocol = blocks[0][0].at.protocol
         bus.sync_write_block(protocol, address, {joint.spec.id: data for joint, data in blocks})
+
+
+def seen_lately(joint: Joint, now: float) -> bool:
+    """Whether the newest reading of a joint says where it is."""
+    return now - joint.reading.stamp <= (STOOD if joint.torque and not under_way(joint) else RECENT)
 
 
 def switch(bus: Bus, joints: Iterable[Joint], *, on: bool) -> None:
@@ -135,17 +145,29 @@ def go_on(bus: Bus, joints: Iterable[Joint], *, now: float) -> None:
 def ready(bus: Bus, joints: Sequence[Joint], *, now: float) -> list[Joint]:
     """Make those joints stiff that are limp; return all that may be sent a goal. Raises NotConnected.
 
-    Those seen a moment ago become stiff together, in two packets; any other is asked first where it stands, and left
-    out if it does not say, as are servos that are not driven or have shut down.
+    Those become stiff together, in two packets, that were seen a moment ago, or say where they stand when they are
+    asked; any other is asked once more, and left out if it does not say, as are servos that are not driven or have shut
+    down.
     """
     able = [joint for joint in joints if joint.driven and not joint.shut]
     limp = [joint for joint in able if not joint.torque]
-    stiffen_together(bus, [joint for joint in limp if now - joint.reading.stamp <= RECENT], now=now)
+    stiffen_together(bus, [joint for joint in limp if seen_lately(joint, now) or _seen(bus, joint, now)], now=now)
     for joint in limp:
         if not joint.torque:
             with suppress(NoReply, BadRequest):
                 stiffen(bus, joint, now=now)
     return [joint for joint in able if joint.torque]
+
+
+def _seen(bus: Bus, joint: Joint, now: float) -> bool:
+    """Read a joint, once; say whether it has answered. Raises NotConnected."""
+    fast = joint.model.table.fast
+    try:
+        joint.take(fast, bus.read_block(joint.at, fast.address, fast.size, tries=1))
+    except (NoReply, BadRequest):
+        return False
+    joint.reading = Reading(joint.state(), now, Quality.GOOD)
+    return True
 
 
 def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> list[Joint]:
@@ -159,7 +181,7 @@ def settle(bus: Bus, joints: Iterable[Joint], *, stiff: bool, now: float) -> lis
     places: Mapping[Joint, int] = {}
     with suppress(NotConnected, BadRequest):
         if stiff:
-            recent = [joint for joint in ours if joint.driven and now - joint.reading.stamp <= RECENT]
+            recent = [joint for joint in ours if joint.driven and seen_lately(joint, now)]
             places = stop_together(bus, recent, now=now)
         else:
             switch(bus, ours, on=False)

@@ -1,11 +1,13 @@
 """What the driver of an arm does unasked: find the servos, read them, notice what is wrong, find them again."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, inf
 from threading import RLock
 
 from drivers.absence import Absence
 from drivers.api import Quality, Reading
 from drivers.clock import Clock
+from drivers.dynamixel.attention import RESTING
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.gathering import Gathering
 from drivers.dynamixel.joining import absence, difference, read, restore
@@ -94,11 +96,10 @@ class Watch:
         self.connected = False
         self._telling.end()
 
-    def read(self, meanwhile: Callable[[], None]) -> None:
-        """Read every servo that is driven, once; do something ``meanwhile``, after each. Raises NotConnected."""
+    def read(self, joints: Sequence[Joint], meanwhile: Callable[[], None]) -> None:
+        """Read each of ``joints`` once; do something ``meanwhile``, after each. Raises NotConnected."""
         self._bus.require()
-        now = self._clock.now()
-        for joint, answered in self._gathering.read([j for j in self._joints if j.driven and now >= j.due]):
+        for joint, answered in self._gathering.read(joints):
             if answered:
                 self._take(joint)
             else:
@@ -106,15 +107,16 @@ class Watch:
             meanwhile()
 
     def tend(self) -> bool:
-        """Do what is due but seldom, for one servo each: look for one that is missing, and check one that is not.
+        """Do what is due but seldom: look for one servo that is missing, and check a few that are not.
 
         Say if one is back after which nothing of before goes on. Raises NotConnected.
         """
         now, returned = self._clock.now(), False
         if missing := [joint for joint in self._joints if not joint.driven and now >= joint.due]:
             returned = self._find(min(missing, key=lambda joint: joint.due))
-        if waiting := [joint for joint in self._joints if joint.driven and now - joint.checked >= _interval(joint)]:
-            self._check(min(waiting, key=lambda joint: joint.checked))
+        waiting = [joint for joint in self._joints if joint.driven and now - joint.checked >= _interval(joint)]
+        for joint in sorted(waiting, key=lambda joint: joint.checked)[: ceil(len(self._joints) * RESTING / SLOWLY)]:
+            self._check(joint)
         self._tell_presence()
         self._telling.left_out()
         with self._lock:
@@ -129,7 +131,6 @@ class Watch:
             now = self._clock.now()
             back = joint.driven and seen.value is not None
             returned = back and self._absence.back(now, now - seen.stamp, who=joint.title)
-            joint.strayed = joint.strayed or returned
         if joint.unsettled and joint.answers:
             with self._lock:
                 self._settle(joint)
@@ -228,6 +229,10 @@ class Watch:
         """Whether a servo that has not shut down is without its torque or its torque limit."""
         limp = bool(joint.wanted) and not joint.torque
         return not joint.shut and (limp or joint.value(joint.model.table.torque_limit) != joint.torque_ticks)
+
+    def due_at(self) -> float:
+        """Return when the next servo is to be told again that has not confirmed its rest; infinity for none."""
+        return min((joint.checked + SOON for joint in self._joints if joint.unsettled and joint.driven), default=inf)
 
     def _tell_presence(self) -> None:
         if self.online:

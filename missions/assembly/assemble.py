@@ -11,7 +11,6 @@ from config.world import WorldConfig
 from drivers.api import Base, Camera, Device, Head, Joints, Report, Screen, Steered, Voice, unsteered
 from drivers.clock import Clock
 from drivers.errors import BadRequest
-from drivers.port_kind import refuse_other_than_serial
 from missions.assembly import parts
 from missions.assembly.assembled import Assembled
 from missions.assembly.detectors import face_detector
@@ -22,7 +21,7 @@ from missions.assembly.hearing import Hearing, hearing, microphone
 from missions.assembly.interests import Interests
 from missions.assembly.lags import believed
 from missions.assembly.simulated_hearing import TextHearing, simulated_hearing
-from missions.assembly.simulation import WIRED, Simulation
+from missions.assembly.simulation import Simulation
 from missions.teleop.beside import Beside
 from missions.teleop.pad import pad_at
 from perception.api import Frame, Gaze, View
@@ -73,34 +72,24 @@ class Audience:
 def assemble(
     config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, audience: Audience
 ) -> Assembled:
-    """Put together the ``chosen`` parts of a robot. Opens nothing; a camera brings the head that carries it along.
-
-    Raises NotConnected where something stands at a port that is none.
-    """
+    """Put together the ``chosen`` parts of a robot. Opens nothing; a camera brings the head that carries it along."""
     chosen = with_carriers(config, chosen)
     simulation = None
     if wishes.world is not None:
         simulation = Simulation(config, chosen, clock, world=wishes.world, answered=audience.answered, seed=wishes.seed)
     ports = dict(wishes.ports) if simulation is None else {**simulation.ports, **wishes.ports}
-    own = {part: getattr(getattr(config, part), "port", None) for part in WIRED}
-    ports = {part: port for part, port in own.items() if port is not None} | ports
-    refuse_other_than_serial({part: port for part, port in ports.items() if part in chosen})
     devices: dict[str, Device] = {}
     base = head = arm = ranger = sight = eyes = delay = None
     if config.base is not None and "base" in chosen:
+        port = ports.get("base", config.base.port)
         devices["base"] = base = parts.base(
-            config.base,
-            clock,
-            port=ports["base"],
-            report=audience.report,
-            changed=audience.changed,
-            steered=audience.steered,
+            config.base, clock, port=port, report=audience.report, changed=audience.changed, steered=audience.steered
         )
     if config.arm is not None and "arm" in chosen:
         arm = parts.arm(
             config.arm,
             clock,
-            port=ports["arm"],
+            port=ports.get("arm", config.arm.port),
             patience=PATIENCE if simulation is None else SIMULATED_PATIENCE,
             report=audience.report,
         )
@@ -109,7 +98,8 @@ def assemble(
     if arm is not None:  # behind the head, which may lead its joints: so the head is also closed first
         devices["arm"] = arm
     if config.range is not None and "range" in chosen:
-        devices["range"] = ranger = parts.ranger(config.range, clock, port=ports["range"], report=audience.report)
+        port = ports.get("range", config.range.port)
+        devices["range"] = ranger = parts.ranger(config.range, clock, port=port, report=audience.report)
     voice, hears, face = _manners(config, chosen, clock, simulation, wishes, audience)
     devices |= {device.name: device for device in (voice, hears, face) if device is not None}
     if config.camera is not None and "camera" in chosen:
@@ -184,8 +174,8 @@ def _head(
     report: Report,
 ) -> Head:
     if isinstance(config, HeadConfig):
-        boot = None if booted else config.boot
-        return parts.head(config, clock, port=ports["head"], boot=boot, report=report)
+        port, boot = ports.get("head", config.port), None if booted else config.boot
+        return parts.head(config, clock, port=port, boot=boot, report=report)
     if arm is None:
         raise BadRequest("head: it is two joints of an arm that is not there", hint="add the arm to the parts")
     return parts.neck(config, arm, clock, report=report)

@@ -1,5 +1,6 @@
 """Arms of all models, over both protocols on one bus, and joints that follow others there."""
 
+from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from math import inf, nan
@@ -91,22 +92,19 @@ def test_servos_of_both_protocols_are_read_in_groups_and_moved_in_a_packet_for_e
     bulk = [packet for packet in requests if packet.code == Instruction.BULK_READ]
     both = [packet for packet in requests2 if packet.code == wire2.Instruction.SYNC_READ]
     single = [packet for packet in requests if packet.code == Instruction.READ and packet.parameters[0] == 36]
-    assert min(len(bulk), len(both), len(single)) > 3
+    assert min(len(bulk), len(both), len(single)) > 1
     assert {packet.id for packet in single} >= {5}
     assert len([packet for packet in single if packet.id != 5]) < len(bulk)  # now and then, after a miss
 
 
-def test_slow_registers_are_read_about_once_a_second_and_of_one_servo_a_round(make: Make) -> None:
+def test_slow_registers_are_read_about_once_a_second(make: Make) -> None:
     arm = mixed(make).start()
-    before, rounds = len(arm.wire.requests), arm.joints.health().counters["rounds"]
-    arm.until(lambda: arm.joints.health().counters["rounds"] >= rounds + 150)
-    fast = [packet.code == Instruction.BULK_READ for packet in arm.wire.requests[before:]]
-    slow = [packet.parameters[0] == 24 and packet.code == Instruction.READ for packet in arm.wire.requests[before:]]
-    assert 1 <= sum(slow) <= sum(fast) / 5
-    since = 0
-    for is_fast, is_slow in zip(fast, slow, strict=True):
-        since = 0 if is_fast else since + is_slow
-        assert since <= 1
+    before, began = len(arm.wire.requests), arm.clock.now()
+    arm.until(lambda: arm.clock.now() >= began + 5.0)
+    requests = arm.wire.requests[before:]
+    slow = Counter(packet.id for packet in requests if packet.code == Instruction.READ and packet.parameters[0] == 24)
+    assert slow
+    assert all(4 <= count <= 6 for count in slow.values())
 
 
 def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make: Make) -> None:

@@ -569,7 +569,7 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
     arm = make().start()
     rounds = []
 
-    def broken(**_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         rounds.append(arm.clock.now())
         raise ValueError("broken")
 

@@ -10,6 +10,7 @@ import pytest
 
 from drivers.api import Away, Coupling, JointState, Notice, Quality, Reading
 from drivers.clock import ManualClock
+from drivers.dynamixel.attention import MOVING
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import Joint, JointSpec
@@ -64,6 +65,10 @@ class Quiet:
 
     def servo(self, number: int = 1) -> VirtualServo:
         return self.chain.servo(number)
+
+    def tries(self) -> list[int]:
+        """How often each servo was asked so far."""
+        return [self.joints._bus.tally(number).tries for number in range(1, len(self.chain.servos) + 1)]
 
     def angles(self) -> list[float]:
         self.chain.poll(self.clock.now())
@@ -236,7 +241,7 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
     arm.run(0.5)
     arm.line.plugged = False
     with pytest.raises(NotConnected) as caught:
-        arm.run(0.01)
+        arm.run(1.5 * MOVING)
     arm.joints._watch.lost(caught.value)
     assert arm.rests_after() <= WITHIN
     rested = arm.angles()

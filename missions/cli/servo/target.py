@@ -10,7 +10,6 @@ import click
 
 from config.library import find
 from config.robot import RobotConfig, load_robot
-from missions.cli.numbers import Whole
 from missions.order import DEFAULT_ROBOT
 
 
@@ -72,7 +71,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
         target.check()
         return command(target, **others)
 
-    rate = click.option("--baud", type=Whole(min=1), metavar="RATE", help="The bus's rate, instead of the "
+    rate = click.option("--baud", type=click.IntRange(min=1), metavar="RATE", help="The bus's rate, instead of the "
                         "file's.")  # fmt: skip
     options = (
         click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),

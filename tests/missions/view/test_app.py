@@ -8,28 +8,21 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import RichLog, Static
 
-from drivers.clock import ManualClock
+from drivers.clock import ManualClock, SystemClock
 from missions.view.app import ViewApp
 from tests.missions.view.messages import Message, first, many, news, part
 
 Use = Callable[["Shown"], Awaitable[None]]
 
 
-async def settle(_: float = 0.0) -> None:
-    """Let everything happen that follows from what happened, whatever time it takes: until the loop has nothing to do.
+class CountingApp(ViewApp):
+    """A view that counts the messages that it has shown."""
 
-    A view waits for nothing but timers, messages and keys; this waits for none of them.
-    """
-    ready = asyncio.get_running_loop()._ready  # type: ignore[attr-defined]
-    await asyncio.sleep(0)
-    while ready:
-        await asyncio.sleep(0)
+    taken = 0
 
-
-@pytest.fixture(autouse=True)
-def keys_wait_for_what_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where textual guesses from the time on the processor that a key has been taken, know it."""
-    monkeypatch.setattr("textual.app.wait_for_idle", settle)
+    def take(self, message: Message) -> None:
+        super().take(message)
+        self.taken += 1
 
 
 class Shown:
@@ -39,13 +32,17 @@ class Shown:
         self.orders: list[str] = []
         self.clock = ManualClock()
         self._messages = asyncio.StreamReader(limit=1 << 26)
-        self.app = ViewApp(self._messages, self.orders.append, self.clock, plain=plain)
+        self.app = CountingApp(self._messages, self.orders.append, self.clock, plain=plain)
         self.pilot: Pilot[None] | None = None
 
     async def hear(self, *messages: Message) -> None:
         """Let these messages come."""
+        wanted = self.app.taken + len(messages)
         for message in messages:
             self._messages.feed_data(json.dumps(message).encode() + b"\n")
+        clock = SystemClock()
+        while self.app.taken < wanted and clock.now() < 60.0:
+            await self._settle()
         await self._settle()
 
     async def press(self, *keys: str) -> None:
@@ -54,11 +51,9 @@ class Shown:
         await self._settle()
 
     async def _settle(self) -> None:
-        """Let what was heard and pressed take effect and be painted, which may make more to be laid out and painted."""
+        assert self.pilot is not None
         for _ in range(5):
-            await settle()
-            self.app.screen._on_timer_update()
-        await settle()
+            await self.pilot.pause(0.02)
 
     def end(self) -> None:
         self._messages.feed_eof()

@@ -1,0 +1,71 @@
+"""How often each joint is read: as often as what it does is worth knowing. Pure arithmetic."""
+
+from collections.abc import Collection, Iterable
+from math import inf, radians
+
+from drivers.dynamixel.joint import Joint
+
+RESTING = 0.1
+"""Seconds between readings of a joint at rest."""
+
+ASKED = 0.05
+"""Seconds between its readings while somebody asks for the states of joints."""
+
+LATELY = 0.25
+"""Seconds for which a question counts."""
+
+MOVING = 0.02
+"""Seconds between readings of a joint on its way, or turned by hand; a joint that leads or follows is read as often
+as the arm's rate says."""
+
+STILL = radians(2)
+"""rad/s: a joint that turns no faster is at rest."""
+
+EARLY = 1 / 4
+"""A joint is read by this share of its time earlier, along with others: one request may ask several."""
+
+
+class Attention:
+    """Says which joints are to be read at a time: none more often than at ``rate`` (Hz), all every ``most`` seconds."""
+
+    def __init__(self, rate: float, most: float = RESTING) -> None:
+        self._least = 1 / rate
+        self._most = most
+        self._asked_at = -inf
+
+    def asked(self, now: float) -> None:
+        """Take note that somebody has asked for the states of joints."""
+        self._asked_at = now
+
+    def wanted(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
+        """Return those of ``joints`` that are to be read now; ``coupled`` are those that lead or follow."""
+        due = {joint: joint.reading.stamp + self._period(joint, coupled, now) for joint in joints if joint.driven}
+        if all(max(time, joint.due) > now for joint, time in due.items()):
+            return []
+        return [
+            joint
+            for joint, time in due.items()
+            if joint.due <= now and now >= time - EARLY * (time - joint.reading.stamp)
+        ]
+
+    def next_at(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> float:
+        """Return when the first of ``joints`` is to be read."""
+        times = (joint.reading.stamp + self._period(joint, coupled, now) for joint in joints if joint.driven)
+        return min(times, default=now + self._most)
+
+    def _period(self, joint: Joint, coupled: Collection[str], now: float) -> float:
+        """Return the seconds from one reading of a joint to the next."""
+        if joint.name in coupled or joint.failures:
+            return self._least
+        usual = MOVING if under_way(joint) else ASKED if now - self._asked_at <= LATELY else RESTING
+        return max(self._least, min(usual, self._most))
+
+
+def under_way(joint: Joint) -> bool:
+    """Whether a joint turns, by its newest reading, or was sent farther than it has come."""
+    state = joint.reading.value
+    if state is None or state.moving or abs(state.velocity) > STILL:
+        return True
+    if joint.goal is None or not joint.torque:
+        return False
+    return joint.sent_at >= joint.reading.stamp or joint.sent != joint.ticks(joint.goal)

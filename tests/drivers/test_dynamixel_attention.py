@@ -1,0 +1,96 @@
+"""A joint is read as often as is worth while: seldom at rest, often on its way, at the rate of the arm in couplings."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from math import radians
+
+import pytest
+
+from drivers.api import Coupling, JointState, Quality, Reading
+from drivers.dynamixel.attention import ASKED, LATELY, MOVING, RESTING, Attention
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.models import MODELS
+from tests.drivers.test_dynamixel_silence import Quiet
+
+STILL = JointState(0.0, 0.0, None, 0.0, 12.0, 35.0, moving=False, torque=False)
+
+
+def joint(name: str = "a", seen: float = 5.0, state: JointState = STILL, **known: object) -> Joint:
+    found = Joint(name, JointSpec(1), MODELS["AX-12A"], complaint="")
+    found.reading = Reading(state, seen, Quality.GOOD)
+    for attribute, value in known.items():
+        setattr(found, attribute, value)
+    return found
+
+
+def period(found: Joint, attention: Attention | None = None, coupled: Collection[str] = (), now: float = 5.0) -> float:
+    return (attention or Attention(100.0)).next_at([found], coupled, now) - found.reading.stamp
+
+
+def test_a_joint_at_rest_is_read_ten_times_a_second_and_more_often_while_somebody_asks() -> None:
+    attention = Attention(100.0)
+    assert period(joint(), attention) == pytest.approx(RESTING)
+    attention.asked(5.0)
+    assert period(joint(), attention) == pytest.approx(ASKED)
+    assert period(joint(), attention, now=5.01 + LATELY) == pytest.approx(RESTING)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        joint(state=replace(STILL, moving=True)),
+        joint(state=replace(STILL, velocity=radians(-5))),
+        joint(torque=True, goal=1.0, sent=600, sent_at=4.0),
+        joint(torque=True, goal=0.0, sent=512, sent_at=5.0),
+    ],
+    ids=["it says that it moves", "turned by hand", "part of its way was sent", "sent since it was read"],
+)
+def test_a_joint_on_its_way_is_read_fifty_times_a_second(found: Joint) -> None:
+    assert period(found) == pytest.approx(MOVING)
+
+
+def test_a_joint_that_leads_or_follows_or_has_missed_a_reading_is_read_at_the_rate_of_the_arm() -> None:
+    assert period(joint(), coupled={"a"}) == pytest.approx(0.01)
+    assert period(joint(failures=1)) == pytest.approx(0.01)
+
+
+def test_no_joint_is_read_more_often_than_the_rate_nor_more_seldom_than_an_absence_needs() -> None:
+    assert period(joint(state=replace(STILL, moving=True)), Attention(20.0)) == pytest.approx(0.05)
+    assert period(joint(), Attention(5.0)) == pytest.approx(0.2)
+    assert period(joint(), Attention(100.0, most=0.03)) == pytest.approx(0.03)
+
+
+def test_joints_that_are_nearly_due_are_read_along_with_one_that_is() -> None:
+    attention, a, b, c = Attention(100.0), joint("a", 5.0), joint("b", 5.02), joint("c", 5.06)
+    assert attention.wanted([a, b, c], (), 5.09) == []
+    assert attention.wanted([a, b, c], (), 5.1) == [a, b]
+
+
+def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
+    attention, silent, other = Attention(100.0), joint("a", due=6.0), joint("b", complaint="does not answer")
+    assert attention.wanted([silent, other], (), 5.5) == []
+    assert attention.wanted([silent, other], (), 6.0) == [silent]
+
+
+def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_at_once() -> None:
+    arm = Quiet("AX-12A", "AX-12A")
+    arm.run(0.5)
+    before = arm.tries()
+    arm.run(1.0)
+    assert sum(arm.tries()) - sum(before) == pytest.approx(2 * (1 / RESTING + 2), abs=4)  # and the slow registers
+    arm.joints.move({"a": 1.0}, speeds={"a": 1.0})
+    before = arm.tries()
+    arm.run(0.6)
+    moving, resting = (after - begun for after, begun in zip(arm.tries(), before, strict=True))
+    assert moving == pytest.approx(0.6 / MOVING, abs=6)
+    assert resting <= 0.6 / RESTING + 4
+
+
+def test_a_leader_is_read_at_the_rate_of_the_arm_though_it_rests() -> None:
+    arm = Quiet("AX-12A", "AX-12A")
+    arm.joints.hold()
+    arm.joints.follow([Coupling("b", "a")])
+    arm.run(0.2)
+    before = arm.tries()
+    arm.run(0.5)
+    assert arm.tries()[0] - before[0] == pytest.approx(50, abs=5)
