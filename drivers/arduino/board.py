@@ -227,8 +227,10 @@ class Board:
         else:
             self._sent = left
             if not left and self._remembered is not None:
-                what = "the board has been running, and does not tell where its servos stand"
-                cure = "if the head leaps now: let one program alone move it, and end that in good order"
+                what = (
+                    "its board has been running, and nobody knows where its servos stand: the first movement may leap"
+                )
+                cure = "keep clear of it now; from then on let one program alone move it, and end that in good order"
                 self._report(Notice(self._name, "fault", what, cure))
         self.began = self.began or life
         self._met = True

@@ -19,7 +19,7 @@ from config.library import find
 from config.robot import load_robot
 from config.trims import check_keepable, keep_trims
 from config.world import load_world
-from drivers.api import Head, HeadPose, unheard, unreported
+from drivers.api import Head, HeadPose, Notice, unheard, unreported
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.vigil import Life
 from drivers.clock import Clock, SystemClock
@@ -269,7 +269,7 @@ def opened(
         interests=Interests(faces=False),
     )
     clock = SystemClock()
-    audience = Audience(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    audience = Audience(unreported if stay else _warned, unheard, click.echo, lambda *_: None, lambda *_: None)
     robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]
     if not isinstance(trimmer, Trimmable):
@@ -284,6 +284,12 @@ def opened(
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
         yield Bench(head, trimmer, config.head, clock, robot.delay)
+
+
+def _warned(notice: Notice) -> None:
+    """Tell a person at the terminal what is wrong with the head, before it is moved."""
+    if notice.kind == "fault":
+        click.echo(f"{notice.device}: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 
 
 def pause() -> None:

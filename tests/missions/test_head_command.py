@@ -11,6 +11,7 @@ from functools import partial
 from math import radians
 from pathlib import Path
 
+import click
 import pytest
 
 from config.library import find
@@ -74,6 +75,34 @@ def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap
     assert board.widest <= 12 + 2
 
 
+@pytest.mark.parametrize(
+    "words", [("look", "--pan", "20"), ("center",), ("trim", "--pan", "1")], ids=lambda each: each[0]
+)
+def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    clock, board, told = SystemClock(), VirtualRodney(tacho=True), list[tuple[str, int]]()
+    say = click.echo
+
+    def noted(text: str = "", *, err: bool = False) -> None:
+        told.append((text, len(board.commands)))
+        say(text, err=err)
+
+    terminal = Terminal("teensy", board, clock)
+    terminal.open()
+    try:
+        monkeypatch.setattr("missions.cli.head.click.echo", noted)
+        at = ("--robot", "mine.yaml", "--port", terminal.path)
+        assert mission(*words, *at).code == 0
+        warnings = [count for text, count in told if "the first movement may leap\n  try: keep clear of it now" in text]
+        assert warnings == [0]
+        told.clear()
+        assert mission(*words, *at).code == 0
+        assert not [text for text, _ in told if "may leap" in text]  # it was left where we know
+    finally:
+        terminal.close()
+
+
 def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mission) -> None:
     outcome = mission("calibrate", "--seconds", "3")
     assert outcome.code == 0
@@ -113,7 +142,7 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
     [
         (("trim",), 2, "the arrow keys need a terminal"),
         (("trim", "--pan", "50"), 3, "not within -45..45 deg"),
-        (("look", "--pan", "nan"), 3, "not a finite number"),
+        (("look", "--pan", "nan"), 2, "'nan' is not a number"),
         (("look", "--port", "/dev/nano"), 2, "--port names a real port"),
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
