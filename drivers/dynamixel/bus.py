@@ -6,7 +6,7 @@ from itertools import islice
 from typing import Literal, NamedTuple
 
 from drivers.dynamixel.channel import Channel
-from drivers.dynamixel.codec import CODECS, Codec, Keep, Reply
+from drivers.dynamixel.codec import Codec, Keep, Reply
 from drivers.dynamixel.overdue import Wanted
 from drivers.dynamixel.register import Block, Register
 from drivers.dynamixel.units import Protocol
@@ -161,12 +161,13 @@ class Bus(Channel):
 
         Each is tried once. Raises NotConnected.
         """
-        sought = [At(servo, protocol) for servo in ids if servo <= CODECS[protocol].last_id]
+        sought = [At(servo, protocol) for servo in ids if servo <= self._codecs[protocol].last_id]
         if protocol == 2:
-            request = CODECS[protocol].ping(BROADCAST)
+            codec = self._codecs[protocol]
+            request = codec.ping(BROADCAST)
             wanted = {at.id: Wanted(request, 3, self._clock.now()) for at in sought}
-            slots = (CODECS[protocol].last_id + 1) * ROLL_CALL
-            for servo, reply in self._transact(CODECS[protocol], request, wanted, wait=slots).items():
+            slots = (codec.last_id + 1) * ROLL_CALL
+            for servo, reply in self._transact(codec, request, wanted, wait=slots).items():
                 if reply.data:
                     yield _identity(At(servo, protocol), reply.data)
             return
@@ -227,7 +228,7 @@ class Bus(Channel):
 
     def _common(self, protocol: Protocol, servos: Iterable[int]) -> Codec:
         """Return the protocol, if servos can have such IDs in it."""
-        codec = CODECS[protocol]
+        codec = self._codecs[protocol]
         for servo in servos:
             if not 0 <= servo <= codec.last_id:
                 raise BadRequest(

@@ -41,7 +41,7 @@ class Channel:
 
     ``patience`` (seconds) is what a reply may take beyond its bytes and the longest return delay; the timer of a slow
     USB adapter is added to it. A transport error closes the port; ``open`` may be called again. ``dial`` opens the
-    line.
+    line, ``codecs`` make packets and find them.
     """
 
     def __init__(
@@ -53,6 +53,7 @@ class Channel:
         name: str = "servos",
         patience: float = 0.004,
         dial: Dial = open_line,
+        codecs: Mapping[int, Codec] = CODECS,
     ) -> None:
         self.port = port
         self.name = name
@@ -64,7 +65,8 @@ class Channel:
         self._lock = RLock()
         self._line: Line | None = None
         self._trouble = NotConnected(f"{name}: {port}: not opened yet")
-        self._parsers = {protocol: codec.parser() for protocol, codec in CODECS.items()}
+        self._codecs = codecs
+        self._parsers = {protocol: codec.parser() for protocol, codec in codecs.items()}
         self._overdue = Overdue()
         self._sent: deque[Packet] = deque(maxlen=4)  # what an echo may repeat
         self._tallies: defaultdict[int, Tally] = defaultdict(Tally)

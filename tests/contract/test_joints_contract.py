@@ -10,10 +10,12 @@ import pytest
 
 from drivers.api import Away, Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.codec import CODECS
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
 from drivers.dynamixel.following import NEAR, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.sdk import SDK_CODECS
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.sim.twins.joints import JointsTwin
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
@@ -86,6 +88,8 @@ PATIENT = Away(decide=30.0, latch=60.0)
 
 
 class WireJoints(InSimulatedTime, JointsRig):
+    codecs = CODECS
+
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
         self.chain = chain(3)
@@ -93,7 +97,7 @@ class WireJoints(InSimulatedTime, JointsRig):
         self.line = DirectLine(self.chain, self.timeline.clock)
         self.timeline.every(PERIOD, self.line.poll)
         self.device = DynamixelJoints(
-            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial),
+            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial, codecs=self.codecs),
             SPECS,
             self.clock,
             at_rest=at_rest,
@@ -131,6 +135,12 @@ class WireJoints(InSimulatedTime, JointsRig):
         self.device.close()
 
 
+class SdkJoints(WireJoints):
+    """The same driver with the vendor's packet code."""
+
+    codecs = SDK_CODECS
+
+
 class TwinJoints(InSimulatedTime, JointsRig):
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
@@ -165,7 +175,7 @@ class TwinJoints(InSimulatedTime, JointsRig):
         self.device.close()
 
 
-RIGS = [simulated(WireJoints, "wire"), simulated(TwinJoints, "twin")]
+RIGS = [simulated(WireJoints, "wire"), simulated(SdkJoints, "sdk"), simulated(TwinJoints, "twin")]
 
 
 @pytest.fixture(params=RIGS)
