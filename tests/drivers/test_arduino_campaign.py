@@ -82,7 +82,7 @@ class Line(Link):
         """Let time pass; the link's thread serves the port now and then, or is held up."""
         end = self.clock.now() + seconds
         while self.clock.now() < end:
-            self.clock.advance(self.random.uniform(0.003, 0.045) if served else 0.005)
+            self.clock.advance(self.random.uniform(0.003, 0.045) if served else 0.02)
             self._keep(self.device.poll(self.clock.now()) if self.plugged else b"")
             if served and self.plugged and self.talker is not None:
                 data, self._arrived = self._arrived, b""

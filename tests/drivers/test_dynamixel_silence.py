@@ -79,8 +79,8 @@ class Quiet:
         self.line.sent.clear()
         began, moved = self.clock.now(), 0.0
         before = self.angles()
-        while self.clock.now() < began + 3.0:
-            self.wait(0.005)
+        while self.clock.now() < began + 2.0:
+            self.wait(0.01, step=0.01)
             if (now := self.angles()) != before:
                 before, moved = now, self.clock.now() - began
         assert self.line.sent == []
