@@ -17,10 +17,6 @@ GRACE = 3.0
 """Seconds that a thread has to end after its test."""
 
 
-WHOLE_FOLDERS = ("tests/missions", "tests/conformance/test_executive")
-"""Where every test may have more tries, until each says for itself whether it lives in real time."""
-
-
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give tests that are marked ``real_time`` two more tries.
 
@@ -29,7 +25,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     process or a camera that does not wait for it.
     """
     for item in items if config.pluginmanager.hasplugin("rerunfailures") else ():
-        if item.get_closest_marker("real_time") or item.nodeid.startswith(WHOLE_FOLDERS):
+        if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
 
 

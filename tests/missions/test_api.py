@@ -102,6 +102,7 @@ def test_parts_of_ones_own_are_a_robot_too(file: Path) -> None:
     assert bench.base.commands[-1] == STOP
 
 
+@pytest.mark.real_time
 def test_a_simulated_robot_is_open_within_the_context_and_at_rest_after_it(file: Path) -> None:
     file.write_text(DRIVE)
     mission = missions.load(file, robot="turtlebot2_arm", simulate=True)

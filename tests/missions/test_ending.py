@@ -14,6 +14,8 @@ from missions.order import Order
 from missions.runner import Runner
 from tests.missions.command import Process, wait_until
 
+pytestmark = pytest.mark.real_time
+
 FAR = "mission: far\ntree:\n  drive: 20 m\n"
 ROBOT = "robot: tester\nbase: {driver: kobuki, port: PORT}\n"
 

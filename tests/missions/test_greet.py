@@ -38,6 +38,7 @@ def aims(events: list[Event], begin: float, end: float) -> list[float]:
     return [max(abs(face["bearing"]), abs(face["drop"])) for face in faces]
 
 
+@pytest.mark.real_time
 def test_the_simulated_robot_finds_a_person_tracks_and_greets_them_within_5_degrees_of_the_axis() -> None:
     result, events, said = run(Order("greet"))
     assert (result.result, result.reason) == ("success", "")
@@ -82,6 +83,7 @@ def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the clips of real people are not here")
 @pytest.mark.parametrize("clip", ["again", "learn", "sister", "want"])
+@pytest.mark.real_time
 def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
     result, events, said = run(Order("greet", {"patience": "20 s"}, camera=str(CLIPS / f"{clip}.mkv")))
     assert result.result == "success"
@@ -89,6 +91,7 @@ def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
     assert max(aims(events, *greeting(events))) < math.radians(5)
 
 
+@pytest.mark.real_time
 def test_footage_without_a_face_is_not_greeted(tmp_path: Path) -> None:
     make_footage(tmp_path / "empty.avi")
     result, _, said = run(Order("greet", {"patience": "3 s"}, camera=str(tmp_path / "empty.avi")))

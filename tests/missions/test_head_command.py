@@ -39,11 +39,13 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     return lambda *arguments: command(capsys, "head", *arguments)
 
 
+@pytest.mark.real_time
 def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission: Mission) -> None:
     outcome = mission("look", "--pan", "100", "--tilt", "5")
     assert (outcome.code, outcome.out) == (0, "looks at +80, +5 deg, the limit for +100, +5 deg\n")
 
 
+@pytest.mark.real_time
 def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
     outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
     assert "where it was left" in outcome.err
@@ -58,6 +60,7 @@ def stands(board: VirtualRodney, clock: SystemClock, degrees: tuple[int, int]) -
     return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
 
 
+@pytest.mark.real_time
 def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(mission: Mission) -> None:
     clock, board = SystemClock(), VirtualRodney(tacho=True)
     terminal = Terminal("teensy", board, clock)
@@ -75,6 +78,7 @@ def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap
     assert board.widest <= 12 + 2
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     "words", [("look", "--pan", "20"), ("center",), ("trim", "--pan", "1")], ids=lambda each: each[0]
 )
@@ -103,6 +107,7 @@ def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
         terminal.close()
 
 
+@pytest.mark.real_time
 def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mission) -> None:
     outcome = mission("calibrate", "--seconds", "3")
     assert outcome.code == 0
@@ -112,6 +117,7 @@ def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mi
     assert int(found[3]) >= ENOUGH
 
 
+@pytest.mark.real_time
 def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(mission: Mission) -> None:
     before = Path("mine.yaml").read_text()
     outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5")
@@ -147,6 +153,7 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
 )
+@pytest.mark.real_time
 def test_what_cannot_be_done_is_said_in_words(
     mission: Mission, arguments: tuple[str, ...], code: int, words: str
 ) -> None:

@@ -12,9 +12,13 @@ from functools import partial
 from pathlib import Path
 from threading import Event
 
+import pytest
+
 from tests.missions.forked_runs import forks
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
 
 MOTIONS = {
     "straight": "drive: {distance: 100 m, speed: 0.5 m/s}",

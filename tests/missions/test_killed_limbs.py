@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.missions.killing import WITHIN, campaign
+
+pytestmark = pytest.mark.real_time
 
 KINDS = ("move", "mirror", "head sweep")
 """What is tried here; ``python -m tests.benchmarks.killing`` tries everything that moves limbs, 200 times."""

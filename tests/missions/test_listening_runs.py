@@ -39,6 +39,7 @@ def reasons(events: list[Event]) -> list[str]:
     return [event.reason for event in events if isinstance(event, NodeChanged) and event.kind == "listen"]
 
 
+@pytest.mark.real_time
 def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
     pytest.importorskip("pocketsphinx")
     pytest.importorskip("espeakng_loader")
@@ -49,6 +50,7 @@ def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
     assert not [event for event in events if isinstance(event, FaultRaised) and event.what == "fault"]
 
 
+@pytest.mark.real_time
 def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -61,6 +63,7 @@ def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
     assert (fault.part, "come as text" in fault.detail) == ("microphone", True)
 
 
+@pytest.mark.real_time
 def test_a_robot_file_may_name_a_recording(folder: Path) -> None:
     pytest.importorskip("pocketsphinx")
     pytest.importorskip("espeakng_loader")

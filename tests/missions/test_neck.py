@@ -68,11 +68,13 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     return lambda *arguments: command(capsys, *arguments)
 
 
+@pytest.mark.real_time
 def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Callable[..., Outcome]) -> None:
     outcome = mission("head", "look", "--robot", str(folder / "necked.yaml"), "--simulate", "--pan", "25")
     assert (outcome.code, outcome.out) == (0, "looks at +25, +0 deg\n")
 
 
+@pytest.mark.real_time
 def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,6 +85,7 @@ def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     assert "try: " in outcome.err
 
 
+@pytest.mark.real_time
 def test_its_trim_is_kept_in_the_robot_file(folder: Path, mission: Callable[..., Outcome]) -> None:
     path = folder / "necked.yaml"
     before = path.read_text()

@@ -148,6 +148,7 @@ def test_a_name_that_cannot_be_is_refused_before_anybody_poses(bench: Bench) -> 
     assert "'unknown' is what strangers are called" in outcome.err
 
 
+@pytest.mark.real_time
 def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench) -> None:
     folder = bench.folder / "film"
     folder.mkdir()

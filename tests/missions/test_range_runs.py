@@ -49,6 +49,7 @@ def measured(folder: Path, *, simulate: Literal["wire", "fast"]) -> tuple[float,
 
 
 @pytest.mark.parametrize("simulate", ["wire", "fast"])
+@pytest.mark.real_time
 def test_a_mission_reads_what_is_around_the_robot(tmp_path: Path, simulate: Literal["wire", "fast"]) -> None:
     # The robot is in the middle of a corridor of 2 m, whose walls reach into what is ahead at 30 degrees.
     ahead, nearest = measured(tmp_path, simulate=simulate)

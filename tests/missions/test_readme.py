@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import pytest
 import skimage
+from _pytest.mark import ParameterSet
 
 from config.robot import load_robot
 from missions.cli.root import guarded, mission
@@ -97,7 +98,13 @@ def of_kind(line: str) -> str:
     return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "nothing"])
+def alone(line: str) -> ParameterSet:
+    """Return a command to try by itself: a run is in real time unless it says otherwise."""
+    real = line.startswith(("run ", "motion ", "servo ")) and not {"fast", "truth"} & set(line.split())
+    return pytest.param(line, marks=[pytest.mark.real_time] if real else [])
+
+
+@pytest.mark.parametrize("line", [alone(line) for line in commands() if of_kind(line) == "nothing"])
 def test_each_command_of_the_readme_works(
     line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +124,7 @@ def test_each_command_of_the_readme_works(
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "microphone"])
+@pytest.mark.real_time
 def test_it_listens_to_a_recording_where_there_is_no_microphone(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -125,6 +133,7 @@ def test_it_listens_to_a_recording_where_there_is_no_microphone(
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "terminal"])
+@pytest.mark.real_time
 def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, b"\x28\x00\x78\x00\x00\x00\x00\x00")  # 40 lines of 120 characters
@@ -148,6 +157,7 @@ def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "devices"])
+@pytest.mark.real_time
 def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), folder=folder)
     first = process.wait_for_line(lambda text: text.startswith("{"))

@@ -56,6 +56,7 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 # Play
 
 
+@pytest.mark.real_time
 def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, mission: Mission) -> None:
     outcome = mission("servo play nod.yaml --robot three.yaml --csv nod.csv --plot nod.svg")
     assert outcome.code == 0, outcome.err + outcome.out
@@ -71,6 +72,7 @@ def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, 
     wait_until(lambda: robot.elbow.limp)  # at_end: relax
 
 
+@pytest.mark.real_time
 def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, mission: Mission) -> None:
     robot.path.write_text(robot.path.read_text().replace(robot.terminal.path, "/dev/nothing_here"))
     outcome = mission("servo play nod.yaml --robot three.yaml --dry-run --speed 0.5 --plot nod.png")
@@ -85,6 +87,7 @@ def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, missi
     assert Path("nod.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.real_time
 def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> None:
     rows = "".join(f"{index / 25:.2f},{0.2 * min(index, 50 - index) / 25:.4f}\n" for index in range(51))
     Path("sheet.csv").write_text("time,waist\n" + rows)
@@ -110,6 +113,7 @@ def test_what_cannot_be_played_is_said_before_anything_moves(line: str, words: s
     assert (outcome.code, words in outcome.err) == (2, True), outcome.err
 
 
+@pytest.mark.real_time
 def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot: Three, mission: Mission) -> None:
     Path("up.yaml").write_text(NOD.replace("elbow: 0 deg", "elbow: 20 deg"))
     robot.elbow.burden = 2.0
@@ -123,6 +127,7 @@ def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot
 @pytest.mark.parametrize(
     "words", ["play nod.yaml --speed 0.1", "record shown --seconds 60", "move elbow 50 deg --speed 5deg/s"]
 )
+@pytest.mark.real_time
 def test_ctrl_c_leaves_the_arm_at_rest_and_the_port_free(robot: Three, words: str) -> None:
     robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
     limp = words.startswith("record")
@@ -153,6 +158,7 @@ def moving(robot: Three) -> Thread:
     return thread
 
 
+@pytest.mark.real_time
 def test_what_a_hand_shows_is_written_and_can_be_played(robot: Three, mission: Mission) -> None:
     robot.elbow.set("torque_enable", 1)
     hand = moving(robot)
@@ -175,6 +181,7 @@ def test_a_recording_takes_no_name_that_ships(mission: Mission) -> None:
     assert (outcome.code, "choose another name" in outcome.err) == (2, True)
 
 
+@pytest.mark.real_time
 def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) -> None:
     outcome = mission("servo record still --robot three.yaml --seconds 0.5")
     assert outcome.code == 3
@@ -183,6 +190,7 @@ def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) 
     assert all(each.limp for each in robot.bus.servos)
 
 
+@pytest.mark.real_time
 def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(robot: Three, mission: Mission) -> None:
     def pull() -> None:
         wait_for(lambda: robot.elbow.shaft.stamp > 1.0)

@@ -26,6 +26,8 @@ from tests.drivers.test_kobuki_driver import DirectLink
 from tests.missions.lone_base import Witness
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 WITHIN = 0.5
 """Seconds from the last command of a tick loop to rest, straight ahead at the speed that turtlebot2 ships with."""
 

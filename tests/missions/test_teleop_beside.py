@@ -25,6 +25,8 @@ from missions.testing.recorders import RecordedBase
 from tests.missions.command import command
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 BACK = Told(events.ABS, events.STICK_Y, 32767)
 HOLD, LET_GO = (Told(events.KEY, events.SHOULDER_LEFT, value) for value in (1, 0))
 

@@ -18,6 +18,8 @@ from tests.missions.command import command
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 ROBOT = load_robot(find("robots", "turtlebot2")).base
 HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
 """m/s at which it begins."""

@@ -11,6 +11,8 @@ import pytest
 from tests.missions.command import Process, events_of, wait_until
 from tests.missions.servo_bench import Three, three
 
+pytestmark = pytest.mark.real_time
+
 SLOW = """\
 gesture: slow
 summary: Lift the elbow, slowly.

@@ -231,6 +231,7 @@ def noise() -> Iterator[CameraFrame]:
         yield CameraFrame(chance.integers(0, 255, (60, 80, 3), np.uint8), number / 100, number)
 
 
+@pytest.mark.real_time
 def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -255,6 +256,7 @@ def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_count
     assert loss.counts["/moments"] < 10
 
 
+@pytest.mark.real_time
 def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.recording.recorder.FAREWELL", 0.2)
     with recording(tmp_path / "a.mcap") as (recorder, _):
@@ -266,6 +268,7 @@ def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: py
     assert not Path(f"/proc/{number}").exists()
 
 
+@pytest.mark.real_time
 def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, told):
@@ -357,6 +360,7 @@ SOON, LATE = 0.2, 1.5
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.real_time
 def test_a_kill_at_any_moment_costs_a_second_at_most(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "a.mcap"
     chance = random.Random(seed)  # noqa: S311 - chance, not a secret
@@ -368,6 +372,7 @@ def test_a_kill_at_any_moment_costs_a_second_at_most(tmp_path: Path, seed: int) 
     assert max(times_of(path), default=begun) >= last - 1.0
 
 
+@pytest.mark.real_time
 def test_a_run_that_is_killed_alone_leaves_a_record_that_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with running(path) as (run, writer):

@@ -211,6 +211,7 @@ def test_every_kind_of_param_can_be_varied(folder: Path, capsys: pytest.CaptureF
     assert {line.split(",")[2] for line in lines} <= {"1", "2", "3"}
 
 
+@pytest.mark.real_time
 def test_ctrl_c_ends_at_once_and_what_was_run_is_written(folder: Path) -> None:
     process = Process("sweep", "glance.yaml", "--runs", "100000", folder=folder)
     try:
@@ -227,6 +228,7 @@ def test_ctrl_c_ends_at_once_and_what_was_run_is_written(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.real_time
 def test_what_was_run_is_kept_whatever_ends_the_sweep(folder: Path, number: signal.Signals) -> None:
     runs = folder / "sweep-glance" / "runs.csv"
     process = Process("sweep", "glance.yaml", "--runs", "100000", "--jobs", "1", folder=folder)
@@ -243,6 +245,7 @@ def test_what_was_run_is_kept_whatever_ends_the_sweep(folder: Path, number: sign
         assert (runs.parent / "summary.json").exists()
 
 
+@pytest.mark.real_time
 def test_workers_end_with_a_sweep_that_is_killed(folder: Path) -> None:
     process = Process("sweep", "glance.yaml", "--runs", "100000", folder=folder)
     try:

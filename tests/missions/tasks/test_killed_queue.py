@@ -8,12 +8,16 @@ from contextlib import closing
 from pathlib import Path
 from threading import Event
 
+import pytest
+
 from missions.tasks.outbox import Outbox
 from missions.tasks.queue import Queue
 from missions.tasks.schema import open_db
 from missions.tasks.task import NewTask, Policy
 from tests.missions.tasks.journal_server import CHANNELS
 from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
 
 ROOT = Path(__file__).parents[3]
 

@@ -287,6 +287,7 @@ def test_what_was_told_last_is_tried_before_the_end(queue: Shop, tmp_path: Path)
     assert queue.outbox.waiting() == 0
 
 
+@pytest.mark.real_time
 def test_a_program_that_hangs_does_not_outlive_the_courier(queue: Shop, tmp_path: Path) -> None:
     number = tmp_path / "number"
     way = written(CommandNotice(("sh", "-c", f"sleep 600 & echo $! > {number}; wait")))

@@ -208,6 +208,7 @@ def test_a_second_server_is_refused(user: User, capsys: pytest.CaptureFixture[st
 # Real runs
 
 
+@pytest.mark.real_time
 def test_tasks_are_run_and_told_on_the_terminal(user: User) -> None:
     user.add()
     user.add("--simulate", "fast")
@@ -221,6 +222,7 @@ def test_tasks_are_run_and_told_on_the_terminal(user: User) -> None:
     assert user.task("log", "1").out.count("delivered to terminal: ") == 2
 
 
+@pytest.mark.real_time
 def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: User, server: Process) -> None:
     user.add("--if-interrupted", "give-up", time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
@@ -232,6 +234,7 @@ def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: U
     assert user.state_of(1) == "given_up"
 
 
+@pytest.mark.real_time
 def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: Process) -> None:
     user.add(time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
@@ -244,6 +247,7 @@ def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: 
     assert server.end(signal.SIGTERM) == 0
 
 
+@pytest.mark.real_time
 def test_a_server_that_is_stopped_stops_its_run_and_keeps_the_task(user: User, server: Process) -> None:
     user.add("--if-interrupted", "retry", time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
@@ -264,6 +268,7 @@ def test_nobody_reads_a_secret_address_off_the_queue(user: User) -> None:
     assert "s3cret" not in told
 
 
+@pytest.mark.real_time
 def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
     for _ in range(3):
         user.add("--simulate", "fast", "--if-interrupted", "retry")

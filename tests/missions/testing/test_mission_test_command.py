@@ -197,6 +197,7 @@ def test_a_process_that_ends_itself_is_found_out_and_the_others_are_played(tmp_p
     assert verdicts["does not"].passed
 
 
+@pytest.mark.real_time
 def test_ctrl_c_ends_all_processes_at_once(tmp_path: Path) -> None:
     write(
         tmp_path,

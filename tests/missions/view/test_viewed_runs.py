@@ -18,6 +18,8 @@ import pytest
 
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.real_time
+
 LONG = 90.0
 """Seconds that anything may take: machines are shared."""
 

@@ -59,6 +59,7 @@ class Text:
         return self._bytes.decode("utf-8", "replace")
 
 
+@pytest.mark.real_time
 def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> None:
     changed = {"1": ["running", "ünseen", 0.0]}
     surroundings = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
@@ -76,6 +77,7 @@ def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> N
         assert text.read().isascii()
 
 
+@pytest.mark.real_time
 def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_later() -> None:
     fed = Fed()
     viewer = Viewer(fed.feed, {"long": "x" * 2_000_000})
@@ -119,6 +121,7 @@ def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
     os.close(master)
 
 
+@pytest.mark.real_time
 def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
     master, slave = pty.openpty()
     text = Text(master)
