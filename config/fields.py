@@ -17,7 +17,8 @@ class Fields:
     """The keys of one mapping. A getter notes a fault and returns its default (or a harmless value) when one is wrong.
 
     A getter without a default asks for a key that must be there. Call ``done`` at the end: keys that nobody asked for
-    are faults too. Faults gather in the list that all sections of a file share.
+    are faults too. Faults gather in the list that all sections of a file share. ``wrong`` is for whoever reads declared
+    keys, to note which of them are.
     """
 
     def __init__(self, source: Source, node: Node, faults: list[Fault], *, what: str, torn: bool = False) -> None:
@@ -26,6 +27,7 @@ class Fields:
         self.faults = faults
         self.what = what
         self._torn = torn or (isinstance(node, Mapping) and node.torn)
+        self.wrong: list[tuple[str | int, ...]] = []
         self._known: set[str] = set()
         self._lacking: dict[str, Fault] = {}
         if not isinstance(node, Mapping):
@@ -66,7 +68,7 @@ class Fields:
         text = node.text if isinstance(node, Scalar) else ""
         found = next((word for word in among if word == text), None)
         if found is None:
-            self.fault(node.mark, f"'{key}' cannot be {seen(_value(node))}", one_of(text, among), sure=True)
+            self.fault(node.mark, f"'{key}' cannot be {seen(value_of(node))}", one_of(text, among), sure=True)
         return found or among[0]
 
     def flag(self, key: str, default: bool) -> bool:
@@ -134,7 +136,7 @@ class Fields:
     ) -> float:
         """Return the quantity that ``node`` holds."""
         try:
-            value = in_dimension(_value(node), dimension)
+            value = in_dimension(value_of(node), dimension)
         except ValueError as error:
             self.fault(node.mark, f"'{key}' {error}", sure=True)
             return fallback
@@ -215,7 +217,7 @@ class Fields:
         return value
 
 
-def _value(node: Node) -> object:
+def value_of(node: Node) -> object:
     """Return what a scalar means; an empty list or mapping stands for one."""
     return node.value if isinstance(node, Scalar) else [] if isinstance(node, Listing) else {}
 

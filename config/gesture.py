@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from config.arm import beyond
 from config.faults import InvalidFileError, Source, one_of
 from config.fields import Fields, fields_of
 from config.marked import Listing, Node, Scalar, read_source
+from config.units import written
 
 Interpolation = Literal["minimum_jerk", "cubic"]
 
@@ -66,6 +66,14 @@ def gesture_of(source: Source, reaches: Reaches | None = None) -> GestureConfig:
     if fields.faults:
         raise InvalidFileError(fields.faults)
     return GestureConfig(name, summary, tuple(keyframes), "cubic" if cubic else "minimum_jerk")
+
+
+def beyond(joint: str, angle: float, limits: tuple[float, float]) -> str:
+    """Say that ``angle`` is outside a joint's limits, a millionth of a radian allowed; empty where it is not."""
+    if limits[0] - 1e-6 <= angle <= limits[1] + 1e-6:
+        return ""
+    lower, upper = (written(end, "angle") for end in limits)
+    return f"'{joint}' at {written(angle, 'angle')} is outside its limits, {lower} to {upper}"
 
 
 def _time(fields: Fields, before: float) -> float:

@@ -1,194 +1,162 @@
-"""Robot files: which parts a robot has, where they are plugged in, and how far and fast they may go.
+"""Robot files: which parts a robot has, by which drivers, where they are plugged in, how far and fast they may go.
 
-A part that the file does not name is a part that the robot does not have. SI units and radians throughout.
+A part that the file does not name is a part that the robot does not have. What a section may hold, its driver declares:
+so readers are given the table of drivers. SI units and radians throughout.
 """
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Self, TypeVar
 
-from config.arm import ArmConfig, JointConfig, read_arm
-from config.base import BaseConfig, ReflexConfig, read_base
-from config.faults import InvalidFileError, Source
-from config.fields import Fields, fields_of
-from config.head import HeadConfig, NeckConfig, read_head
-from config.identity import IdentityConfig, read_identity
-from config.marked import read_source
-from config.microphone import MicrophoneConfig, read_microphone
+from config.declared import note_mistakes, read_keys
+from config.faults import InvalidFileError, Source, closest, one_of
+from config.fields import Fields, fields_of, value_of
+from config.marked import Scalar, read_source
 from config.notices import NoticeConfig, read_notices
-from config.range import RangeConfig, read_range
-from config.screen import ScreenConfig, read_screen
-from config.voice import VoiceConfig, read_voice
+from config.units import seen
+from drivers.api.driver import BrokenDriver, Driver, Drivers
+from drivers.api.kinds import KINDS, Kind
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
+from drivers.api.senses import CameraKeys, MicrophoneKeys
 
-__all__ = [
-    "DISTORTION",
-    "MARKER_FAMILIES",
-    "PARTS",
-    "ArmConfig",
-    "BaseConfig",
-    "CameraConfig",
-    "IdentityConfig",
-    "JointConfig",
-    "MarkersConfig",
-    "MicrophoneConfig",
-    "RangeConfig",
-    "ReflexConfig",
-    "RobotConfig",
-    "ScreenConfig",
-    "VoiceConfig",
-    "load_robot",
-    "robot_of",
-]
-
-PARTS = ("base", "head", "arm", "range", "camera", "microphone", "voice", "screen")
-"""The parts that a robot may have."""
-
-DISTORTION = ("k1", "k2", "p1", "p2", "k3")
-"""The coefficients by which a lens bends a picture, in the order that OpenCV has."""
-
-
-MARKER_FAMILIES = ["4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11"]
-"""The families of markers, as perception knows them: a test holds the two together."""
+K = TypeVar("K")
 
 
 @dataclass(frozen=True, slots=True)
-class MarkersConfig:
-    """The markers that other robots wear: their family, the side of the black frame in metres, and whose is which."""
+class Section:
+    """What a robot file says of one part: its driver, and the keys of that."""
 
-    family: str
-    size: float
-    robots: Mapping[int, str]
-
-
-@dataclass(frozen=True, slots=True)
-class CameraConfig:
-    """A camera: an index, a device, a file, a URL or a folder; its view and where it sits.
-
-    ``position`` is (x, y, z) in metres from the middle of the base on the floor, with the head looking ahead.
-    ``centre`` is where the optical axis meets the picture, as shares of its sides; ``distortion`` is empty, or k1, k2,
-    p1, p2, k3 as calibration finds them. ``detector`` of faces is ``haar`` or ``yunet``, ``model`` the file of the
-    latter, empty for where `mission models fetch` puts it. ``markers`` are what other robots wear. ``identity`` says
-    how people are recognised. ``delay`` is how many seconds after its exposure a picture is stamped, as far as that is
-    known; it is learnt from there on.
-    """
-
-    source: str
-    field_of_view: float
-    width: int
-    height: int
-    position: tuple[float, float, float]
-    centre: tuple[float, float] = (0.5, 0.5)
-    distortion: tuple[float, ...] = ()
-    detector: str = "haar"
-    model: str = ""
-    markers: MarkersConfig | None = None
-    identity: IdentityConfig = field(default_factory=IdentityConfig)
-    delay: float = 0.0
+    driver: Driver
+    keys: Any
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went."""
+    """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went.
+
+    ``sections`` are its parts by kind. The properties are the keys that every driver of a kind has.
+    """
 
     name: str
     summary: str
     rate: float
-    base: BaseConfig | None = None
-    head: HeadConfig | NeckConfig | None = None
-    arm: ArmConfig | None = None
-    range: RangeConfig | None = None
-    camera: CameraConfig | None = None
-    microphone: MicrophoneConfig | None = None
-    voice: VoiceConfig | None = None
-    screen: ScreenConfig | None = None
+    sections: Mapping[str, Section] = field(default_factory=dict)
     notices: tuple[NoticeConfig, ...] = ()
     path: Path | None = field(default=None, compare=False)
 
     @property
     def parts(self) -> frozenset[str]:
-        """The names of the parts that it has."""
-        return frozenset(part for part in PARTS if getattr(self, part) is not None)
+        """The kinds of the parts that it has."""
+        return frozenset(self.sections)
+
+    def keys(self, cls: type[K]) -> K | None:
+        """Return the keys of the part whose keys are of a class: of a kind (``ArmKeys``), or of one driver."""
+        return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
+
+    def with_keys(self, kind: str, keys: object) -> Self:
+        """Return the robot with other keys of a part that it has."""
+        return replace(self, sections={**self.sections, kind: replace(self.sections[kind], keys=keys)})
+
+    @property
+    def base(self) -> BaseKeys | None:
+        """The section ``base``."""
+        return self.keys(BaseKeys)
+
+    @property
+    def head(self) -> HeadKeys | None:
+        """The section ``head``."""
+        return self.keys(HeadKeys)
+
+    @property
+    def arm(self) -> ArmKeys | None:
+        """The section ``arm``."""
+        return self.keys(ArmKeys)
+
+    @property
+    def range(self) -> RangeKeys | None:
+        """The section ``range``."""
+        return self.keys(RangeKeys)
+
+    @property
+    def camera(self) -> CameraKeys | None:
+        """The section ``camera``."""
+        return self.keys(CameraKeys)
+
+    @property
+    def microphone(self) -> MicrophoneKeys | None:
+        """The section ``microphone``."""
+        return self.keys(MicrophoneKeys)
+
+    @property
+    def voice(self) -> VoiceKeys | None:
+        """The section ``voice``."""
+        return self.keys(VoiceKeys)
+
+    @property
+    def screen(self) -> ScreenKeys | None:
+        """The section ``screen``."""
+        return self.keys(ScreenKeys)
 
 
-def load_robot(path: Path) -> RobotConfig:
+def load_robot(path: Path, drivers: Drivers) -> RobotConfig:
     """Read a robot file. Raises InvalidFileError with every mistake in it."""
-    return robot_of(read_source(path), path)
+    return robot_of(read_source(path), drivers, path)
 
 
-def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
+def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
     fields = fields_of(source, what="a robot file")
-    arm = read_arm(fields.section("arm"))
-    robot = RobotConfig(
-        name=fields.text("robot"),
-        summary=fields.text("summary", ""),
-        rate=fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0),
-        base=read_base(fields.section("base")),
-        head=read_head(fields.section("head"), {} if arm is None else arm.reaches),
-        arm=arm,
-        range=read_range(fields.section("range")),
-        camera=_camera(fields.section("camera")),
-        microphone=read_microphone(fields.section("microphone")),
-        voice=read_voice(fields.section("voice")),
-        screen=read_screen(fields.section("screen")),
-        notices=read_notices(fields),
-        path=path,
-    )
+    name, summary = fields.text("robot"), fields.text("summary", "")
+    rate = fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0)
+    read = {kind.name: fields.section(kind.name) for kind in KINDS.values()}
+    sections: dict[str, Section] = {}
+    for kind in KINDS.values():
+        section = read[kind.name]
+        found = None if section is None else _section(section, kind, drivers)
+        if found is not None:
+            sections[kind.name] = found
+    _check_together(read, sections)
+    robot = RobotConfig(name, summary, rate, sections, read_notices(fields), path)
     fields.done()
     if fields.faults:
         raise InvalidFileError(fields.faults)
     return robot
 
 
-def _camera(fields: Fields | None) -> CameraConfig | None:
-    if fields is None:
+def _section(fields: Fields, kind: Kind, drivers: Drivers) -> Section | None:
+    """Read the section of a part, by the driver that it names."""
+    driver = _driver(fields, kind, drivers)
+    return None if driver is None else Section(driver, read_keys(fields, driver.keys))
+
+
+def _driver(fields: Fields, kind: Kind, drivers: Drivers) -> Driver | None:
+    """Return the driver that a section names; where that is none, the one that is meant most likely."""
+    node = fields.node_of("driver", required=not kind.usual)
+    named = kind.usual if node is None else node.text if isinstance(node, Scalar) else ""
+    mark = fields.node.mark if node is None else node.mark
+    try:
+        return drivers.find(kind.name, named)
+    except BrokenDriver as error:
+        fields.fault(mark, f"'driver: {named}' cannot be used: {error}", sure=True)
         return None
-    fields.choice("driver", ["opencv"], "opencv")
-    camera = CameraConfig(
-        source=fields.text("source", "0"),
-        field_of_view=fields.quantity("field_of_view", "angle", 1.0471975512, low=0.2, high=2.6),
-        width=fields.integer("width", 640, low=64, high=4096),
-        height=fields.integer("height", 480, low=48, high=4096),
-        position=fields.position("position", (0.0, 0.0, 1.0)),
-        centre=(
-            fields.quantity("centre_x", "share", 0.5, low=0.1, high=0.9),
-            fields.quantity("centre_y", "share", 0.5, low=0.1, high=0.9),
-        ),
-        distortion=_distortion(fields.section("distortion")),
-        detector=fields.choice("detector", ["haar", "yunet"], "haar"),
-        model=fields.text("model", ""),
-        markers=_markers(fields.section("markers")),
-        identity=read_identity(fields.section("identity")),
-        delay=fields.quantity("delay", "duration", 0.0, low=-0.1, high=0.25),
-    )
-    fields.done()
-    return camera
+    except KeyError:
+        names = drivers.names(kind.name)
+        if node is not None:
+            fields.fault(mark, f"'driver' cannot be {seen(value_of(node))}", one_of(named, names), sure=True)
+    # The other keys are looked at as well, so that all mistakes come at once.
+    return drivers.find(kind.name, closest(named, names) or names[0])
 
 
-def _markers(fields: Fields | None) -> MarkersConfig | None:
-    if fields is None:
-        return None
-    robots: dict[int, str] = {}
-    section = fields.section("robots")
-    if section is not None:
-        for key, _ in section.entries():
-            if re.fullmatch("[0-9]{1,9}", key.text):
-                robots[int(key.text)] = section.text(key.text)
-            else:
-                section.fault(key.mark, f"'{key.text}' is no marker's number", "robots: {7: R2}")
-    markers = MarkersConfig(
-        family=fields.choice("family", MARKER_FAMILIES, MARKER_FAMILIES[0]),
-        size=fields.quantity("size", "length", 0.15, low=0.01, high=2.0),
-        robots=robots,
-    )
-    fields.done()
-    return markers
-
-
-def _distortion(fields: Fields | None) -> tuple[float, ...]:
-    if fields is None:
-        return ()
-    found = tuple(fields.number(name, 0.0, low=-20.0, high=20.0) for name in DISTORTION)
-    fields.done()
-    return found
+def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Section]) -> None:
+    """Note what is wrong with a section together with others."""
+    keys = {kind: section.keys for kind, section in sections.items()}
+    for kind, section in sections.items():
+        fields, driver = read[kind], section.driver
+        if fields is None:
+            continue
+        if driver.check is not None:
+            note_mistakes(fields, driver.check(section.keys, keys))
+        elif lacking := [need for need in driver.needs if need not in sections]:
+            told = f"'driver: {driver.name}' is made of the {' and the '.join(lacking)}, which this robot does not have"
+            fields.fault(fields.node.mark, told)

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from config.library import find
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
+from missions.drivers import load_robot
 
 if TYPE_CHECKING:
     from config.world import WorldConfig

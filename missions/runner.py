@@ -14,11 +14,11 @@ from drivers.api import Latching, Notice
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from missions.assembly.assemble import Audience, Wishes, assemble
+from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.interests import interests_of
-from missions.assembly.parts import reflexes
 from missions.assembly.target import target_of
+from missions.assembly.together import Audience, Wishes
 from missions.assembly.twinning import twin_robot
 from missions.assembly.twins import Twins
 from missions.executive.answers import Answers
@@ -158,7 +158,7 @@ class Runner:
         """Return who looks at the base, where the mission uses one."""
         if robot.base_part is None or config.base is None:
             return None
-        return Guard(robot.base_part, reflexes(config.base), self._context, self.stream, self._enable)
+        return Guard(robot.base_part, config.base.reflexes, self._context, self.stream, self._enable)
 
     def _enable(self) -> None:
         """Enable what stands still because it was away: the base is so already."""

@@ -1,9 +1,11 @@
 """What all devices have in common: readings, health, notices, and how they begin and end."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Generic, Protocol, TypeVar, runtime_checkable
+
+from drivers.api.keys import Mistake, key, keys
 
 T = TypeVar("T")
 
@@ -50,7 +52,7 @@ class Health:
     returned: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@keys
 class Away:
     """What a part that moves does when it is back: after how many seconds away it stays at rest, and for how long.
 
@@ -58,8 +60,26 @@ class Away:
     stands beside it by then may believe that it is dead. A part that has started anew was away for ``decide`` at least.
     """
 
-    decide: float = 1.0
-    latch: float = 5.0
+    decide: float = key(
+        "duration",
+        default=1.0,
+        low=0.1,
+        word="decide_after",
+        help="Away for longer, it stays at rest until the mission decides anew what it is to do.",
+    )
+    latch: float = key(
+        "duration",
+        default=5.0,
+        low=0.1,
+        word="latch_after",
+        help="Away for longer, it stays at rest until somebody enables it.",
+    )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what does not go together."""
+        if self.latch < self.decide:
+            message = f"'latch_after' ({self.latch:g} s) is below 'decide_after' ({self.decide:g} s)"
+            yield Mistake(message, ("latch_after",), ("decide_after",))
 
 
 @dataclass(frozen=True, slots=True)

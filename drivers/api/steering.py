@@ -1,9 +1,14 @@
 """Who may tell a base how to move, what came of it, and what a base does by itself whoever commands."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
+
+from drivers.api.keys import Mistake, key, keys
+
+BUTTONS = 3
+"""The buttons of a base are numbered from 0 to one less."""
 
 COMMAND_LIFE = 0.3
 """Seconds for which a velocity command is valid; a base that hears no newer one stops."""
@@ -52,7 +57,7 @@ def unsteered(steering: Steering) -> None:
     """Tell nobody: for a base that nobody watches."""
 
 
-@dataclass(frozen=True, slots=True)
+@keys
 class Reflexes:
     """What a base does by itself, whoever commands. What it touches always stops it; the rest can be chosen.
 
@@ -62,12 +67,34 @@ class Reflexes:
     critical below so many percent, 0 for never. The buttons (0..2) latch and enable it; None for no button.
     """
 
-    cliff: Literal["stop", "latch"] = "stop"
-    wheel_drop: Literal["stop", "latch"] = "stop"
-    bumper: Literal["stop", "back_off", "latch"] = "back_off"
-    back_off_way: float = 0.05
-    back_off_speed: float = 0.1
-    battery_low: float = 25.0
-    battery_critical: float = 10.0
-    stop_button: int | None = None
-    enable_button: int | None = None
+    cliff: Literal["stop", "latch"] = key(
+        default="stop", help="At an edge of the floor: stop, or stand still until somebody enables the base."
+    )
+    wheel_drop: Literal["stop", "latch"] = key(default="stop", help="The same for a wheel that hangs in the air.")
+    bumper: Literal["stop", "back_off", "latch"] = key(
+        default="back_off", help="What a bump does: `back_off` drives back a little."
+    )
+    back_off_way: float = key(
+        "length", default=0.05, low=0.01, high=0.5, word="back_off", help="How far it drives back then."
+    )
+    back_off_speed: float = key("speed", default=0.1, low=0.05, high=0.3, help="How fast it drives back.")
+    battery_low: float = key(
+        "percent", default=25.0, low=0.0, high=100.0, help="The battery counts as low below this; `0 %` for never."
+    )
+    battery_critical: float = key(
+        "percent", default=10.0, low=0.0, high=100.0, help="The same for critical: missions end then."
+    )
+    stop_button: int | None = key(
+        default=None, low=0, high=BUTTONS - 1, help="The button that makes the base stand still until it is enabled."
+    )
+    enable_button: int | None = key(default=None, low=0, high=BUTTONS - 1, help="The button that enables it.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what does not go together."""
+        if 0 < self.battery_low < self.battery_critical:
+            low, least = f"{self.battery_low:g} %", f"{self.battery_critical:g} %"
+            message = f"'battery_critical' ({least}) is above 'battery_low' ({low})"
+            yield Mistake(message, ("battery_critical",), ("battery_low",))
+        if self.enable_button == self.stop_button is not None:
+            message = f"button {self.enable_button} cannot both stop and enable the base"
+            yield Mistake(message, ("enable_button",))

@@ -3,14 +3,17 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from behaviours.robot import Robot
 from behaviours.run import log
-from drivers.api import Device, Health, Source
+from drivers.api import Device, Health
+from drivers.api.kinds import KINDS
 from missions.assembly.lags import keep
-from missions.assembly.simulation import Simulation
 from perception.delay import Delay
+
+if TYPE_CHECKING:
+    from missions.assembly.simulation import Simulation
 
 
 class Looking(Protocol):
@@ -42,7 +45,7 @@ class Assembled:
     robot: Robot
     devices: Mapping[str, Device]
     eyes: Looking | None = None
-    simulation: Simulation | None = None
+    simulation: "Simulation | None" = None
     delay: Delay | None = None
 
     def open(self) -> None:
@@ -70,20 +73,14 @@ class Assembled:
 
         Each for itself, whatever goes wrong with another; that is told in the log.
         """
-        robot = self.robot
-        stills: dict[str, Callable[[], None] | None] = {
-            # Others may steer the base besides, and what they do is not a mission's to end.
-            "base": None if robot.base_part is None else partial(robot.base_part.stop, source=Source.MISSION),
-            "head": None if robot.head_part is None else robot.head_part.stop,
-            "arm": None if robot.arm_part is None else robot.arm_part.hold,
-            "voice": None if robot.voice_part is None else robot.voice_part.rest,
-        }
-        for name, still in stills.items():
-            if still is not None and name in claims:
-                try:
-                    still()
-                except Exception:  # the next part must hold still all the same
-                    log.exception("%s could not be made to hold still", name)
+        for kind in KINDS.values():
+            part = getattr(self.robot, f"{kind.field}_part")
+            if kind.still is None or part is None or kind.name not in claims:
+                continue
+            try:
+                kind.still(part)
+            except Exception:  # the next part must hold still all the same
+                log.exception("%s could not be made to hold still", kind.name)
 
     def close(self) -> list[str]:
         """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""

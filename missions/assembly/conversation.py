@@ -3,18 +3,18 @@
 from collections.abc import Iterable
 from functools import partial
 from math import inf
+from typing import Any
 
-from config.robot import RobotConfig, ScreenConfig, VoiceConfig
 from config.world import WorldConfig
-from drivers.api import Mood
+from drivers.api import Device, Mood
+from drivers.api.sections import ScreenKeys, VoiceKeys
 from drivers.sim.acts import Reply
 from drivers.sim.twins.ears import HearingTwin
 from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
-from missions.assembly import parts
-from missions.assembly.assemble import Audience
 from missions.assembly.duplex import HalfDuplex
 from missions.assembly.face import FRAME, Lips
+from missions.assembly.together import Audience
 from missions.assembly.twins import Twins
 from perception.api import Words
 from perception.hearing.grammar import Grammar
@@ -36,37 +36,41 @@ class Conversation:
         self._phrases = phrases
         self._seed = seed
 
-    def give(self, config: RobotConfig, chosen: frozenset[str]) -> None:
-        """Make the twins of the ``chosen`` parts."""
-        twins = self._twins
-        if config.voice is not None and "voice" in chosen:
-            twins.voice = self._voice(config.voice)
-        if config.microphone is not None and "microphone" in chosen:
-            twins.microphone = self._microphone(twins.voice)
-        if config.screen is not None and "screen" in chosen:
-            twins.screen = self._screen(config.screen, twins.voice)
-        self._expect(twins.world.said(-1.0, inf))
+    def twin(self, kind: str, keys: Any) -> Device | None:
+        """Return the twin of a part that takes part in it; None for others."""
+        match kind:
+            case "voice":
+                return self._voice(keys)
+            case "microphone":
+                return self._microphone()
+            case "screen":
+                return self._screen(keys)
+        return None
 
-    def _voice(self, config: VoiceConfig) -> VoiceTwin:
+    def begin(self) -> None:
+        """Let the people say what they say unasked."""
+        self._expect(self._twins.world.said(-1.0, inf))
+
+    def _voice(self, keys: VoiceKeys) -> VoiceTwin:
         clock, audience = self._twins.timeline.clock, self._audience
-        return VoiceTwin(clock, self._say, usual=parts.manner(config), report=audience.report, changed=audience.changed)
+        return VoiceTwin(clock, self._say, usual=keys.manner, report=audience.report, changed=audience.changed)
 
-    def _microphone(self, voice: VoiceTwin | None) -> HearingTwin[Words]:
+    def _microphone(self) -> HearingTwin[Words]:
         clock, audience = self._twins.timeline.clock, self._audience
         return HearingTwin(
             clock,
             Grammar.of(self._phrases),
             Words,
-            deaf=HalfDuplex(voice, clock).deaf,
+            deaf=HalfDuplex(self._twins.parts.get("voice"), clock).deaf,
             mishearing=self._world.physics.mishearing,
             seed=self._seed,
             report=audience.report,
             changed=audience.changed,
         )
 
-    def _screen(self, config: ScreenConfig, voice: VoiceTwin | None) -> ScreenTwin:
-        timeline = self._twins.timeline
-        screen = ScreenTwin(timeline.clock, awake=Mood(config.mood), report=self._audience.report)
+    def _screen(self, keys: ScreenKeys) -> ScreenTwin:
+        timeline, voice = self._twins.timeline, self._twins.parts.get("voice")
+        screen = ScreenTwin(timeline.clock, awake=Mood(keys.mood), report=self._audience.report)
         if voice is not None:
             timeline.every(FRAME, Lips(voice, screen, timeline.clock).step)
         return screen

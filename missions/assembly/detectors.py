@@ -2,21 +2,21 @@
 
 from pathlib import Path
 
-from config.robot import CameraConfig
+from drivers.api.senses import CameraKeys
 from missions.models import YUNET, folder
 from perception.faces import HaarFaces
 from perception.finder import FaceDetector
 from perception.yunet import YuNetFaces
 
 
-def face_detector(camera: CameraConfig | None) -> FaceDetector:
+def face_detector(camera: CameraKeys | None) -> FaceDetector:
     """Return the detector of ``camera``, Haar where nothing is said; it reads its file when the first picture comes."""
     if camera is None or camera.detector == "haar":
         return HaarFaces()
     return YuNetFaces(yunet_file(camera))
 
 
-def yunet_file(camera: CameraConfig) -> Path:
+def yunet_file(camera: CameraKeys) -> Path:
     """Return where YuNet's file is: as the robot file says, else where `mission models fetch` puts it."""
     named = camera.model if camera.detector == "yunet" else ""
     return Path(named).expanduser() if named else folder() / YUNET.file

@@ -1,11 +1,13 @@
 """The robot's face: its screen, and a mouth that moves with the voice."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import cos, pi
 from threading import Event, Thread
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from config.screen import ScreenConfig
+from config.robot import Section
 from drivers.api import (
+    Device,
     Health,
     Mood,
     Mouth,
@@ -17,8 +19,9 @@ from drivers.api import (
     unreported,
 )
 from drivers.clock import Clock
-from drivers.screen.pages import PageScreen
-from drivers.screen.printed import PrintedScreen
+
+if TYPE_CHECKING:
+    from missions.assembly.assemble import Place
 
 OPENINGS = {
     Mouth.CLOSED: 0.0,
@@ -37,12 +40,20 @@ FRAME = 1 / 30
 """Seconds from one look of the mouth to the next."""
 
 
-def screen(config: ScreenConfig, clock: Clock, out: Callable[[str], None], report: Report) -> Screen:
-    """Return the screen of a robot; ``out`` prints for one that has none."""
-    awake = Mood(config.mood)
-    if config.driver == "print":
-        return PrintedScreen(clock, out, awake=awake)
-    return PageScreen(clock, port=config.port or 0, awake=awake, report=report)
+def real_face(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
+    """Return the screen of a robot, whose mouth moves with its voice."""
+    face = LivelyScreen(place.device(section), made.get("voice"), place.clock, place.audience.report)
+    return face, face
+
+
+@runtime_checkable
+class Served(Protocol):
+    """A screen that is a page somewhere."""
+
+    @property
+    def address(self) -> str:
+        """Where it is to be seen; empty while it is not."""
+        ...
 
 
 class Lips:
@@ -101,7 +112,7 @@ class LivelyScreen:
             return
         self._open = True
         self._screen.open()
-        if isinstance(self._screen, PageScreen) and self._screen.address:
+        if isinstance(self._screen, Served) and self._screen.address:
             self._report(Notice(self.name, "online", f"the face is at {self._screen.address}"))
         if self._lips is not None:
             self._ending.clear()

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from config.people import PersonConfig
-from config.robot import CameraConfig
 from drivers.api import Notice, Report
+from drivers.api.senses import CameraKeys
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole as Lens
@@ -39,14 +39,14 @@ HEIGHT, BELOW = 1.6, 0.5
 LENS = Lens(640, 480, 1.0471975512)
 
 
-def people_of(camera: CameraConfig) -> People:
+def people_of(camera: CameraKeys) -> People:
     """Return the people whom a robot knows: in the folder that its file names, else in the user's."""
     named = camera.identity.people
     return People(Path(named).expanduser() if named else folder())
 
 
 def recogniser(
-    interests: Interests, report: Report, *, camera: CameraConfig | None = None, drawn: Sequence[PersonConfig] = ()
+    interests: Interests, report: Report, *, camera: CameraKeys | None = None, drawn: Sequence[PersonConfig] = ()
 ) -> Recogniser | None:
     """Return what knows the people whom a robot sees: the user's, for a real ``camera``, else those ``drawn``.
 
@@ -74,7 +74,7 @@ class _Remarking:
         return self._recogniser.look(image, face)
 
 
-def gallery(camera: CameraConfig, report: Report) -> Recogniser:
+def gallery(camera: CameraKeys, report: Report) -> Recogniser:
     """Return what knows the user's people; with nobody there, or where they cannot be read, all are strangers.
 
     ``report`` hears of pictures that cannot be read, which are left out.

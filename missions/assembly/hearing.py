@@ -1,21 +1,27 @@
 """The robot's ears: a microphone, and what understands the phrases that a mission listens for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from config.microphone import MicrophoneConfig
-from drivers.api import Health, Microphone, Notice, Report
+from config.robot import Section
+from drivers.api import Device, Health, Microphone, Notice, Report, Voice
+from drivers.api.driver import resolved
+from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
-from drivers.microphone.captured import CapturedMicrophone
-from drivers.microphone.wav import WavMicrophone
 from drivers.pipe import Worker
+from missions.assembly.duplex import HalfDuplex
 from missions.assembly.pronouncing import lexicon_for
+from perception.api import Hearing as Heard
 from perception.api import Words
 from perception.hearing.acceptance import learned
 from perception.hearing.ears import Ears
 from perception.hearing.engines import Sphinx, Vosk
 from perception.hearing.grammar import Grammar
 from perception.hearing.listener import Listener, never, unheard
+
+if TYPE_CHECKING:
+    from missions.assembly.assemble import Place
 
 
 class Hearing:
@@ -75,8 +81,32 @@ class Hearing:
         return self.listener.level()
 
 
+def real_ears(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Device, Heard]:
+    """Return ears that understand the phrases of a mission, and do not hear the robot itself speak."""
+    keys: MicrophoneKeys = section.keys
+    voice: Voice | None = made.get("voice")
+    wishes, audience, simulation = place.wishes, place.audience, place.simulation
+    phrases = wishes.interests.phrases
+    if simulation is None or wishes.world is None:
+        source: Microphone = place.device(section)
+        deaf = HalfDuplex(voice, place.clock).deaf
+        found = hearing(keys, source, phrases, place.clock, report=audience.report, deaf=deaf, changed=audience.changed)
+        return found, found
+    ears, simulation.robot_hears = resolved("missions.assembly.simulated_hearing:simulated_hearing")(
+        keys,
+        wishes.world,
+        phrases,
+        place.clock,
+        voice=voice,
+        seed=wishes.seed,
+        report=audience.report,
+        changed=audience.changed,
+    )
+    return ears, ears
+
+
 def hearing(
-    config: MicrophoneConfig,
+    config: MicrophoneKeys,
     source: Microphone,
     phrases: Sequence[str],
     clock: Clock,
@@ -96,14 +126,7 @@ def hearing(
     )
 
 
-def microphone(config: MicrophoneConfig, clock: Clock, report: Report) -> Microphone:
-    """Return where the sound comes from that a robot file says; a relative path goes from the working folder."""
-    if config.driver == "file":
-        return WavMicrophone(Path(config.source).expanduser().absolute(), clock, report=report)
-    return CapturedMicrophone(clock, device=config.source, report=report)
-
-
-def _engine(config: MicrophoneConfig, grammar: Grammar, clock: Clock) -> Sphinx | Vosk:
+def _engine(config: MicrophoneKeys, grammar: Grammar, clock: Clock) -> Sphinx | Vosk:
     if config.recogniser == "vosk":
         return Vosk(grammar, Path(config.model).expanduser().absolute())
     return Sphinx(grammar, lexicon_for(config, grammar.words, clock), learned())

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from config.robot import CameraConfig
+from drivers.api.senses import CameraKeys
 from missions.assembly.things import looked_for
 from missions.language.phrases import phrases_of
 from missions.language.plan import Step
@@ -25,7 +25,7 @@ class Interests:
     phrases: tuple[str, ...] = ()
 
 
-def interests_of(tree: Step, camera: CameraConfig | None) -> Interests:
+def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
     """Return what the behaviours and expressions of a mission look for, with the markers of the robot file."""
     senses = tree.senses
     kind = MarkerKind()

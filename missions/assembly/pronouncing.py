@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 
-from config.microphone import MicrophoneConfig
 from drivers.api import Manner
+from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.voice.cut import Cut
@@ -17,7 +17,7 @@ PLAINLY = Manner("en-us", 150.0)
 """In whose voice unknown words are pronounced."""
 
 
-def unpronounceable(config: MicrophoneConfig, words: Sequence[str]) -> Sequence[str]:
+def unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for, as far as that is known without a try."""
     lexicon = english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
     if lexicon is None:  # Vosk knows what it knows, and who is not installed is asked when it is needed
@@ -26,7 +26,7 @@ def unpronounceable(config: MicrophoneConfig, words: Sequence[str]) -> Sequence[
     return [word for word in lexicon.unknown(words) if not (says and _english(word))]
 
 
-def lexicon_for(config: MicrophoneConfig, words: Sequence[str], clock: Clock) -> Lexicon:
+def lexicon_for(config: MicrophoneKeys, words: Sequence[str], clock: Clock) -> Lexicon:
     """Return a lexicon that has all of some words. Raises NotConnected without pocketsphinx; BadRequest."""
     lexicon = english(config.pronunciations)
     if lexicon is None:

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from threading import Event, Lock, Thread
 
-from config.microphone import MicrophoneConfig
 from config.people import PersonConfig
 from config.world import WorldConfig
 from drivers.api import Health, Manner, Notice, Report, Voice
+from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
 from drivers.sim.twins.ears import HearingTwin
@@ -99,7 +99,7 @@ class TextHearing:
 
 
 def simulated_hearing(
-    config: MicrophoneConfig,
+    config: MicrophoneKeys,
     world: WorldConfig,
     phrases: Sequence[str],
     clock: Clock,

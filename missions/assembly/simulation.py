@@ -2,33 +2,27 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import asdict
+from functools import partial
 from threading import Timer
+from typing import TypeVar
 
-from config.head import HeadConfig, NeckConfig, NeckJointConfig
-from config.robot import RangeConfig, RobotConfig
+from config.robot import RobotConfig
 from config.world import NOISE, PhysicsConfig, WorldConfig
-from drivers.api import Camera, Pose2D
-from drivers.arduino.axis import STARTS
+from drivers.api import Camera, HeadPose, Pose2D
+from drivers.api.driver import resolved
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
 from drivers.sim.panned import PannedCamera
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.scanner import looking
+from drivers.sim.stage import Stage
 from drivers.sim.viewpoint import Viewpoint, mounted
-from drivers.sim.wheels import Wheels
 from drivers.sim.world import ORIGIN, World
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import ATTACHED, VirtualRodney
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.servo import VirtualServo
+from drivers.virtual.plugged import Plugged
 from drivers.virtual.terminal import Terminal
-from missions.assembly import parts
-from missions.assembly.worlds import build_battery, build_world
+from missions.assembly.order import making_order
+from missions.assembly.worlds import build_physics, build_world
 
-WIRED = ("base", "head", "arm", "range")
-"""The parts that sit on a serial wire."""
+D = TypeVar("D")
 
 
 def unheard(who: str, text: str) -> None:
@@ -43,7 +37,7 @@ class Simulation:
     """Virtual devices for some parts of a robot, each on a pseudo-terminal of its own, in one world.
 
     Without a ``world`` there is open floor, and nobody. ``answered`` is told who says what, and ``robot_hears`` what
-    of that is said within earshot of the robot.
+    of that is said within earshot of the robot. ``parts`` are the devices by kind.
     """
 
     def __init__(
@@ -54,7 +48,6 @@ class Simulation:
         *,
         world: WorldConfig | None = None,
         answered: Callable[[str, str], None] = unheard,
-        tacho: bool = False,
         seed: int = 0,
     ) -> None:
         self._config = world
@@ -62,43 +55,35 @@ class Simulation:
         self._answered = answered
         self.robot_hears: Callable[[Reply], None] = deaf
         self._answers: list[Timer] = []
-        self.kobuki: VirtualKobuki | None = None
-        self.rodney: VirtualRodney | None = None
-        self.servos: VirtualServoBus | None = None
-        self.lidar: VirtualLidar | None = None
         self._robot = robot
         self._clock = clock
+        self.parts: dict[str, Plugged] = {}
         self.terminals: dict[str, Terminal] = {}
-        if robot.base is not None and "base" in chosen:
-            physics = PhysicsConfig() if world is None else world.physics
-            start = None if self._world is None else self._world.start
-            wheels = Wheels(dead_time=physics.lag, slip=physics.slip, pose=start)
-            self.kobuki = VirtualKobuki(wheels=wheels, ground=self._world, battery=build_battery(physics))
-            self.terminals["base"] = Terminal("kobuki", self.kobuki, clock)
-        if isinstance(robot.head, HeadConfig) and "head" in chosen:
-            self.rodney = VirtualRodney(
-                baud=robot.head.baud, tacho=tacho, logs=not tacho, starts=STARTS if tacho else ATTACHED
-            )
-            self.terminals["head"] = Terminal("nano", self.rodney, clock)
-        if robot.arm is not None and "arm" in chosen:
-            joints = robot.arm.joints.values()
-            servos = [VirtualServo(joint.id, model=joint.model, angle=joint.zero) for joint in joints]
-            self.servos = VirtualServoBus(servos, robot.arm.baud)
-            self.terminals["arm"] = Terminal("servos", self.servos, clock)
-        if robot.range is not None and "range" in chosen:
-            self.lidar = self._lidar(robot.range, seed)
-            self.terminals["range"] = Terminal("rplidar", self.lidar, clock)
-
-    def _lidar(self, config: RangeConfig, seed: int) -> VirtualLidar:
-        """Return a range finder that sees the world from where the base truly is."""
-        world = World() if self._world is None else self._world
-        look = looking(world, parts.place(config), self.pose, height=config.position[2])
-        return VirtualLidar(look, model=config.model, yaw=config.yaw, seed=seed)
+        stage = Stage(
+            clock,
+            self._world,
+            self.pose,
+            physics=build_physics(PhysicsConfig() if world is None else world.physics),
+            seed=seed,
+            parts=self.parts,
+            keys={kind: section.keys for kind, section in robot.sections.items()},
+        )
+        for kind in making_order(robot, chosen):
+            section = robot.sections[kind]
+            if not section.driver.virtual:
+                continue
+            self.parts[kind] = plugged = resolved(section.driver.virtual)(section.keys, stage)
+            if plugged.device is not None:
+                self.terminals[kind] = Terminal(plugged.wire, plugged.device, clock)
 
     @property
     def ports(self) -> dict[str, str]:
         """Where each part is to be found."""
         return {part: terminal.path for part, terminal in self.terminals.items()}
+
+    def device(self, cls: type[D]) -> D | None:
+        """Return the virtual device of a class; None where there is none."""
+        return next((each.device for each in self.parts.values() if isinstance(each.device, cls)), None)
 
     def open(self) -> None:
         """Plug everything in."""
@@ -118,49 +103,38 @@ class Simulation:
 
     def pose(self, time: float) -> Pose2D:
         """Return where the base truly is; where it starts, for one that is not there."""
-        if self.kobuki is None:
+        base = self.parts.get("base")
+        if base is None or base.pose is None:
             return ORIGIN if self._world is None else self._world.start
-        kobuki = self.kobuki
-        return self.terminals["base"].ask(lambda: kobuki.pose(time))
+        pose = base.pose
+        return self.terminals["base"].ask(lambda: pose(time))
 
     def viewpoint(self, time: float) -> Viewpoint:
         """Return where the camera truly is and looks: on the head, on the base."""
-        pose = self.pose(time)
-        pan = tilt = 0.0
-        head, rodney = self._robot.head, self.rodney
-        if isinstance(head, HeadConfig) and rodney is not None:
-            pan, tilt = self.terminals["head"].ask(
-                lambda: (
-                    parts.axis(head.pan).to_radians(rodney.angle(head.pan.index, time)),
-                    parts.axis(head.tilt).to_radians(rodney.angle(head.tilt.index, time)),
-                )
-            )
-        elif isinstance(head, NeckConfig) and self.servos is not None:
-            pan, tilt = self.terminals["arm"].ask(lambda: (self._joint(head.pan), self._joint(head.tilt)))
-        place = (0.0, 0.0, 1.0) if self._robot.camera is None else self._robot.camera.position
-        return mounted(pose, pan, tilt, place)
+        looks = self._looks(time)
+        camera = self._robot.camera
+        return mounted(self.pose(time), looks.pan, looks.tilt, (0.0, 0.0, 1.0) if camera is None else camera.position)
 
-    def _joint(self, axis: NeckJointConfig) -> float:
-        """Return where an axis of the head is that is a joint of the arm, in radians."""
-        if self._robot.arm is None or self.servos is None:
-            return 0.0
-        joint = self._robot.arm.joints[axis.joint]
-        angle = self.servos.servo(joint.id).angle - joint.zero
-        return (-angle if joint.reverse else angle) - axis.trim
+    def _looks(self, time: float) -> HeadPose:
+        """Return where the head truly looks, from the base; ahead, for one that is not there."""
+        head = self.parts.get("head")
+        if head is None or head.looks is None:
+            return HeadPose(0.0, 0.0)
+        looks = head.looks
+        return self._terminal("head").ask(lambda: looks(time))
+
+    def _terminal(self, kind: str) -> Terminal:
+        """Return the terminal of a part, or of the part on whose wire it sits."""
+        owner = next(each for each in (kind, *self._robot.sections[kind].driver.needs) if each in self.terminals)
+        return self.terminals[owner]
 
     def state(self) -> dict[str, object]:
         """Return what the devices truly do: the base in SI units, servos of the head in degrees, joints in radians."""
         now = self._clock.now()
-        found: dict[str, object] = {}
-        if self.kobuki is not None:
-            pose, velocity = self.pose(now), self.kobuki.body.velocity
-            found["base"] = asdict(pose) | asdict(velocity)
-        if self.rodney is not None:
-            rodney = self.rodney
-            found["head"] = self.terminals["head"].ask(lambda: [rodney.angle(index, now) for index in range(4)])
-        if self.servos is not None and self._robot.arm is not None:
-            servos = self.servos.servos  # one a joint, whatever ID somebody has given it by now
-            found["arm"] = {name: servo.angle for name, servo in zip(self._robot.arm.joints, servos, strict=True)}
+        found = {}
+        for kind, plugged in self.parts.items():
+            if plugged.state is not None:
+                found[kind] = self._terminal(kind).ask(partial(plugged.state, now))
         return found
 
     def hear(self, text: str) -> None:

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from functools import partial
 
 from behaviours.reach import Reach
-from config.microphone import MicrophoneConfig
 from config.robot import RobotConfig
-from drivers.api import JointLimits
+from drivers.api.senses import MicrophoneKeys
 from missions.language.claims import Target
 
 
@@ -14,14 +13,13 @@ def target_of(robot: RobotConfig) -> Target:
     """Return what the checker must know of a robot."""
     reach = None
     if robot.arm is not None:
-        joints = {name: JointLimits(each.lower, each.upper, each.speed) for name, each in robot.arm.joints.items()}
-        reach = Reach(joints, robot.arm.groups)
+        reach = Reach(robot.arm.limits, robot.arm.groups)
     if robot.microphone is None:
         return Target(robot.name, robot.parts, reach)
     return Target(robot.name, robot.parts, reach, partial(_unpronounceable, robot.microphone))
 
 
-def _unpronounceable(config: MicrophoneConfig, words: Sequence[str]) -> Sequence[str]:
+def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for; for a mission that does."""
     from missions.assembly.pronouncing import unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 

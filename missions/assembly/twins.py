@@ -1,62 +1,78 @@
 """A robot in simulated time: a twin for each of its parts, in one world, on one timeline."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from drivers.api import Device, Pose2D
+from drivers.sim.stage import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.twins.ears import HearingTwin
-from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.neck import NeckTwin
-from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.twins.screen import ScreenTwin
-from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import World
 from perception.api import Words
 
+T = TypeVar("T")
+
 
 @dataclass(slots=True)
 class Twins:
-    """The twins of a robot's parts, None for those that it lacks or the mission does not use, in their world.
+    """The twins of a robot's parts, by kind, in their world; those that it lacks or the mission does not use are not.
 
-    ``place`` is where the camera sits on the base, ``lens`` what it sees through.
+    ``place`` is where the camera sits on the base, ``lens`` what it sees through. The properties are the twins to
+    which more can be done than a driver is told, None where a robot has others.
     """
 
     timeline: Timeline
     world: World
-    base: BaseTwin | None = None
-    head: HeadTwin | NeckTwin | None = None
-    arm: JointsTwin | None = None
-    range: RangerTwin | None = None
-    microphone: HearingTwin[Words] | None = None
-    voice: VoiceTwin | None = None
-    screen: ScreenTwin | None = None
-    camera: CameraTwin | None = None
+    parts: dict[str, Any] = field(default_factory=dict)
     place: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lens: Lens = field(default_factory=lambda: Lens(640, 480, 1.047))
 
-    def pose(self) -> Pose2D:
-        """Return where the base truly is now, in the world's frame."""
-        return self.world.start if self.base is None else self.base.true_pose(self.timeline.clock.now())
+    @property
+    def devices(self) -> Mapping[str, Device]:
+        """The twins by the names of their parts."""
+        return self.parts
 
     @property
-    def devices(self) -> dict[str, Device]:
-        """The twins by the names of their parts."""
-        found = {
-            "base": self.base,
-            "head": self.head,
-            "arm": self.arm,
-            "range": self.range,
-            "microphone": self.microphone,
-            "voice": self.voice,
-            "screen": self.screen,
-            "camera": self.camera,
-        }
-        return {name: twin for name, twin in found.items() if twin is not None}
+    def base(self) -> BaseTwin | None:
+        """The base."""
+        return self._of("base", BaseTwin)
+
+    @property
+    def arm(self) -> JointsTwin | None:
+        """The arm."""
+        return self._of("arm", JointsTwin)
+
+    @property
+    def microphone(self) -> HearingTwin[Words] | None:
+        """The ears."""
+        return self._of("microphone", HearingTwin)
+
+    @property
+    def screen(self) -> ScreenTwin | None:
+        """The face."""
+        return self._of("screen", ScreenTwin)
+
+    @property
+    def camera(self) -> CameraTwin | None:
+        """The camera."""
+        return self._of("camera", CameraTwin)
+
+    @property
+    def head(self) -> TrueHead | None:
+        """The head."""
+        return self.parts.get("head")
+
+    def pose(self) -> Pose2D:
+        """Return where the base truly is now, in the world's frame."""
+        base: TrueBase | None = self.parts.get("base")
+        return self.world.start if base is None else base.true_pose(self.timeline.clock.now())
 
     def viewpoint(self) -> Viewpoint:
         """Return where the camera truly is and looks now."""
@@ -65,3 +81,7 @@ class Twins:
             looks = self.head.true_pose(self.timeline.clock.now())
             pan, tilt = looks.pan, looks.tilt
         return mounted(self.pose(), pan, tilt, self.place)
+
+    def _of(self, kind: str, cls: type[T]) -> T | None:
+        found = self.parts.get(kind)
+        return found if isinstance(found, cls) else None

@@ -11,6 +11,7 @@ from drivers.sim.dock import Dock
 from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.room import Room
+from drivers.sim.stage import Physics
 from drivers.sim.things import Ball, Box, Edge, Rover, Wall
 from drivers.sim.world import World
 
@@ -31,6 +32,11 @@ def build_world(config: WorldConfig) -> World:
         dock=None if config.dock is None else Dock(config.dock.x, config.dock.y, config.dock.heading),
         start=Pose2D(config.start.x, config.start.y, config.start.heading),
     )
+
+
+def build_physics(physics: PhysicsConfig) -> Physics:
+    """Return how a base errs in a world."""
+    return Physics(physics.lag, physics.slip, physics.gyro_noise, physics.dropouts, build_battery(physics))
 
 
 def build_battery(physics: PhysicsConfig) -> Battery | None:

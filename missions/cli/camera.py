@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from config.editing import NotEditableError
-from config.lens import keep_lens, lens_entries, lens_size
 from config.units import in_dimension
 from drivers.api import Image, Notice
 from drivers.camera.choose import open_source
@@ -17,6 +16,7 @@ from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
+from missions.cli.lens import keep_lens, lens_entries, lens_size
 from missions.cli.root import FAILURE, SUCCESS
 from perception.calibration import Board, Calibration, Views, calibrate
 

@@ -3,11 +3,13 @@
 from config.faults import one_of
 from config.robot import RobotConfig
 from config.units import in_dimension
+from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.make import joints
 from drivers.dynamixel.models import MODELS
+from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
-from missions.assembly import parts
 from missions.assembly.simulation import Simulation
 
 ON_JOINTS = {
@@ -35,10 +37,11 @@ class Hands:
 
     def __init__(self, simulation: Simulation, robot: RobotConfig) -> None:
         self._simulation = simulation
-        specs = {} if robot.arm is None else parts.joints(robot.arm)
-        servos = () if simulation.servos is None else simulation.servos.servos  # one a joint, whatever ID it has by now
-        joints = (Joint(name, spec, MODELS[spec.model]) for name, spec in specs.items())
-        self._joints = {joint.name: (joint, servo) for joint, servo in zip(joints, servos, strict=True)}
+        arm, bus = robot.keys(DynamixelKeys), simulation.device(VirtualServoBus)
+        specs = {} if arm is None else joints(arm)
+        servos = () if bus is None else bus.servos  # one a joint, whatever ID it has by now
+        told = (Joint(name, spec, MODELS[spec.model]) for name, spec in specs.items())
+        self._joints = {joint.name: (joint, servo) for joint, servo in zip(told, servos, strict=True)}
 
     def do(self, line: str) -> str:
         """Do what ``line`` says; return what to tell of it. Raises ValueError for words that make no sense."""

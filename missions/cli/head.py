@@ -14,24 +14,27 @@ import click
 
 from behaviours.head import Arrival, shown
 from config.editing import NotEditableError
-from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
 from config.library import find
-from config.robot import load_robot
-from config.trims import check_keepable, keep_trims
 from config.world import load_world
 from drivers.api import Head, HeadPose, Notice, unheard, unreported
+from drivers.api.sections import Wired
+from drivers.arduino.declared import ArduinoKeys, ServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.vigil import Life
 from drivers.clock import Clock, SystemClock
+from drivers.dynamixel.declared import NeckJointKeys, NeckKeys
 from drivers.errors import NotConnected
 from drivers.pantilt import AHEAD, Trimmable
-from missions.assembly.assemble import Audience, Wishes, assemble
+from missions.assembly.assemble import assemble
 from missions.assembly.interests import Interests
 from missions.assembly.lags import ENOUGH
+from missions.assembly.together import Audience, Wishes
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
+from missions.cli.trims import check_keepable, keep_trims
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 from missions.runner import CONNECT_TIME
 from perception.delay import Delay
@@ -62,7 +65,7 @@ class Bench:
 
     head: Head
     trimmer: Trimmable
-    config: HeadConfig | NeckConfig
+    config: ArduinoKeys | NeckKeys
     clock: Clock
     delay: Delay | None = None
 
@@ -242,9 +245,9 @@ def _by_hand(bench: Bench) -> tuple[float, float] | None:
     return bench.trimmer.trim() if content else None
 
 
-def _sign(axis: ServoConfig | NeckJointConfig) -> int:
+def _sign(axis: ServoKeys | NeckJointKeys) -> int:
     """Return -1 for a servo that turns the other way than the head."""
-    return -1 if isinstance(axis, ServoConfig) and axis.flip else 1
+    return -1 if isinstance(axis, ServoKeys) and axis.flip else 1
 
 
 @contextmanager
@@ -257,12 +260,13 @@ def opened(
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
-    if config.head is None:
+    keys = config.head
+    if keys is None:
         raise click.UsageError(f"{config.name} has no head")
     virtual = simulate or name is None
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
-    part = "head" if isinstance(config.head, HeadConfig) else "arm"
+    part = "head" if isinstance(keys, Wired) else "arm"
     wishes = Wishes(
         world=load_world(find("worlds", "empty")) if virtual else None,
         ports={} if port is None else {part: port},
@@ -272,7 +276,7 @@ def opened(
     audience = Audience(unreported if stay else _warned, unheard, click.echo, lambda *_: None, lambda *_: None)
     robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]
-    if not isinstance(trimmer, Trimmable):
+    if not isinstance(trimmer, Trimmable) or not isinstance(keys, ArduinoKeys | NeckKeys):
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")
     if stay:
         trimmer.stay()
@@ -283,7 +287,7 @@ def opened(
                 health = head.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
-        yield Bench(head, trimmer, config.head, clock, robot.delay)
+        yield Bench(head, trimmer, keys, clock, robot.delay)
 
 
 def _warned(notice: Notice) -> None:

@@ -10,16 +10,20 @@ from threading import Event
 import click
 
 from config.library import find
-from config.microphone import MOST_SURE, MicrophoneConfig
-from config.robot import load_robot
-from drivers.api import SOUND_RATE, Notice, unreported
+from config.robot import Section
+from drivers.api import SOUND_RATE, Notice
+from drivers.api.driver import Site
+from drivers.api.kinds import KINDS
+from drivers.api.senses import MOST_SURE, MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
-from missions.assembly.hearing import Hearing, hearing, microphone
+from missions.assembly.hearing import Hearing, hearing
+from missions.assembly.together import made_by
 from missions.cli.options import behaviours_option, leaves_for, params_option
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
+from missions.drivers import Table, load_robot
 from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
@@ -74,9 +78,8 @@ def command(
     as likely said as not. Ctrl-C ends it.
     """
     wanted = _wanted(mission, phrases, params, files)
-    config = MicrophoneConfig() if robot is None else load_robot(find("robots", robot)).microphone
-    if config is None:
-        raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
+    section = _section(robot)
+    config: MicrophoneKeys = section.keys
     if threshold is not None:
         config = replace(config, threshold=threshold)
     click.echo(f"listening for: {', '.join(wanted)}")
@@ -84,7 +87,7 @@ def command(
     for one, other in [] if lexicon is None else confusable(Grammar.of(wanted).phrases, lexicon):
         click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
     if wav is None:
-        _listen(config, wanted)
+        _listen(replace(section, keys=config), wanted)
     else:
         _play(config, wanted, wav)
     return SUCCESS
@@ -110,10 +113,23 @@ def _wanted(
     return texts
 
 
-def _listen(config: MicrophoneConfig, phrases: Sequence[str]) -> None:
+def _section(robot: str | None) -> Section:
+    """Return the microphone of a robot, or the usual one. Raises click.UsageError for a robot without."""
+    if robot is None:
+        kind = KINDS["microphone"]
+        return Section(Table().find(kind.name, kind.usual), MicrophoneKeys())
+    section = load_robot(find("robots", robot)).sections.get("microphone")
+    if section is None:
+        raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
+    return section
+
+
+def _listen(section: Section, phrases: Sequence[str]) -> None:
     """Show the level of the microphone, and what is heard, until Ctrl-C."""
     clock, pause = SystemClock(), Event()
-    ears = hearing(config, microphone(config, clock, unreported), phrases, clock, report=_complain)
+    config: MicrophoneKeys = section.keys
+    source = made_by(section.driver.make, section, "make")(config, Site(clock))
+    ears = hearing(config, source, phrases, clock, report=_complain)
     with closing(ears):
         ears.open()
         while not (health := ears.health()).online:
@@ -130,7 +146,7 @@ def _listen(config: MicrophoneConfig, phrases: Sequence[str]) -> None:
             pause.wait(PAUSE)
 
 
-def _play(config: MicrophoneConfig, phrases: Sequence[str], wav: Path) -> None:
+def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
     """Show what is heard in a recording, as fast as it is understood."""
     clock = ManualClock()
     seconds = len(load("microphone", wav)) / SOUND_RATE + REST

@@ -9,18 +9,19 @@ from config.controller import load_controller
 from config.gesture import load_gesture
 from config.library import shipped
 from config.object import load_object
-from config.robot import load_robot
 from config.world import load_world
+from drivers.api.driver import BrokenDriver
 from missions.cli.console import echo
+from missions.drivers import Table, load_robot
 from missions.library import load_mission, shipped_missions
 
-KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
+KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "drivers")
 
 
 @click.command()
 @click.argument("kind", required=False, type=click.Choice(KINDS))
 def command(kind: str | None) -> None:
-    """List what ships with MissionTree, by name, with a line on each."""
+    """List what ships with MissionTree, by name, with a line on each; and the drivers, whoever they are of."""
     for each in KINDS if kind is None else (kind,):
         echo(each, "bold")
         for name, summary in _entries(each):
@@ -32,8 +33,22 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
         for name in shipped_missions():
             yield name, load_mission(name).summary
         return
+    if kind == "drivers":
+        yield from _drivers()
+        return
     for name, path in shipped(kind).items():
         yield name, _SUMMARIES[kind](path)
+
+
+def _drivers() -> Iterator[tuple[str, str]]:
+    """Yield every driver as robot files name it, and where it is from, or what is wrong with it."""
+    table = Table()
+    for part, name, driver in table.all():
+        if isinstance(driver, BrokenDriver):
+            yield f"{part}.{name}", f"cannot be used: {driver}"
+            continue
+        origin = table.origin(part, name)
+        yield f"{part}.{name}", driver.about + (f" (of {origin})" if origin else "")
 
 
 _SUMMARIES: dict[str, Callable[[Path], str]] = {

@@ -6,7 +6,7 @@ from math import radians
 from pathlib import Path
 
 from config.colours import COLOURS
-from config.robot import CameraConfig
+from drivers.api.senses import CameraKeys
 from drivers.camera.source import Kind, kind_of
 from missions.assembly.detectors import face_detector
 from perception.api import Box, Detection, Image, Marker, Scene, Thing
@@ -19,7 +19,7 @@ from perception.scene import measure
 from perception.things import ThingSense
 from perception.wanted import Wanted
 
-IDEAL = CameraConfig("", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
+IDEAL = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))
 """The camera of pictures of which nobody says what has taken them."""
 
 PERIOD = 0.04
@@ -62,7 +62,7 @@ class Looker:
 
     def __init__(
         self,
-        camera: CameraConfig,
+        camera: CameraKeys,
         things: Sequence[Wanted] = (),
         markers: str | None = None,
         people: Recogniser | None = None,
@@ -109,4 +109,4 @@ class Looker:
 
     def _lens(self, width: int, height: int) -> Pinhole:
         camera = self._camera
-        return Pinhole(width, height, camera.field_of_view, camera.centre, camera.distortion)
+        return Pinhole(width, height, camera.field_of_view, camera.centre, camera.bent)

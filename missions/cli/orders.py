@@ -5,8 +5,8 @@ from pathlib import Path
 
 import click
 
+from drivers.api.kinds import WIRED
 from drivers.camera.source import Kind, kind_of
-from missions.assembly.simulation import WIRED
 from missions.cli.movie import check_place
 from missions.language.plan import Plan
 from missions.order import Order

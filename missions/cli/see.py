@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from config.library import find
-from config.robot import load_robot
 from drivers.api import Notice
 from drivers.camera.pictures import pictures
 from drivers.errors import BadRequest
@@ -16,6 +15,7 @@ from missions.assembly.gallery import gallery
 from missions.assembly.things import wanted
 from missions.cli.drawings import Drawings
 from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
+from missions.drivers import load_robot
 from perception.annotate import annotate
 from perception.api import Box, Marker, Thing
 from perception.faults import BadModel

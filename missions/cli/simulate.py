@@ -10,10 +10,12 @@ from collections.abc import Iterator
 import click
 
 from config.library import find
-from config.robot import load_robot
+from drivers.api.kinds import WIRED
 from drivers.clock import SystemClock
-from missions.assembly.simulation import WIRED, Simulation
+from drivers.virtual.dynamixel import VirtualServoBus
+from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
+from missions.drivers import load_robot
 from missions.executive.executive import GLANCE
 from missions.order import DEFAULT_ROBOT
 
@@ -60,8 +62,9 @@ def command(robot: str, period: float | None, paced: bool) -> None:
         signal.signal(number, lambda got, _: ending.append(got))
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
     simulation = Simulation(config, frozenset(WIRED) & config.parts, clock)
-    if simulation.servos is not None:
-        simulation.servos.paced = paced
+    servos = simulation.device(VirtualServoBus)
+    if servos is not None:
+        servos.paced = paced
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))

@@ -10,17 +10,18 @@ from threading import Event
 import click
 
 from config.library import find
-from config.robot import load_robot
 from config.units import in_dimension
 from config.world import load_world
 from drivers.api import Base, Head, unheard, unreported
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
-from missions.assembly.assemble import Audience, Wishes, assemble
+from missions.assembly.assemble import assemble
+from missions.assembly.together import Audience, Wishes
 from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.runner import CONNECT_TIME
 from missions.teleop import keymap, pad

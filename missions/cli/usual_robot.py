@@ -10,8 +10,8 @@ import click
 from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError
 from config.library import find, shipped
-from config.robot import load_robot
 from missions.assembly.target import target_of
+from missions.drivers import load_robot
 from missions.language.claims import Target
 from missions.language.plan import Plan
 from missions.library import load_mission, shipped_missions

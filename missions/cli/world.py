@@ -7,7 +7,7 @@ import click
 import cv2
 
 from config.library import find
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
@@ -15,6 +15,7 @@ from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
 from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 from missions.pictures.plan import plan
 from missions.pictures.png import png

@@ -6,17 +6,17 @@ A sheet alone has a column for every joint, headed by its name, in radians, and 
 
 from pathlib import Path
 
-from config.arm import ArmConfig
 from config.gesture import gesture_of
 from config.marked import read_source
 from config.move import JointSource, MoveConfig, is_move, move_of
 from drivers.api import Gesture
+from drivers.api.sections import ArmKeys
 from missions.moves.gesture import movement
 from missions.moves.rows import TIME, played
 from missions.moves.sheet import KINDS, Sheet, read_sheet
 
 
-def load_move(path: Path, *, rate: float | None = None, arm: ArmConfig | None = None) -> Gesture:
+def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
     """Read a movement. ``rate`` is that of a sheet's rows (Hz), where neither it nor its move file says when they are.
 
     With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
@@ -28,7 +28,7 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmConfig | None = 
     source = read_source(path)
     if not is_move(source):
         return movement(gesture_of(source, None if arm is None else arm.reaches))
-    move = move_of(source, path.parent, None if arm is None else arm.joints)
+    move = move_of(source, path.parent, None if arm is None else arm.reaches)
     return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
 
 

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import radians
 
-from config.arm import ArmConfig, beyond
 from config.faults import InvalidFileError, one_of
+from config.gesture import beyond
 from config.move import JointSource, MoveConfig
-from config.servo import SERVO_MODELS
 from drivers.api import Gesture, Keyframe
+from drivers.api.sections import ArmKeys
 from missions.moves.limbs import angle_at, steadied
 from missions.moves.sheet import Sheet
 
@@ -16,7 +16,7 @@ TIME = "time"
 """The heading of the column that says when a row is, in seconds."""
 
 
-def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmConfig | None) -> Gesture:
+def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
     """Return the movement that ``move`` makes of ``sheet``. Raises InvalidFileError with every mistake in the sheet.
 
     ``rate`` and ``arm`` as for ``missions.moves.load.load_move``.
@@ -35,16 +35,16 @@ def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmConfig
     return Gesture(move.name, move.summary, keyframes, "cubic")
 
 
-def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmConfig | None) -> None:
+def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None:
     """Raise InvalidFileError for columns that are asked for and not there, and for joints that the arm lacks."""
     for joint, source in move.joints.items():
         for heading in source.headings:
             if heading not in sheet.headings:
                 what = f"there is no column '{heading}', of which joint '{joint}' is made"
                 sheet.fault(sheet.top, 1, what, one_of(heading, sheet.headings))
-        if arm is not None and joint not in arm.joints:
+        if arm is not None and joint not in arm.reaches:
             point = joint.endswith(("_x", "_y", "_z"))
-            hint = "a move file says of which points a joint is made" if point else one_of(joint, arm.joints)
+            hint = "a move file says of which points a joint is made" if point else one_of(joint, arm.reaches)
             sheet.fault(sheet.top, sheet.headings.get(joint, 1), f"there is no joint '{joint}'", hint)
     if not move.joints:
         sheet.fault(sheet.top, 1, "there is no column of a joint")
@@ -93,7 +93,7 @@ def _bends(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
     return angles
 
 
-def _check_reach(sheet: Sheet, joint: str, source: JointSource, angles: Sequence[float], arm: ArmConfig) -> None:
+def _check_reach(sheet: Sheet, joint: str, source: JointSource, angles: Sequence[float], arm: ArmKeys) -> None:
     """Note angles beyond the joint's limits."""
     limits = arm.reaches[joint]
     found = [(row, beyond(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
@@ -110,8 +110,8 @@ def _note(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]]
         sheet.fault(row, sheet.headings[headings[len(headings) // 3]], problem + more)
 
 
-def _dead_band(move: MoveConfig, joint: str, arm: ArmConfig | None) -> float:
+def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
     """Return the change (rad) below which a joint is not moved."""
     if move.dead_band is not None or arm is None:
         return move.dead_band or 0.0
-    return SERVO_MODELS[arm.joints[joint].model].tick
+    return arm.step(joint)

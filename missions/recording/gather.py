@@ -13,7 +13,7 @@ from config.marked import Mapping as Marked
 from config.marked import compose
 from config.robot import RobotConfig
 from config.world import WorldConfig
-from missions.assembly import parts
+from missions.assembly.together import eye
 from missions.language.plan import Plan
 from missions.language.values import shown
 from missions.library import behaviour_files
@@ -69,7 +69,7 @@ def contents_of(
         paths={name: str(path) for name, path in names.items()},
         models=_models(config),
         mocks=tuple(mocks),
-        eye=parts.eye(config),
+        eye=eye(config),
     )
     tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
     return Contents(head, {name: files[path] for name, path in names.items()}, tree)

@@ -12,8 +12,8 @@ from typing import Protocol
 from behaviours.run import Run
 from config.robot import RobotConfig
 from drivers.clock import ManualClock
-from missions.assembly import parts
-from missions.assembly.assemble import with_carriers
+from missions.assembly.order import with_carriers
+from missions.assembly.together import eye
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import Substitute, as_it_is, build
@@ -118,14 +118,14 @@ class _Again:
                 with_carriers(config, plan.tree.parts),
                 self._memory,
                 run.now,
-                eye=parts.eye(config),
+                eye=eye(config),
                 groups={} if config.arm is None else config.arm.groups,
             ),
             answers,
         )
         guard = None
         if robot.base_part is not None and config.base is not None:
-            guard = Guard(robot.base_part, parts.reflexes(config.base), run, stream)
+            guard = Guard(robot.base_part, config.base.reflexes, run, stream)
         run.variables.update(state_of(robot, run, guard))
         root = build(plan, run, lambda leaf: robot_for(leaf, robot, _untold), substitute=substitute)
         self._executive = Executive(

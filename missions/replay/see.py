@@ -9,12 +9,12 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from config.robot import CameraConfig
 from drivers.api import unreported
+from drivers.api.senses import CameraKeys
 from drivers.camera.decode import decoded
 from drivers.clock import ManualClock
-from missions.assembly import parts
 from missions.assembly.detectors import face_detector
+from missions.assembly.eyes import vision as make_vision
 from missions.assembly.interests import Interests
 from missions.recording.read import Record
 from missions.replay.frames import SAME
@@ -70,7 +70,7 @@ class Seen:
         return tuple(track for track in self.now if track.missed)
 
 
-def see(record: Record, camera: CameraConfig, interests: Interests) -> Seen:
+def see(record: Record, camera: CameraKeys, interests: Interests) -> Seen:
     """Search the pictures of ``record`` for ``interests``, with the lens and the detector of ``camera``.
 
     Raises what the detector raises, such as FileNotFoundError for its model.
@@ -115,10 +115,10 @@ class _Frame:
     stamp: float
 
 
-def _views(record: Record, camera: CameraConfig, interests: Interests) -> Iterator[View]:
+def _views(record: Record, camera: CameraKeys, interests: Interests) -> Iterator[View]:
     """Yield what today's eyes make of each picture."""
     clock, found, gaze = ManualClock(), list[View](), _Gazes(record)
-    vision = parts.vision(
+    vision = make_vision(
         gaze.at,
         clock,
         interests=interests,

@@ -10,9 +10,10 @@ from pathlib import Path, PurePosixPath
 
 from config.library import UnknownNameError, find, is_file
 from config.reading import read_regular
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
 from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
+from missions.drivers import load_robot
 from missions.language.document import load_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan

@@ -1,42 +1,16 @@
 """Files in which every part stands once, for the readers to ask for its keys; several, where parts exclude others."""
 
-_SERVOS = """
+ROBOTS = (
+    """
 robot: example
-base: {driver: kobuki, port: /dev/kobuki, reflexes: {}}
-head: {driver: arduino, port: /dev/nano, pan: {servo: 0}, tilt: {servo: 1}}
-arm:
-  driver: dynamixel
-  port: /dev/u2d2
-  joints:
-    elbow: {id: 1}
-    wrist: {id: 2, model: MX-28, ticks: {}}
-    hand: {id: 3, ticks: {}}
-  groups: {all: [elbow]}
-range: {driver: rplidar, port: /dev/lidar}
-camera:
-  distortion: {}
-  markers: {robots: {7: R2}}
-  identity: {}
-microphone: {pronunciations: {ada: ada}}
-voice: {}
-screen: {port: 8080}
 notices:
   - terminal
   - command: [notify-send]
   - webhook: {url_from: ADDRESS, headers: {name: text}}
   - mqtt: {}
-"""
-_NECK = """
-robot: example
-head: {driver: dynamixel, pan: {joint: pan}, tilt: {joint: tilt}}
-arm:
-  driver: dynamixel
-  port: /dev/u2d2
-  joints:
-    pan: {id: 1}
-    tilt: {id: 2}
-"""
-ROBOTS = (_SERVOS, _NECK)
+""",
+)
+"""What of a robot file is no part: those are told by their drivers' keys."""
 
 WORLDS = (
     """

@@ -12,10 +12,11 @@ from config.faults import InvalidFileError, Source
 from config.fields import fields_of
 from config.marked import Listing, Node, Scalar
 from config.marked import Mapping as Marked
-from config.robot import robot_of
 from config.units import written
 from config.world import read_world
+from missions.drivers import Table, robot_of
 from missions.schema.examples import ROBOTS, TESTS, WORLDS
+from missions.schema.robots import part_schemas
 from missions.schema.values import HOLE, SCALAR, Schema, quantity
 from missions.testing.suite import read_suite
 
@@ -44,6 +45,8 @@ def file_schema(kind: str) -> Schema:
         with keys_asked() as asked, suppress(InvalidFileError):
             read(Source(kind, example))
         found = _merged(found, _mapping(asked, next(iter(asked.values())).node))
+    if kind == "robots":
+        found["properties"] |= part_schemas(Table())
     if kind == "tests":  # what all cases have in common is of a case
         shared = found["properties"]["cases"]["items"]
         found["properties"]["with"] = {key: value for key, value in shared.items() if key != "required"}

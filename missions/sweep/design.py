@@ -10,8 +10,8 @@ from config.faults import InvalidFileError, one_of
 from config.library import find
 from config.marked import Mapping as MarkedMapping
 from config.marked import compose, read_source
-from config.robot import load_robot
 from config.units import UNITS
+from missions.drivers import load_robot
 from missions.language.notes import Notes, Words
 from missions.language.params import Param, read_params
 from missions.language.plan import Plan

@@ -3,7 +3,7 @@
 from config.faults import InvalidFileError
 from config.library import UnknownNameError, find
 from config.notices import TerminalNotice, written
-from config.robot import load_robot
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 from missions.tasks.task import Task
 

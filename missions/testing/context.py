@@ -10,11 +10,12 @@ from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
 from config.library import UnknownNameError, find
 from config.marked import Listing, Scalar
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
 from config.units import seen
 from config.world import load_world
-from missions.assembly.assemble import with_carriers
+from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
+from missions.drivers import load_robot
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written
@@ -48,7 +49,7 @@ class Setting:
     @property
     def grammar(self) -> Grammar:
         """What expectations may name."""
-        joints = () if self.config.arm is None or "arm" not in self.parts else tuple(self.config.arm.joints)
+        joints = () if self.config.arm is None or "arm" not in self.parts else tuple(self.config.arm.limits)
         return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people)
 
     def steps(self, name: str) -> list[Step]:

@@ -9,8 +9,8 @@ from typing import Any
 from config.faults import Mark, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
-from config.screen import MOODS
 from config.units import in_dimension, seen
+from drivers.api import Mood
 from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
 from missions.testing.moments import KnownNode, read_moment
@@ -136,8 +136,8 @@ def _heard_by(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterato
 def _moods(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
     del grammar
     for item in _scalars(fields, key, node):
-        if item.text not in MOODS:
-            fields.fault(item.mark, f"'{key}' cannot be {seen(item.text)}", one_of(item.text, MOODS))
+        if item.text not in [*Mood]:
+            fields.fault(item.mark, f"'{key}' cannot be {seen(item.text)}", one_of(item.text, [*Mood]))
         yield Item(item.mark, item.text)
 
 

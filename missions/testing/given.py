@@ -47,7 +47,7 @@ def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
         hint = f"it uses {parts}"
         fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
     elif mishap.state in JOINT and setting.config.arm is not None:
-        joints = setting.config.arm.joints
+        joints = setting.config.arm.limits
         if mishap.detail not in joints:
             hint = one_of(mishap.detail, joints)
             fields.fault(node.mark, f"the arm of '{setting.config.name}' has no joint {seen(mishap.detail)}", hint)

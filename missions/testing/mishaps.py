@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from config.base import BUTTONS
-from config.robot import PARTS
+from drivers.api.kinds import KINDS
+from drivers.api.steering import BUTTONS
 from missions.testing.moments import KnownNode, Moment, read_moment
 from missions.testing.phrases import Phrase
 
@@ -49,9 +49,9 @@ class Mishap:
 
 def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
     """Read ``PART STATE [from T [to T] | at T [for T] | for T | when MOMENT [for T]]``."""
-    part = phrase.took(*PARTS)
+    part = phrase.took(*KINDS)
     if not part:
-        phrase.wrong("what something happens to", PARTS)
+        phrase.wrong("what something happens to", tuple(KINDS))
         return Mishap("", "")
     state = phrase.took(*STATES[part])
     if not state:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from config.robot import PARTS
+from drivers.api.kinds import KINDS
 from missions.executive.guard import REFLEXES
 from missions.testing.phrases import Phrase
 
@@ -63,7 +63,7 @@ def read_moment(phrase: Phrase, known: KnownNode) -> Moment:
     if len(words) > 1 and phrase.ahead(()) == words:  # no verb, so the last word was meant to be one
         words.pop()
     name, verbs = " ".join(words).strip('"'), NODE_VERBS
-    if name in PARTS:
+    if name in KINDS:
         verbs = (*BASE_VERBS, *PART_VERBS) if name == "base" else PART_VERBS
     elif name in REFLEXES and (known(name) or phrase.ahead(NODE_VERBS) != words):  # else a behaviour of that name
         verbs = REFLEX_VERBS

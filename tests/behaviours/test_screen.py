@@ -2,8 +2,9 @@
 
 from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.screen import MOODS, Face, Show
-from config.screen import MOODS as CONFIGURED
 from drivers.api import Mood
+from drivers.api.keys import declared
+from drivers.api.sections import ScreenKeys
 from missions.testing.recorders import Bench
 
 
@@ -41,4 +42,5 @@ def test_words_stay_or_go_after_their_time() -> None:
 
 
 def test_the_moods_of_files_are_those_of_drivers() -> None:
-    assert MOODS == CONFIGURED == tuple(Mood)
+    (mood,) = declared(ScreenKeys)
+    assert MOODS == mood.among == tuple(Mood)

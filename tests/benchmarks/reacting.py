@@ -24,10 +24,11 @@ from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
 from behaviours.run import Run
 from config.faults import Source
-from config.head import HeadConfig
 from config.library import find
-from config.robot import load_robot
-from drivers.api import Head, HeadPose, unreported
+from drivers.api import Head, HeadPose
+from drivers.api.driver import Site
+from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.make import make as make_head
 from drivers.clock import Clock, SystemClock
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
@@ -35,8 +36,8 @@ from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
-from missions.assembly import parts
 from missions.assembly.things import THINGS
+from missions.drivers import load_robot
 from missions.executive.build import build
 from missions.executive.commands import Tell, robot_for
 from missions.executive.events import Stream
@@ -156,11 +157,11 @@ def measured(count: int = REACTIONS) -> list[Reaction]:
     """Return how the head reacted to so many leaps."""
     clock = SystemClock()
     config = load_robot(find("robots", DEFAULT_ROBOT)).head
-    if not isinstance(config, HeadConfig):
+    if not isinstance(config, ArduinoKeys):
         raise TypeError(f"{DEFAULT_ROBOT}: has no head on an Arduino")
     board, run = Board(clock, config.baud), Run(clock)
     terminal = Terminal("nano", board, clock)
-    head = parts.head(config, clock, port=terminal.path, boot=None, report=unreported)
+    head = make_head(config, Site(clock, terminal.path))
     stage = Stage(clock, head)
     searches = Searches(clock)
     vision = _vision(clock, head, lambda view: searches.note(view, vision, run))

@@ -7,26 +7,26 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.arm import ArmConfig, JointConfig, Ticks, beyond
 from config.faults import Fault, InvalidFileError, Source
+from config.gesture import beyond
 from config.library import shipped
-from config.robot import load_robot, robot_of
-from config.servo import SERVO_MODELS
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
+from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS
-from missions.assembly.parts import joints as specs
+from missions.drivers import load_robot, robot_of
 
 TICK = math.radians(300) / 1024
 
 
-def arm_of(joints: str, rest: str = "") -> ArmConfig:
+def arm_of(joints: str, rest: str = "") -> DynamixelKeys:
     """Read an arm; the joints stand from line 6 on, at column 5."""
     text = f"robot: r\narm:\n  driver: dynamixel\n  port: x\n  joints:\n{joints}{rest}"
-    arm = robot_of(Source("robot.yaml", text)).arm
+    arm = robot_of(Source("robot.yaml", text)).keys(DynamixelKeys)
     assert arm is not None
     return arm
 
 
-def joint_of(line: str) -> JointConfig:
+def joint_of(line: str) -> JointKeys:
     (joint,) = arm_of(f"    elbow: {line}\n").joints.values()
     return joint
 
@@ -37,22 +37,16 @@ def mistakes(joints: str, rest: str = "") -> list[Fault]:
     return list(caught.value.faults)
 
 
-def test_the_models_of_robot_files_are_those_of_the_drivers() -> None:
-    assert SERVO_MODELS.keys() == MODELS.keys()
-    for name, model in SERVO_MODELS.items():
-        known = MODELS[name]
-        assert model.tick == pytest.approx(known.tick, rel=1e-12)
-        assert (model.centre, model.last, model.protocol) == (known.centre, known.last, known.protocol)
-    assert all(name == model.name for name, model in SERVO_MODELS.items())
-
-
 def test_a_joint_of_an_old_file_is_what_it_was() -> None:
-    assert joint_of("{id: 6}") == JointConfig(6, "AX-12A", 0.0, False, -2.6, 2.6, 2.0, 1.0)
+    joint = joint_of("{id: 6}")
+    assert joint == JointKeys(id=6)
+    assert (joint.model, joint.zero, joint.reverse, joint.lower, joint.upper) == ("AX-12A", 0.0, False, -2.6, 2.6)
+    assert (joint.speed, joint.torque) == (2.0, 1.0)
     full = joint_of("{id: 6, model: AX-18A, zero: 10 deg, limits: [0 deg, 130 deg], reverse: true, torque: 60 %}")
     assert (full.model, full.reverse, full.ticks) == ("AX-18A", True, None)
     measured = (full.zero, full.lower, full.upper, full.torque)
     assert measured == pytest.approx((math.radians(10), 0.0, math.radians(130), 0.6))
-    assert joint_of("{id: 6, model: AX-12+}") == joint_of("{id: 6, model: AX-12A}")
+    assert joint_of("{id: 6, model: AX-12+}").model == "AX-12A"
 
 
 def test_an_arm_is_led_a_hundred_times_a_second_unless_its_file_says_otherwise() -> None:
@@ -70,7 +64,7 @@ def test_limits_that_are_not_given_are_what_the_servo_can_do() -> None:
     assert turned.upper == 2.6
 
 
-@given(st.sampled_from(sorted(SERVO_MODELS)), st.integers(-100, 100), st.booleans())
+@given(st.sampled_from(sorted(MODELS)), st.integers(-100, 100), st.booleans())
 def test_a_joint_without_limits_is_one_that_its_driver_takes(model: str, zero: int, reverse: bool) -> None:
     arm = arm_of(f"    elbow: {{id: 6, model: {model}, zero: {zero} deg, reverse: {str(reverse).lower()}}}\n")
     assert specs(arm)["elbow"].faults() == []
@@ -100,7 +94,7 @@ def test_an_unknown_model_says_which_may_be_meant(written: str, meant: str) -> N
 
 def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
     joint = joint_of("{id: 5, ticks: {init: 512, min: 0, max: 1023}}")
-    assert (joint.zero, joint.reverse, joint.ticks) == (0.0, False, Ticks(512, 0, 1023))
+    assert (joint.zero, joint.reverse, joint.ticks) == (0.0, False, Ticks(init=512, min=0, max=1023))
     assert (joint.lower, joint.upper) == pytest.approx((-2.618, 2.613), abs=1e-3)
     flipped = joint_of("{id: 5, ticks: {init: 512, min: 1023, max: 0}}")
     assert flipped.reverse
@@ -108,7 +102,7 @@ def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
 
 
 @given(
-    st.sampled_from(sorted(SERVO_MODELS)),
+    st.sampled_from(sorted(MODELS)),
     st.integers(0, 1023),
     st.integers(0, 1023),
     st.integers(0, 1023),
@@ -188,7 +182,7 @@ def test_an_angle_is_within_limits_up_to_what_a_file_rounds() -> None:
 
 @pytest.mark.parametrize("name", ["humanoid", "turtlebot2_arm"])
 def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: str) -> None:
-    arm = load_robot(shipped("robots")[name]).arm
+    arm = load_robot(shipped("robots")[name]).keys(DynamixelKeys)
     assert arm is not None
     for joint, spec in specs(arm).items():
         assert spec.faults() == [], joint
@@ -197,7 +191,7 @@ def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: 
 
 def test_the_humanoid_is_made_as_it_is_described() -> None:
     robot = load_robot(shipped("robots")["humanoid"])
-    arm = robot.arm
+    arm = robot.keys(DynamixelKeys)
     assert arm is not None
     assert sorted(joint.id for joint in arm.joints.values()) == [*range(1, 23)]
     assert [arm.joints[name].id for name in arm.groups["left_arm"]] == [1, 2, 3, 4]
@@ -208,7 +202,7 @@ def test_the_humanoid_is_made_as_it_is_described() -> None:
 
 
 def test_the_left_and_the_right_of_the_humanoid_are_mirror_images() -> None:
-    arm = load_robot(shipped("robots")["humanoid"]).arm
+    arm = load_robot(shipped("robots")["humanoid"]).keys(DynamixelKeys)
     assert arm is not None
     for name, left in arm.joints.items():
         if name.startswith("left_"):

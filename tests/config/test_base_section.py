@@ -1,32 +1,31 @@
 """The ``base`` and ``range`` sections of a robot file: all that they may say, and what is wrong with one."""
 
-from dataclasses import fields
 from math import radians
 from pathlib import Path
 
 import pytest
 
-from config.base import BUTTONS, BaseConfig, ReflexConfig
 from config.faults import Fault, InvalidFileError, Source
 from config.library import find, shipped
-from config.range import RANGE_MODELS, RangeConfig
-from config.robot import load_robot, robot_of
 from drivers.api import Reflexes
-from drivers.rplidar.models import MODELS
+from drivers.api.steering import BUTTONS
+from drivers.kobuki.declared import KobukiKeys
+from drivers.rplidar.declared import RPLidarKeys
 from drivers.virtual.kobuki import BUTTONS as BUTTONS_OF_A_KOBUKI
+from missions.drivers import load_robot, robot_of
 
 BASE = "robot: r\nbase:\n  driver: kobuki\n  port: /dev/base\n"
 RANGE = "robot: r\nrange:\n  driver: rplidar\n  port: /dev/rplidar\n"
 
 
-def base(*lines: str) -> BaseConfig:
-    found = robot_of(Source("r.yaml", BASE + "".join(f"  {line}\n" for line in lines))).base
+def base(*lines: str) -> KobukiKeys:
+    found = robot_of(Source("r.yaml", BASE + "".join(f"  {line}\n" for line in lines))).keys(KobukiKeys)
     assert found is not None
     return found
 
 
-def ranger(*lines: str) -> RangeConfig:
-    found = robot_of(Source("r.yaml", RANGE + "".join(f"  {line}\n" for line in lines))).range
+def ranger(*lines: str) -> RPLidarKeys:
+    found = robot_of(Source("r.yaml", RANGE + "".join(f"  {line}\n" for line in lines))).keys(RPLidarKeys)
     assert found is not None
     return found
 
@@ -46,8 +45,8 @@ def told(*lines: str, section: str = BASE) -> list[tuple[int, int, str, str]]:
 
 
 def test_a_base_of_which_no_reflex_is_told_has_the_usual_ones() -> None:
-    assert base().reflexes == ReflexConfig()
-    assert base("reflexes: {}").reflexes == ReflexConfig()
+    assert base().reflexes == Reflexes()
+    assert base("reflexes: {}").reflexes == Reflexes()
 
 
 def test_reflexes_are_read_in_si_units_and_the_battery_in_percent() -> None:
@@ -63,7 +62,17 @@ def test_reflexes_are_read_in_si_units_and_the_battery_in_percent() -> None:
         "  stop_button: 0",
         "  enable_button: 2",
     ).reflexes
-    assert found == ReflexConfig("latch", "latch", "stop", 0.08, 0.2, 30.0, 12.5, 0, 2)
+    assert found == Reflexes(
+        cliff="latch",
+        wheel_drop="latch",
+        bumper="stop",
+        back_off_way=0.08,
+        back_off_speed=0.2,
+        battery_low=30.0,
+        battery_critical=12.5,
+        stop_button=0,
+        enable_button=2,
+    )
 
 
 def test_a_battery_that_never_counts_as_low_may_still_be_critical() -> None:
@@ -71,11 +80,7 @@ def test_a_battery_that_never_counts_as_low_may_still_be_critical() -> None:
     assert (found.battery_low, found.battery_critical) == (0.0, 10.0)
 
 
-def test_what_a_file_says_of_reflexes_is_what_a_base_knows_of_them() -> None:
-    usual, known = ReflexConfig(), Reflexes()
-    assert [(each.name, each.type, getattr(usual, each.name)) for each in fields(ReflexConfig)] == [
-        (each.name, each.type, getattr(known, each.name)) for each in fields(Reflexes)
-    ]
+def test_a_base_has_as_many_buttons_as_files_may_name() -> None:
     assert range(BUTTONS) == range(len(BUTTONS_OF_A_KOBUKI))
 
 
@@ -122,7 +127,9 @@ def test_what_does_not_go_together_is_a_mistake(line: str, message: str) -> None
 
 
 def test_a_range_finder_needs_little_more_than_its_port() -> None:
-    assert ranger() == RangeConfig("/dev/rplidar", "a1", 115_200, (0.0, 0.0, 0.2), 0.0, ())
+    assert ranger() == RPLidarKeys(
+        port="/dev/rplidar", model="a1", baud=115_200, position=(0.0, 0.0, 0.2), yaw=0.0, blind=()
+    )
 
 
 def test_where_a_range_finder_sits_and_what_it_does_not_see_is_read_in_si_units() -> None:
@@ -140,10 +147,6 @@ def test_where_a_range_finder_sits_and_what_it_does_not_see_is_read_in_si_units(
 
 def test_a_range_finder_is_a_part_of_the_robot() -> None:
     assert robot_of(Source("r.yaml", RANGE)).parts == {"range"}
-
-
-def test_the_models_are_those_that_the_driver_knows() -> None:
-    assert tuple(MODELS) == RANGE_MODELS
 
 
 def test_all_mistakes_with_a_range_finder_come_at_once_each_under_its_word() -> None:
@@ -174,9 +177,11 @@ def test_the_turtlebot_without_an_arm_ships() -> None:
     assert robot.parts == {"base", "range", "camera", "voice"}
     assert robot.base is not None
     assert robot.base.max_speed == 0.23
-    assert robot.base.reflexes == ReflexConfig(stop_button=0, enable_button=2)
-    assert robot.range is not None
-    assert (robot.range.model, robot.range.port, robot.base.port) == ("a1", "/dev/rplidar", "/dev/kobuki")
+    assert robot.base.reflexes == Reflexes(stop_button=0, enable_button=2)
+    finder, base = robot.range, robot.base
+    assert isinstance(finder, RPLidarKeys)
+    assert isinstance(base, KobukiKeys)
+    assert (finder.model, finder.port, base.port) == ("a1", "/dev/rplidar", "/dev/kobuki")
 
 
 @pytest.mark.parametrize("path", shipped("robots").values(), ids=lambda path: path.stem)

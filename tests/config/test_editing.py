@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from config.editing import NotEditableError, with_value
 from config.faults import Source
 from config.marked import Mapping, compose
-from config.robot import load_robot
-from config.trims import keep_trims
+from drivers.arduino.declared import ArduinoKeys
+from missions.cli.trims import keep_trims
+from missions.drivers import load_robot
 
 ROBOT = """\
 # Mine.
@@ -85,7 +86,7 @@ def test_trims_are_kept_in_the_file_with_its_rights_and_through_a_link(robot: Pa
     assert link.is_symlink()
     assert stat.S_IMODE(robot.stat().st_mode) == 0o640
     head = load_robot(robot).head
-    assert head is not None
+    assert isinstance(head, ArduinoKeys)
     assert (head.pan.trim, head.tilt.trim) == pytest.approx((radians(-2), radians(45)))
     assert robot.read_text() == ROBOT.replace("trim: 1 deg", "trim: -2 deg").replace(
         "    limits", "    trim: 45 deg\n    limits"

@@ -1,13 +1,15 @@
 """The ``head`` section of a robot file: both kinds of head, and every mistake in one at its place."""
 
-from math import pi, radians
+from math import radians
 from pathlib import Path
 
 import pytest
 
 from config.faults import InvalidFileError, Source
-from config.head import HeadConfig, NeckConfig, NeckJointConfig, ServoConfig
-from config.robot import load_robot, robot_of
+from drivers.api.sections import HeadKeys
+from drivers.arduino.declared import ArduinoKeys, PanKeys, TiltKeys
+from drivers.dynamixel.declared import NeckJointKeys, NeckKeys
+from missions.drivers import load_robot, robot_of
 
 ARM = """
 arm:
@@ -19,7 +21,7 @@ arm:
 """
 
 
-def head_of(section: str, rest: str = "") -> HeadConfig | NeckConfig | None:
+def head_of(section: str, rest: str = "") -> HeadKeys | None:
     return robot_of(Source("mine.yaml", f"robot: mine\nhead:\n{section}\n{rest}")).head
 
 
@@ -36,14 +38,14 @@ def test_rodneys_own_parameters_can_be_written_as_they_are() -> None:
   pan: {servo: 0, joint: head_pan, limits: [-1.570796 rad, 1.570796 rad]}
   tilt: {servo: 1, joint: head_tilt, flip: true, limits: [-1.39626 rad, 0.349066 rad], trim: -45 deg}
 """)
-    assert head == HeadConfig(
+    assert head == ArduinoKeys(
         port="/dev/nano",
         baud=57_600,
         boot=2.0,
         speed=2.0,
         acceleration=7.0,
-        pan=ServoConfig(0, "head_pan", -1.570796, 1.570796, flip=False, trim=0.0),
-        tilt=ServoConfig(1, "head_tilt", -1.39626, 0.349066, flip=True, trim=-radians(45)),
+        pan=PanKeys(servo=0, joint="head_pan", limits=(-1.570796, 1.570796)),
+        tilt=TiltKeys(servo=1, joint="head_tilt", limits=(-1.39626, 0.349066), flip=True, trim=-radians(45)),
     )
 
 
@@ -58,11 +60,11 @@ def test_a_neck_is_two_joints_of_the_arm() -> None:
 """,
         ARM,
     )
-    assert head == NeckConfig(
-        speed=pytest.approx(radians(90)),  # type: ignore[arg-type]  # equal to a float
-        acceleration=pytest.approx(radians(300)),  # type: ignore[arg-type]
-        pan=NeckJointConfig("neck_pan", -pi, pi, trim=0.0),
-        tilt=NeckJointConfig("neck_tilt", radians(-40), radians(20), trim=radians(3)),
+    assert head == NeckKeys(
+        speed=radians(90),
+        acceleration=radians(300),
+        pan=NeckJointKeys(joint="neck_pan"),
+        tilt=NeckJointKeys(joint="neck_tilt", limits=(radians(-40), radians(20)), trim=radians(3)),
     )
 
 

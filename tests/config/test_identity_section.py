@@ -3,24 +3,24 @@
 import pytest
 
 from config.faults import InvalidFileError, Source
-from config.identity import IdentityConfig
-from config.robot import CameraConfig, robot_of
 from config.world import read_world
+from drivers.api.senses import CameraKeys, IdentityKeys
+from missions.drivers import robot_of
 
 
-def camera(identity: str) -> CameraConfig:
+def camera(identity: str) -> CameraKeys:
     found = robot_of(Source("r.yaml", f"robot: r\ncamera:\n  source: 0\n{identity}")).camera
     assert found is not None
     return found
 
 
 def test_people_are_recognised_without_a_section() -> None:
-    assert camera("").identity == IdentityConfig("", "fisher", "")
+    assert camera("").identity == IdentityKeys(people="", method="fisher", model="")
 
 
 def test_folder_method_and_model_are_read() -> None:
     found = camera("  identity: {people: ~/them, method: sface, model: ~/sface.onnx}\n").identity
-    assert found == IdentityConfig("~/them", "sface", "~/sface.onnx")
+    assert found == IdentityKeys(people="~/them", method="sface", model="~/sface.onnx")
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,11 @@ import pytest
 
 from config.editing import NotEditableError
 from config.faults import InvalidFileError
-from config.lens import keep_lens, lens_entries
 from config.library import shipped
-from config.robot import CameraConfig, load_robot
 from config.units import in_dimension
+from drivers.api.senses import CameraKeys
+from missions.cli.lens import keep_lens, lens_entries
+from missions.drivers import load_robot
 
 ENTRIES = lens_entries(1.0123, (0.515, 0.48), (0.08, -0.2, 0.001, -0.0015, 0.0))
 PLAIN = """\
@@ -21,7 +22,7 @@ voice: {}
 """
 
 
-def camera_in(path: Path) -> CameraConfig:
+def camera_in(path: Path) -> CameraKeys:
     camera = load_robot(path).camera
     assert camera is not None
     return camera
@@ -36,7 +37,7 @@ def file(tmp_path: Path) -> Path:
 
 def test_without_a_calibration_the_lens_is_ideal_and_faces_are_found_by_haar(file: Path) -> None:
     camera = camera_in(file)
-    assert (camera.centre, camera.distortion) == ((0.5, 0.5), ())
+    assert (camera.centre, camera.bent) == ((0.5, 0.5), ())
     assert (camera.detector, camera.model) == ("haar", "")
 
 
@@ -45,7 +46,7 @@ def test_what_was_kept_is_read_again_and_nothing_else_has_changed(file: Path) ->
     camera = camera_in(file)
     assert camera.field_of_view == pytest.approx(1.0123, abs=1e-5)
     assert camera.centre == pytest.approx((0.515, 0.48))
-    assert camera.distortion == (0.08, -0.2, 0.001, -0.0015, 0.0)
+    assert camera.bent == (0.08, -0.2, 0.001, -0.0015, 0.0)
     lines = file.read_text().splitlines()
     assert set(PLAIN.splitlines()) - set(lines) == {"  field_of_view: 60 deg   # a guess"}
     assert any(line.endswith("# a guess") for line in lines)
@@ -54,7 +55,7 @@ def test_what_was_kept_is_read_again_and_nothing_else_has_changed(file: Path) ->
 def test_a_second_calibration_takes_the_place_of_the_first(file: Path) -> None:
     keep_lens(file, ENTRIES)
     keep_lens(file, lens_entries(0.9, (0.5, 0.51), (0.1, 0.0, 0.0, 0.0, 0.0)))
-    assert camera_in(file).distortion == (0.1, 0.0, 0.0, 0.0, 0.0)
+    assert camera_in(file).bent == (0.1, 0.0, 0.0, 0.0, 0.0)
     assert camera_in(file).field_of_view == pytest.approx(0.9, abs=1e-5)
     assert file.read_text().count("distortion") == 1
 

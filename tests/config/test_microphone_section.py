@@ -7,8 +7,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config.faults import InvalidFileError, Source
-from config.microphone import PHONES
-from config.robot import MicrophoneConfig, RobotConfig, ScreenConfig, robot_of
+from config.robot import RobotConfig
+from drivers.api.senses import PHONES, MicrophoneKeys
+from drivers.microphone.declared import FileKeys
+from drivers.screen.declared import PageKeys
+from missions.drivers import robot_of
 from perception.hearing.grammar import Grammar, normalised
 from perception.hearing.phones import KIND_OF
 
@@ -23,7 +26,7 @@ def test_a_robot_without_the_sections_has_no_such_parts() -> None:
 
 def test_empty_sections_mean_the_sound_card_and_a_page() -> None:
     found = robot("microphone: {}\nscreen: {}")
-    assert (found.microphone, found.screen) == (MicrophoneConfig(), ScreenConfig())
+    assert (found.microphone, found.screen) == (MicrophoneKeys(), PageKeys())
     assert found.parts == {"microphone", "screen"}
 
 
@@ -34,8 +37,11 @@ def test_all_of_them_is_read() -> None:
         "screen: {driver: print, port: 8400, mood: happy}"
     )
     said = {"rodney": "R AA D N IY"}
-    assert found.microphone == MicrophoneConfig("file", "a.wav", "vosk", "m", 1.5, said)
-    assert found.screen == ScreenConfig("print", 8400, "happy")
+    assert found.microphone == FileKeys(
+        source="a.wav", recogniser="vosk", model="m", threshold=1.5, said={"Rodney": "r aa d n iy"}
+    )
+    assert found.microphone.pronunciations == said
+    assert found.screen == PageKeys(port=8400, mood="happy")
 
 
 @pytest.mark.parametrize(

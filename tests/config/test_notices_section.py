@@ -13,7 +13,7 @@ from config.notices import (
     read_written,
     written,
 )
-from config.robot import robot_of
+from missions.drivers import robot_of
 
 
 def notices(text: str) -> tuple[NoticeConfig, ...]:

@@ -6,8 +6,11 @@ from pathlib import Path
 import pytest
 
 from config.faults import Fault, InvalidFileError
-from config.head import HeadConfig
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
+from drivers.arduino.declared import ArduinoKeys
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.kobuki.declared import KobukiKeys
+from missions.drivers import load_robot
 
 WHOLE = """\
 robot: r2
@@ -52,27 +55,26 @@ def test_a_robot_is_read_in_si_units(file: Path) -> None:
     robot = load(file, WHOLE)
     assert (robot.name, robot.summary, robot.rate, robot.path) == ("r2", "A droid.", 50.0, file)
     assert robot.parts == {"base", "head", "arm", "camera", "voice"}
-    assert robot.base is not None
+    assert isinstance(robot.base, KobukiKeys)
     assert (robot.base.port, robot.base.baud, robot.base.max_speed) == ("/dev/base", 115_200, 0.3)
     assert robot.base.max_turn == pytest.approx(math.pi / 2)
-    assert isinstance(robot.head, HeadConfig)
+    assert isinstance(robot.head, ArduinoKeys)
     assert robot.head.boot == 0.5
-    assert (robot.head.pan.index, robot.head.pan.flip, robot.head.tilt.index, robot.head.tilt.flip) == (
+    assert (robot.head.pan.servo, robot.head.pan.flip, robot.head.tilt.servo, robot.head.tilt.flip) == (
         0,
         False,
         2,
         True,
     )
     assert robot.head.tilt.trim == pytest.approx(math.radians(3))
-    assert robot.arm is not None
+    assert isinstance(robot.arm, DynamixelKeys)
     assert robot.arm.at_end == "relax"
     assert list(robot.arm.joints) == ["elbow", "wrist"]
     assert robot.arm.joints["elbow"].torque == pytest.approx(0.6)
     assert robot.arm.joints["wrist"].reverse
     assert robot.camera is not None
     assert (robot.camera.source, robot.camera.position) == ("0", (0.05, 0.0, 1.1))
-    assert robot.voice is not None
-    assert robot.voice.driver == "print"
+    assert robot.sections["voice"].driver.name == "print"
 
 
 def test_a_part_that_is_not_named_is_not_there(file: Path) -> None:

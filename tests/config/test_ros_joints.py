@@ -7,12 +7,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.arm import JointConfig, Ticks
 from config.faults import Fault, InvalidFileError, Source
-from config.robot import robot_of
-from config.ros_joints import RosJoints, load_ros_joints, ros_joints_of
-from config.writing import robot_text
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.dynamixel.models import MODELS
+from missions.cli.servo.ros_joints import RosJoints, load_ros_joints, ros_joints_of
+from missions.cli.servo.writing import robot_text
+from missions.drivers import robot_of
 
 TEN = Path(__file__).parent / "ten_joints.ros.yaml"
 
@@ -23,7 +23,7 @@ def read(text: str, model: str = "AX-12A") -> RosJoints:
     return ros_joints_of(Source("tilt.yaml", text), model=model)
 
 
-def joint_of(text: str, model: str = "AX-12A") -> JointConfig:
+def joint_of(text: str, model: str = "AX-12A") -> JointKeys:
     (joint,) = read(text, model).joints.values()
     return joint
 
@@ -55,7 +55,7 @@ def test_init_is_zero_and_min_and_max_are_the_limits() -> None:
     assert (elbow.zero, elbow.lower, elbow.upper) == pytest.approx((-307 * tick, 0.0, 443 * tick))
     bend = joints["waist_bend"]
     assert (bend.zero, bend.lower, bend.upper) == pytest.approx((0.0, -204 * tick, 34 * tick))
-    assert bend.ticks == Ticks(512, 716, 478)
+    assert bend.ticks == Ticks(init=512, min=716, max=478)
 
 
 def test_the_lower_of_speed_and_top_speed_is_the_limit() -> None:
@@ -103,7 +103,7 @@ def test_the_steps_are_those_of_the_model_that_the_caller_knows() -> None:
 
 def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
     found = read(PLAIN.replace("min: 0, max: 1023", "min: -20, max: 4095"))
-    assert found.joints["elbow"].ticks == Ticks(512, 0, 1023)
+    assert found.joints["elbow"].ticks == Ticks(init=512, min=0, max=1023)
     assert [(note.mark.line, note.mark.column, note.message) for note in found.notes] == [
         (3, 34, "'min' is 0 and not -20: an AX-12A has 0..1023"),
         (3, 44, "'max' is 1023 and not 4095: an AX-12A has 0..1023"),
@@ -165,7 +165,7 @@ def test_all_mistakes_of_all_controllers_come_at_once() -> None:
 def test_the_joints_become_a_robot_file_that_says_the_same() -> None:
     joints = load_ros_joints(TEN).joints
     text = robot_text("ten", joints, port="/dev/u2d2")
-    arm = robot_of(Source("ten.yaml", text)).arm
+    arm = robot_of(Source("ten.yaml", text)).keys(DynamixelKeys)
     assert arm is not None
     assert arm.joints == joints
     assert "    waist_bend: {id: 2, model: AX-12A, ticks: {init: 512, min: 716, max: 478}, speed: 0.8 rad/s" in text

@@ -3,16 +3,17 @@
 import pytest
 
 from config.faults import InvalidFileError, Source
-from config.robot import VoiceConfig, robot_of
-from config.voice import DRIVERS, FILLED
 from drivers.api import Manner
 from drivers.clock import SystemClock
+from drivers.table import HOUSE
 from drivers.voice.choose import Wish, make_voice
+from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
 from drivers.voice.synthesiser import Synthesiser
+from missions.drivers import robot_of
 
 
-def voice(*lines: str) -> VoiceConfig:
-    found = robot_of(Source("r.yaml", "robot: r\nvoice:\n" + "".join(f"  {line}\n" for line in lines))).voice
+def voice(*lines: str) -> SpeechKeys:
+    found = robot_of(Source("r.yaml", "robot: r\nvoice:\n" + "".join(f"  {line}\n" for line in lines))).keys(SpeechKeys)
     assert found is not None
     return found
 
@@ -33,16 +34,18 @@ def test_all_of_it_is_read() -> None:
         "volume: 80 %",
         "device: USB",
         "model: amy.onnx",
-    ) == VoiceConfig("piper", "en-us+f2", 170.0, "en-us", 0.8, "USB", "amy.onnx")
+    ) == PiperKeys(voice="en-us+f2", speed=170.0, language="en-us", volume=0.8, device="USB", model="amy.onnx")
     assert voice("driver: command", "command: my_tts --stdin").command == "my_tts --stdin"
 
 
 def test_what_is_left_out_is_as_usual() -> None:
-    assert voice("driver: auto") == VoiceConfig("auto", "", 150.0, "", 1.0, "", "", "")
+    assert voice("driver: auto") == SpeechKeys(
+        voice="", speed=150.0, language="", volume=1.0, device="", model="", command=""
+    )
 
 
 def test_every_driver_makes_a_voice() -> None:
-    for driver in DRIVERS:
+    for driver in HOUSE["voice"]:
         made = make_voice(Wish(driver, model="amy.onnx", command="my_tts"), SystemClock(), print)
         assert not made.health().online
 

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.arm import JointConfig
 from config.faults import InvalidFileError, Source
 from config.gesture import GestureConfig, gesture_of, load_gesture
-from config.robot import robot_of
-from config.writing import gesture_text, robot_text, write_new
+from config.writing import gesture_text, write_new
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys
+from missions.cli.servo.writing import robot_text
+from missions.drivers import robot_of
 
 NOD = GestureConfig("nod", "Nod: once.", ((0.0, {"neck": 0.0}), (0.5, {"neck": 0.5, "waist": -0.25})), "cubic")
 
@@ -87,12 +88,16 @@ def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None
 
 
 def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
-    joint = JointConfig(3, "MX-28", 0.5, True, -1.0, 1.5, 2.0, 0.8)
-    arm = robot_of(Source("r.yaml", robot_text("on", {"left elbow": joint}, port="/dev/x y", baud=57_600))).arm
+    joint = JointKeys(
+        id=3, written_model="MX-28", written_zero=0.5, turned=True, limits=(-1.0, 1.5), speed=2.0, torque=0.8
+    )
+    arm = robot_of(Source("r.yaml", robot_text("on", {"left elbow": joint}, port="/dev/x y", baud=57_600))).keys(
+        DynamixelKeys
+    )
     assert arm is not None
     assert (arm.joints, arm.port, arm.baud) == ({"left elbow": joint}, "/dev/x y", 57_600)
 
 
 def test_joints_that_no_robot_can_have_are_not_written() -> None:
     with pytest.raises(InvalidFileError, match="reaches from"):
-        robot_text("r", {"elbow": JointConfig(3, "AX-12A", 0.0, False, -3.0, 3.0, 2.0, 0.8)}, port="x")
+        robot_text("r", {"elbow": JointKeys(id=3, limits=(-3.0, 3.0))}, port="x")

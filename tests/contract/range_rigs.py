@@ -93,7 +93,7 @@ class TwinRange(InSimulatedTime, RangeRig):
             seed=4,
         )
         self.device = self.twin
-        self.timeline.every(self.twin.period, self.twin.step)
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
 
     def unplug(self) -> None:
         self.twin.plug.unplug()

@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 import pytest
 
-from config.robot import load_robot
 from drivers.camera.devices import CameraDevice
 from missions.cli import camera
+from missions.drivers import load_robot
 from perception.geometry import Pinhole
 from tests.missions.command import Outcome, command
 from tests.perception.boards import LENS, POSES, drawn

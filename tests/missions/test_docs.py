@@ -19,11 +19,11 @@ from behaviours.leaf import Leaf
 from config.faults import Source
 from config.marked import compose
 from config.object import load_object
-from config.robot import load_robot
 from config.world import read_world
 from docs.generate import TABLES, renewed
 from missions.assembly.things import THINGS
 from missions.assembly.worlds import build_world
+from missions.drivers import load_robot
 from missions.language.document import check_plan
 from missions.library import find_mission, load_mission
 from missions.schema.mission import known_things, mission_schema

@@ -15,7 +15,7 @@ import click
 import pytest
 
 from config.library import find
-from config.robot import load_robot
+from drivers.arduino.declared import ArduinoKeys
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from drivers.virtual.rodney import VirtualRodney
@@ -23,6 +23,7 @@ from drivers.virtual.terminal import Terminal
 from missions.assembly.lags import ENOUGH
 from missions.cli.keys import Keys, interruptible
 from missions.cli.trimming import trim_by_hand
+from missions.drivers import load_robot
 from tests.missions.command import Outcome, command
 from tests.waiting import wait_until
 
@@ -131,7 +132,7 @@ def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(missi
     after = Path("mine.yaml").read_text()
     assert after.replace("{trim: 4 deg, ", "{").replace("{trim: -3.5 deg, ", "{") == before != after
     head = load_robot(Path("mine.yaml")).head
-    assert head is not None
+    assert isinstance(head, ArduinoKeys)
     assert (head.pan.trim, head.tilt.trim) == pytest.approx((radians(4), radians(-3.5)))
 
 

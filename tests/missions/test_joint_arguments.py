@@ -11,10 +11,10 @@ from behaviours.robot import Robot
 from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose
-from config.robot import load_robot
 from drivers.api import Gesture
 from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
+from missions.drivers import load_robot
 from missions.language.document import check_plan
 from missions.language.plan import Step
 from missions.testing.recorders import Bench

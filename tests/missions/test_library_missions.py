@@ -10,6 +10,7 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import Pose2D, Sides
+from drivers.virtual.kobuki import VirtualKobuki
 from missions.cli.motion import MOTIONS
 from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
@@ -167,8 +168,9 @@ def bump(runner: Runner) -> None:
     """Run the simulated base into something."""
     simulation = runner._robot.simulation
     assert simulation is not None
-    assert simulation.kobuki is not None
-    simulation.kobuki.bumper = BUMPED
+    kobuki = simulation.device(VirtualKobuki)
+    assert kobuki is not None
+    kobuki.bumper = BUMPED
 
 
 def begins(kind: str) -> Callable[[Event], bool]:

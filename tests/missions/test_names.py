@@ -8,12 +8,12 @@ from random import Random
 import pytest
 
 from config.library import find
-from config.robot import load_robot
 from config.world import WorldConfig, load_world
 from drivers.api import Notice
 from missions.assembly.gallery import drawn_gallery, gallery, recogniser
 from missions.assembly.interests import Interests, interests_of
 from missions.assembly.truth_names import TrueNames
+from missions.drivers import load_robot
 from missions.executive.events import Event, Logged, PerceptSeen
 from missions.executive.executive import Result
 from missions.library import load_mission

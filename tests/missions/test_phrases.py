@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError, Source
-from config.robot import robot_of
 from missions.assembly.interests import interests_of
 from missions.assembly.target import target_of
+from missions.drivers import robot_of
 from missions.language.plan import Plan
 from missions.library import load_mission
 from tests.missions.command import command

@@ -4,36 +4,39 @@ from pathlib import Path
 
 import pytest
 
-from config.microphone import MicrophoneConfig
 from drivers.api import unreported
+from drivers.api.driver import Site
+from drivers.api.senses import MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.microphone.captured import CapturedMicrophone
+from drivers.microphone.declared import FileKeys
+from drivers.microphone.make import recording, sound_card
 from drivers.microphone.wav import WavMicrophone
 from missions.assembly import pronouncing
-from missions.assembly.hearing import hearing, microphone
+from missions.assembly.hearing import hearing
 from missions.assembly.pronouncing import lexicon_for, unpronounceable
 
 pytest.importorskip("pocketsphinx")
 
 
 def test_the_robot_file_goes_before_the_dictionary() -> None:
-    config = MicrophoneConfig(pronunciations={"hello": "HH AY"})
+    config = MicrophoneKeys(said={"hello": "HH AY"})
     assert lexicon_for(config, ["hello"], SystemClock()).pronunciations("hello")[0] == ("HH", "AY")
 
 
 @pytest.mark.real_time
 def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
     pytest.importorskip("espeakng_loader")
-    assert unpronounceable(MicrophoneConfig(), ["hello", "wheatleyon"]) == []
-    lexicon = lexicon_for(MicrophoneConfig(), ["hello", "wheatleyon"], SystemClock())
+    assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == []
+    lexicon = lexicon_for(MicrophoneKeys(), ["hello", "wheatleyon"], SystemClock())
     assert lexicon.pronunciations("wheatleyon")[0][0] == "W"
     assert lexicon.pronunciations("hello")
 
 
 def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pronouncing, "find_spec", lambda _: None)
-    assert unpronounceable(MicrophoneConfig(), ["hello", "wheatleyon"]) == ["wheatleyon"]
+    assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
 
 
 @pytest.mark.real_time
@@ -43,48 +46,48 @@ def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monke
 
     monkeypatch.setattr(pronouncing, "_phones", silent)
     with pytest.raises(BadRequest, match="nobody knows how these are pronounced: wheatleyon") as caught:
-        lexicon_for(MicrophoneConfig(), ["wheatleyon"], SystemClock())
+        lexicon_for(MicrophoneKeys(), ["wheatleyon"], SystemClock())
     assert "pronunciations" in caught.value.hint
 
 
 def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_the_ears_alike() -> None:
-    said = MicrophoneConfig(pronunciations={"schön": "SH EH N"})
-    assert unpronounceable(MicrophoneConfig(), ["schön"]) == ["schön"]
+    said = MicrophoneKeys(said={"schön": "SH EH N"})
+    assert unpronounceable(MicrophoneKeys(), ["schön"]) == ["schön"]
     assert unpronounceable(said, ["schön"]) == []
     with pytest.raises(BadRequest, match="nobody knows how these are pronounced: schön:"):
-        lexicon_for(MicrophoneConfig(), ["hello", "schön"], SystemClock())
+        lexicon_for(MicrophoneKeys(), ["hello", "schön"], SystemClock())
     assert lexicon_for(said, ["schön"], SystemClock()).pronunciations("schön") == [("SH", "EH", "N")]
 
 
 def test_vosk_knows_its_own_words() -> None:
-    assert unpronounceable(MicrophoneConfig(recogniser="vosk", model="m"), ["wheatleyon"]) == ()
+    assert unpronounceable(MicrophoneKeys(recogniser="vosk", model="m"), ["wheatleyon"]) == ()
 
 
 def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pronouncing, "english", lambda _: None)
-    assert unpronounceable(MicrophoneConfig(), ["hello"]) == ()
+    assert unpronounceable(MicrophoneKeys(), ["hello"]) == ()
     with pytest.raises(NotConnected, match="pocketsphinx, which understands speech, is not installed") as caught:
-        lexicon_for(MicrophoneConfig(), ["hello"], SystemClock())
+        lexicon_for(MicrophoneKeys(), ["hello"], SystemClock())
     assert "missiontree[listen]" in caught.value.hint
 
 
 def test_sound_comes_from_where_the_file_says() -> None:
     clock = ManualClock()
-    assert isinstance(microphone(MicrophoneConfig(), clock, unreported), CapturedMicrophone)
-    assert isinstance(microphone(MicrophoneConfig("file", "a.wav"), clock, unreported), WavMicrophone)
+    assert isinstance(sound_card(MicrophoneKeys(), Site(clock)), CapturedMicrophone)
+    assert isinstance(recording(FileKeys(source="a.wav"), Site(clock)), WavMicrophone)
 
 
 def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    source = microphone(MicrophoneConfig("file", "a.wav"), ManualClock(), unreported)
+    source = recording(FileKeys(source="a.wav"), Site(ManualClock()))
     source.open()
     assert source.health().detail == f"microphone: {tmp_path / 'a.wav'}: no such file"
 
 
-@pytest.mark.parametrize("config", [MicrophoneConfig(), MicrophoneConfig(recogniser="vosk", model="m")])
-def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneConfig, tmp_path: Path) -> None:
+@pytest.mark.parametrize("config", [MicrophoneKeys(), MicrophoneKeys(recogniser="vosk", model="m")])
+def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneKeys, tmp_path: Path) -> None:
     clock = ManualClock()
     source = WavMicrophone(tmp_path / "none.wav", clock)
     ears = hearing(config, source, ["hello robot"], clock, report=unreported)

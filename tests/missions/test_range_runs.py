@@ -9,13 +9,15 @@ import pytest
 
 from behaviours.robot import Robot
 from config.library import find
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import Angles, wrapped
+from drivers.api.kinds import WIRED
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.sim.twins.ranger import RangerTwin
-from missions.assembly.simulation import WIRED, Simulation
+from missions.assembly.simulation import Simulation
+from missions.drivers import load_robot
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
 from missions.order import Order
@@ -80,7 +82,7 @@ def looked(*things: tuple[float, float]) -> tuple[Any, ManualClock]:
     twin = RangerTwin(look, clock, noise=0.0)
     twin.open()
     for _ in range(2):
-        clock.advance(twin.period)
+        clock.advance(twin.PERIOD)
         twin.step()
     return state_of(Robot(ranger_part=twin), clock)["range"], clock
 

@@ -20,8 +20,8 @@ import pytest
 import skimage
 from _pytest.mark import ParameterSet
 
-from config.robot import load_robot
 from missions.cli.root import guarded, mission
+from missions.drivers import load_robot
 from missions.library import load_mission
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures

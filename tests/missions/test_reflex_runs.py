@@ -126,11 +126,11 @@ def test_a_range_finder_is_read_by_expressions(tmp_path: Path) -> None:
     ahead, nearest, driver = line.split()
     assert driver == "mission"
     assert 0.2 < float(nearest) <= float(ahead) < 12.0
-    assert ran.twins.range is not None
+    assert "range" in ran.twins.parts
 
 
 def test_a_mission_that_asks_for_no_range_finder_starts_without_it(tmp_path: Path) -> None:
-    assert Ran(tmp_path, "drive: 10 cm").twins.range is None
+    assert "range" not in Ran(tmp_path, "drive: 10 cm").twins.parts
 
 
 def test_a_person_sees_what_stops_the_base_and_that_its_battery_is_low() -> None:

@@ -7,12 +7,15 @@ from urllib.request import urlopen
 
 import pytest
 
-from config.screen import ScreenConfig
 from drivers.api import Mood, Mouth, MouthShape
+from drivers.api.driver import Site
 from drivers.clock import SystemClock
+from drivers.screen.declared import PageKeys
+from drivers.screen.make import page as make_page
+from drivers.screen.make import printed
 from drivers.screen.pages import PageScreen
 from drivers.screen.printed import PrintedScreen
-from missions.assembly.face import OPENINGS, Lips, LivelyScreen, screen
+from missions.assembly.face import OPENINGS, Lips, LivelyScreen
 from missions.testing.recorders import Bench
 from tests.missions.command import command
 
@@ -51,8 +54,8 @@ def test_every_shape_of_a_mouth_has_its_opening() -> None:
 
 def test_the_screen_is_what_the_robot_file_says() -> None:
     clock = SystemClock()
-    assert isinstance(screen(ScreenConfig("print"), clock, print, lambda _: None), PrintedScreen)
-    page = screen(ScreenConfig(mood="happy"), clock, print, lambda _: None)
+    assert isinstance(printed(PageKeys(), Site(clock, out=print)), PrintedScreen)
+    page = make_page(PageKeys(mood="happy"), Site(clock))
     assert isinstance(page, PageScreen)
     assert page.shown().mood is Mood.HAPPY
 

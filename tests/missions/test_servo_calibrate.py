@@ -10,9 +10,10 @@ import pytest
 
 from config.editing import NotEditableError
 from config.library import find
-from config.ranges import Range, keep_ranges
-from config.robot import load_robot
+from drivers.dynamixel.declared import DynamixelKeys
 from drivers.virtual.servo import VirtualServo
+from missions.cli.servo.ranges import Range, keep_ranges
+from missions.drivers import load_robot
 from tests.missions.command import Outcome, command, wait_until
 from tests.missions.servo_bench import Three, three
 
@@ -37,7 +38,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
 
 def limits(path: Path, joint: str) -> tuple[float, float]:
     """The limits of a joint in the file, in degrees."""
-    arm = load_robot(path).arm
+    arm = load_robot(path).keys(DynamixelKeys)
     assert arm is not None
     return degrees(arm.joints[joint].lower), degrees(arm.joints[joint].upper)
 
@@ -87,7 +88,7 @@ def test_where_the_arm_stands_at_first_may_become_its_zero(robot: Three, mission
     outcome = mission("servo calibrate --robot three.yaml waist --zero --margin 0 --seconds 3")
     hand.join()
     assert outcome.code == 0, outcome.err
-    arm = load_robot(robot.path).arm
+    arm = load_robot(robot.path).keys(DynamixelKeys)
     assert arm is not None
     assert degrees(arm.joints["waist"].zero) == pytest.approx(20.0, abs=TICK)
     assert limits(robot.path, "waist") == pytest.approx((-60.0, 60.0), abs=3 * TICK)
@@ -161,7 +162,7 @@ def test_a_ros_file_becomes_a_robot_file_on_stdout(tmp_path: Path, mission: Miss
     assert outcome.code == 0, outcome.err
     assert "'joint_compliance_slope' is left out" in outcome.err
     (tmp_path / "robot.yaml").write_text(outcome.out)
-    arm = load_robot(tmp_path / "robot.yaml").arm
+    arm = load_robot(tmp_path / "robot.yaml").keys(DynamixelKeys)
     assert arm is not None
     assert (arm.port, list(arm.joints), arm.joints["grip"].reverse) == ("/dev/ttyUSB3", ["shoulder", "grip"], True)
 
@@ -179,7 +180,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text().splitlines()
     assert mission("servo import arm.yaml --into three.yaml").code == 0
-    arm = load_robot(robot.path).arm
+    arm = load_robot(robot.path).keys(DynamixelKeys)
     assert arm is not None
     assert list(arm.joints) == ["shoulder", "grip", "waist", "elbow", "wrist"]
     after = robot.path.read_text().splitlines()

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from config.robot import load_robot
 from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import HELP, Hands
 from missions.cli.simulate import Lines
+from missions.drivers import load_robot
 
 ROBOT = load_robot(find("robots", "turtlebot2_arm"))
 
@@ -30,7 +31,7 @@ def simulation() -> Iterator[Simulation]:
 
 @pytest.mark.real_time
 def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simulation) -> None:
-    hands, servos = Hands(simulation, ROBOT), simulation.servos
+    hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
     assert hands.do("turn elbow 30 deg") == "turn elbow 30 deg"
     elbow = servos.servo(6)
@@ -42,7 +43,7 @@ def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simu
 
 @pytest.mark.real_time
 def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) -> None:
-    hands, servos = Hands(simulation, ROBOT), simulation.servos
+    hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
     for line in ("heat gripper 70 degC", "burden gripper 40 %", "remove elbow", "brown_out waist_turn 500 ms"):
         hands.do(line)
@@ -56,7 +57,7 @@ def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) ->
 
 @pytest.mark.real_time
 def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simulation) -> None:
-    servos = simulation.servos
+    servos = simulation.device(VirtualServoBus)
     assert servos is not None
     elbow = servos.servo(6)
     hands = Hands(simulation, ROBOT)

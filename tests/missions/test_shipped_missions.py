@@ -7,14 +7,15 @@ import pytest
 import yaml
 
 from behaviours.tracking.follow import RuleBases
-from config.arm import ArmConfig
 from config.controller import load_controller
 from config.gesture import GestureConfig, load_gesture
 from config.library import shipped
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
 from config.world import load_world
+from drivers.api.sections import ArmKeys
 from missions.assembly.target import target_of
 from missions.assembly.things import THINGS
+from missions.drivers import load_robot
 from missions.library import find_mission, load_mission, shipped_missions
 from missions.order import DEFAULT_ROBOT
 
@@ -48,10 +49,10 @@ def test_every_shipped_mission_is_good_on_its_robot(name: str) -> None:
     assert plan.summary
 
 
-def arm_for(gesture: GestureConfig) -> ArmConfig:
+def arm_for(gesture: GestureConfig) -> ArmKeys:
     """Return the arm of the first robot that has the joints of ``gesture``."""
     arms = (load_robot(path).arm for path in shipped("robots").values())
-    return next(arm for arm in arms if arm is not None and gesture.joints <= arm.joints.keys())
+    return next(arm for arm in arms if arm is not None and gesture.joints <= arm.limits.keys())
 
 
 @pytest.mark.parametrize("name", list(shipped("gestures")))
@@ -60,7 +61,7 @@ def test_every_gesture_stays_within_the_joints_of_a_shipped_robot(name: str) -> 
     arm = arm_for(gesture)
     for time, positions in gesture.keyframes:
         for joint, angle in positions.items():
-            limits = arm.joints[joint]
+            limits = arm.limits[joint]
             assert limits.lower <= angle <= limits.upper, f"{joint} at {time} s"
 
 
@@ -72,7 +73,7 @@ def test_every_gesture_can_be_followed_at_the_speed_of_the_joints(name: str) -> 
     for time, positions in gesture.keyframes:
         for joint, angle in positions.items():
             since, was = before.get(joint, (0.0, 0.0))
-            assert abs(angle - was) <= arm.joints[joint].speed * (time - since) + 1e-9, f"{joint} at {time} s"
+            assert abs(angle - was) <= arm.limits[joint].speed * (time - since) + 1e-9, f"{joint} at {time} s"
             before[joint] = (time, angle)
 
 

@@ -4,9 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from config.robot import load_robot
 from drivers.clock import ManualClock
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
+from missions.drivers import load_robot
 
 ROBOTS = Path(__file__).parent.parent.parent / "config" / "robots"
 
@@ -14,11 +16,13 @@ ROBOTS = Path(__file__).parent.parent.parent / "config" / "robots"
 @pytest.mark.parametrize("name", ["turtlebot2_arm", "humanoid"])
 def test_each_servo_is_of_the_model_that_the_robot_file_names(name: str) -> None:
     robot = load_robot(ROBOTS / f"{name}.yaml")
-    assert robot.arm is not None
+    arm = robot.keys(DynamixelKeys)
+    assert arm is not None
     simulation = Simulation(robot, frozenset({"arm"}), ManualClock())
-    assert simulation.servos is not None
-    for joint in robot.arm.joints.values():
-        servo = simulation.servos.servo(joint.id)
+    bus = simulation.device(VirtualServoBus)
+    assert bus is not None
+    for joint in arm.joints.values():
+        servo = bus.servo(joint.id)
         assert servo.model.name == joint.model
         assert servo.angle == joint.zero
-    assert len(simulation.servos.servos) == len(robot.arm.joints)
+    assert len(bus.servos) == len(arm.joints)

@@ -13,10 +13,10 @@ from random import Random
 import pytest
 
 from config.library import shipped
-from config.robot import load_robot
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from drivers.sim.twins.base import BaseTwin
+from missions.drivers import load_robot
 from missions.language.plan import Plan
 from missions.order import Order
 from missions.runner import Runner, load

@@ -11,15 +11,15 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, Leaf
-from config.base import BaseConfig
 from config.library import find
-from config.robot import load_robot
 from drivers.api import Velocity
+from drivers.api.sections import BaseKeys
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.kobuki.driver import KobukiBase
 from drivers.virtual.kobuki import PERIOD as REPORT
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
+from missions.drivers import load_robot
 from missions.order import Order
 from missions.runner import Runner
 from tests.drivers.test_kobuki_driver import DirectLink
@@ -37,7 +37,7 @@ PERIOD = 0.05
 TURTLEBOT, ARM = "turtlebot2", "turtlebot2_arm"
 
 
-def base_of(robot: str) -> BaseConfig:
+def base_of(robot: str) -> BaseKeys:
     config = load_robot(find("robots", robot)).base
     assert config is not None
     return config
@@ -59,7 +59,7 @@ def test_a_stall_at_any_moment_of_driving_brings_the_base_to_rest(
     assert max(took) <= within
 
 
-def time_to_rest(config: BaseConfig, wanted: Velocity, seconds: float) -> float:
+def time_to_rest(config: BaseKeys, wanted: Velocity, seconds: float) -> float:
     """Drive so for a while, then tick no more; return the seconds from the last tick to rest."""
     clock, kobuki = ManualClock(), VirtualKobuki()
     link = DirectLink(kobuki, clock)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from config.robot import load_robot
+from missions.drivers import load_robot
 from tests.missions.command import command
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until

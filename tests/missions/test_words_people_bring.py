@@ -9,10 +9,10 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.faults import Fault, InvalidFileError, Source
-from config.robot import robot_of
 from config.synonyms import KEYS as FILE_KEYS
 from config.synonyms import head_of
 from missions.assembly.things import THINGS
+from missions.drivers import robot_of
 from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan

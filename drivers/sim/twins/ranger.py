@@ -46,7 +46,7 @@ class RangerTwin:
         self.name = name
         self.plug = Plug(name, report, back=self._begin)
         self._model = MODELS[model]
-        self.period = 0.5 / self._model.rate
+        self.PERIOD = 0.5 / self._model.rate
         """Seconds between two steps: half a turn."""
         self._mounting = Mounting(place, tuple(blind))
         self._bearings = bearings()

@@ -5,8 +5,8 @@ from contextlib import closing
 
 import click
 
-from config.robot import CameraConfig
 from drivers.api import Notice
+from drivers.api.senses import CameraKeys
 from drivers.camera.choose import open_source
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
@@ -89,7 +89,7 @@ def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
     return found
 
 
-def _from_camera(source: str, camera: CameraConfig | None, taking: Taking, seconds: float) -> list[Image]:
+def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds: float) -> list[Image]:
     """Return portraits of who stands before a camera, telling them what to do.
 
     Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.

@@ -7,9 +7,10 @@ from typing import Any
 import click
 
 from config.library import find
-from config.robot import CameraConfig, load_robot
+from drivers.api.senses import CameraKeys
 from missions.assembly.gallery import people_of
 from missions.cli.root import FAILURE
+from missions.drivers import load_robot
 from missions.people import People, PeopleError, folder
 
 
@@ -20,7 +21,7 @@ def robot_option(command: Any) -> Any:
     )(command)
 
 
-def camera_of(robot: str | None) -> CameraConfig | None:
+def camera_of(robot: str | None) -> CameraKeys | None:
     """Return the camera section of a robot's file; None without a robot. Raises click.UsageError for a blind one."""
     if robot is None:
         return None

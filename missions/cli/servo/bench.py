@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import click
 
 from behaviours.reach import Reach
-from config.arm import ArmConfig
 from config.faults import one_of
 from config.library import find
 from config.robot import RobotConfig
@@ -18,12 +17,15 @@ from drivers.api import Joints, Notice, unheard
 from drivers.clock import Clock, SystemClock
 from drivers.dynamixel import wire
 from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
+from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.errors import DeviceFault, NoReply, NotConnected
-from missions.assembly import parts
-from missions.assembly.assemble import SIMULATED_PATIENCE, Audience, Wishes, assemble
+from missions.assembly.assemble import assemble
 from missions.assembly.simulation import Simulation
+from missions.assembly.together import Audience, Wishes
 from missions.cli.keys import interruptible
 from missions.cli.servo.target import Target
 from missions.runner import CONNECT_TIME
@@ -110,7 +112,7 @@ class Bench:
 
 
 @contextmanager
-def opened_bus(target: Target, *, patience: float = SIMULATED_PATIENCE) -> Iterator[Bench]:
+def opened_bus(target: Target, *, patience: float = VIRTUAL_REPLY_TIMEOUT) -> Iterator[Bench]:
     """Open the bus; close it at the end, whatever comes. Nothing is written to a servo by that.
 
     ``patience`` is how long (s) a virtual servo may take. Raises NotConnected.
@@ -126,7 +128,7 @@ def opened_bus(target: Target, *, patience: float = SIMULATED_PATIENCE) -> Itera
             config = target.config()
             arm = _arm(config)
             groups = arm.groups
-            joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in parts.joints(arm).items()}
+            joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in specs(arm).items()}
             port = arm.port
             if target.virtual:
                 simulation = closings.enter_context(closing(Simulation(config, frozenset({"arm"}), clock)))
@@ -145,7 +147,7 @@ class Arm:
 
     joints: Joints
     reach: Reach
-    config: ArmConfig
+    config: DynamixelKeys
     clock: Clock
 
 
@@ -173,10 +175,11 @@ def opened_arm(target: Target) -> Iterator[Arm]:
         yield Arm(joints, robot.robot.reach, arm, clock)
 
 
-def _arm(config: RobotConfig) -> ArmConfig:
-    if config.arm is None:
+def _arm(config: RobotConfig) -> DynamixelKeys:
+    arm = config.keys(DynamixelKeys)
+    if arm is None:
         raise click.UsageError(f"{config.name} has no arm")
-    return config.arm
+    return arm
 
 
 def tell(notice: Notice) -> None:

@@ -8,12 +8,12 @@ import click
 
 from config.editing import NotEditableError
 from config.library import find
-from config.ranges import Range, check_keepable, keep_ranges
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
+from missions.cli.servo.ranges import Range, check_keepable, keep_ranges
 from missions.cli.servo.target import Target, target_options
 from missions.cli.servo.until import patience, require_terminal, show
 from missions.columns import in_columns

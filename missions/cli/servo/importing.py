@@ -4,15 +4,16 @@ from pathlib import Path
 
 import click
 
-from config.arm import JointConfig
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import Source, one_of
 from config.marked import read_source
-from config.robot import robot_of
-from config.ros_joints import RosJoints, load_ros_joints
-from config.servo import ALIASES, SERVO_MODELS
-from config.writing import robot_text, write_new
+from config.writing import write_new
+from drivers.dynamixel.declared import ALIASES, DynamixelKeys, JointKeys
+from drivers.dynamixel.models import MODELS
 from missions.cli.root import SUCCESS
+from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
+from missions.cli.servo.writing import robot_text
+from missions.drivers import robot_of
 
 
 @click.command("import")
@@ -30,7 +31,7 @@ def import_joints(file: Path, model: str, port: str, baud: int, output: Path | N
     A YAML of dynamixel_controllers becomes the joints of a robot file; `init`, `min` and `max` stay the servo's
     steps. What was changed or left out is told on stderr.
     """
-    if model not in (known := [*SERVO_MODELS, *ALIASES]):
+    if model not in (known := [*MODELS, *ALIASES]):
         raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, known)}")
     if output is not None and into is not None:
         raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
@@ -62,7 +63,8 @@ def _add(path: Path, found: RosJoints, text: str) -> None:
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)
     old = robot_of(source)
-    joints: dict[str, JointConfig] = {} if old.arm is None else dict(old.arm.joints)
+    before = old.keys(DynamixelKeys)
+    joints: dict[str, JointKeys] = {} if before is None else dict(before.joints)
     if there := [name for name in found.joints if name in joints]:
         raise NotEditableError(f"{path}: it has {', '.join(there)} already")
     lines = text.partition("  joints:\n")[2].splitlines()
@@ -70,7 +72,7 @@ def _add(path: Path, found: RosJoints, text: str) -> None:
     for line in reversed(lines):  # each is put in front of the others
         name, _, value = line.strip().partition(": ")
         new = with_value(Source(source.name, new), ("arm", "joints", name), value)
-    arm = robot_of(Source(source.name, new)).arm
+    arm = robot_of(Source(source.name, new)).keys(DynamixelKeys)
     if arm is None or dict(arm.joints) != {**found.joints, **joints}:
         raise NotEditableError(
             f"{path}: its arm is written in a way that cannot be added to; write the joints yourself"

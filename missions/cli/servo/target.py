@@ -9,7 +9,9 @@ from typing import Any
 import click
 
 from config.library import find
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
+from drivers.dynamixel.declared import DynamixelKeys
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
 
@@ -43,10 +45,10 @@ class Target:
     def config(self) -> RobotConfig:
         """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
         robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
-        if robot.arm is None:
+        arm = robot.keys(DynamixelKeys)
+        if arm is None:
             raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
-        arm = replace(robot.arm, port=self.port or robot.arm.port, baud=self.baud or robot.arm.baud)
-        return replace(robot, arm=arm)
+        return robot.with_keys("arm", replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
 
     def check(self) -> None:
         """Raise click.UsageError for options that contradict each other."""

@@ -5,13 +5,13 @@ from math import cos, degrees, radians
 
 import pytest
 
-from config.arm import ArmConfig
 from config.library import shipped
-from config.robot import load_robot
+from drivers.api.sections import ArmKeys
+from missions.drivers import load_robot
 from missions.moves.load import load_move
 
 
-def humanoid() -> ArmConfig:
+def humanoid() -> ArmKeys:
     arm = load_robot(shipped("robots")["humanoid"]).arm
     assert arm is not None
     return arm
@@ -33,7 +33,7 @@ def test_the_humanoid_can_play_its_movements_as_fast_as_they_are(name: str) -> N
     for frame in load_move(shipped("gestures")[name], arm=arm).keyframes:
         for joint, angle in frame.positions.items():
             _, was = before.get(joint, (0.0, 0.0))
-            assert 1.875 * abs(angle - was) <= arm.joints[joint].speed * (frame.time - last), f"{joint} at {frame.time}"
+            assert 1.875 * abs(angle - was) <= arm.limits[joint].speed * (frame.time - last), f"{joint} at {frame.time}"
             before[joint] = (frame.time, angle)
         last = frame.time
     assert all(angle == 0.0 for _, angle in before.values())

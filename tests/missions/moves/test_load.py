@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from config.arm import ArmConfig
 from config.faults import InvalidFileError, Source
 from config.gesture import GestureConfig, gesture_of
-from config.robot import robot_of
-from config.servo import SERVO_MODELS
 from config.writing import gesture_text
 from drivers.api import Gesture, Keyframe
+from drivers.api.sections import ArmKeys
+from drivers.dynamixel.models import MODELS
+from missions.drivers import robot_of
 from missions.moves.gesture import movement
 from missions.moves.load import load_move
 from tests.missions.moves.workbooks import Row, write_ods, write_xlsx
@@ -23,11 +23,11 @@ ARM = robot_of(
         "    elbow: {id: 1, limits: [0 deg, 120 deg]}\n    wrist: {id: 2, model: MX-28}\n",
     )
 ).arm
-TICK = SERVO_MODELS["AX-12A"].tick
+TICK = MODELS["AX-12A"].tick
 
 
 @pytest.fixture
-def arm() -> ArmConfig:
+def arm() -> ArmKeys:
     assert ARM is not None
     return ARM
 
@@ -46,7 +46,7 @@ def described(sheet: Path, rows: str, joints: str, *rest: str) -> Path:
     return file
 
 
-def mistakes(path: Path, *, rate: float | None = 10.0, arm: ArmConfig | None = None) -> list[str]:
+def mistakes(path: Path, *, rate: float | None = 10.0, arm: ArmKeys | None = None) -> list[str]:
     """Return the mistakes, each as FILE:row:column: words."""
     with pytest.raises(InvalidFileError) as caught:
         load_move(path, rate=rate, arm=arm)
@@ -77,7 +77,7 @@ def test_a_sheet_may_say_itself_when_its_rows_are(sheet: Path) -> None:
     assert all(frame.positions.keys() == {"elbow"} for frame in move.keyframes)
 
 
-def test_all_kinds_of_sheets_say_the_same(tmp_path: Path, arm: ArmConfig) -> None:
+def test_all_kinds_of_sheets_say_the_same(tmp_path: Path, arm: ArmKeys) -> None:
     rows: list[Row] = [("time", "elbow", "wrist"), (0.0, 0.0, 0.25), (0.5, 0.5, 0.25), (1.0, 1.25, -0.5)]
     text = "\n".join(";".join(str(cell) for cell in row) for row in rows)
     (tmp_path / "two_joints.csv").write_text(text, encoding="utf-8")
@@ -141,7 +141,7 @@ def test_seen_along_an_axis_only_the_other_two_count(sheet: Path) -> None:
     )
 
 
-def test_noise_below_a_step_of_the_servo_moves_nothing(sheet: Path, arm: ArmConfig) -> None:
+def test_noise_below_a_step_of_the_servo_moves_nothing(sheet: Path, arm: ArmKeys) -> None:
     noise = [0.5, 0.5 + 0.9 * TICK, 0.5 - 0.9 * TICK, 0.5 + 1.1 * TICK]
     sheet.write_text("elbow,wrist\n" + "".join(f"{angle},{angle}\n" for angle in noise), encoding="utf-8")
     frames = load_move(sheet, rate=10.0, arm=arm).keyframes
@@ -150,7 +150,7 @@ def test_noise_below_a_step_of_the_servo_moves_nothing(sheet: Path, arm: ArmConf
     assert [frame.positions["elbow"] for frame in load_move(sheet, rate=10.0).keyframes] == noise
 
 
-def test_a_move_file_may_have_a_dead_band_of_its_own(sheet: Path, arm: ArmConfig) -> None:
+def test_a_move_file_may_have_a_dead_band_of_its_own(sheet: Path, arm: ArmKeys) -> None:
     file = described(sheet, "e\n0.5\n0.55\n0.7\n", "elbow: {column: e}", "dead_band: 0.1 rad")
     assert [frame.positions["elbow"] for frame in load_move(file, rate=1.0, arm=arm).keyframes] == [0.5, 0.5, 0.7]
 
@@ -163,7 +163,7 @@ def test_a_limb_without_length_is_a_fault_in_its_row(sheet: Path) -> None:
     ]
 
 
-def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, arm: ArmConfig) -> None:
+def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("wrist,elbow\n0,0\n0,2.2\n4,-0.1\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
         "reach.csv:3:2: 'elbow' at 126.051 deg is outside its limits, 0 deg to 120 deg, and so in 1 more row",
@@ -172,7 +172,7 @@ def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, 
     assert load_move(sheet, rate=10.0).keyframes[2].positions["wrist"] == 4.0
 
 
-def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmConfig) -> None:
+def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("time,elbow,wrist\n0,x,0\n0.1,,1\n0.2,0.3,1;2\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
         "reach.csv:2:2: 'x' is no number",
@@ -205,7 +205,7 @@ def test_rows_without_times_need_a_rate(sheet: Path) -> None:
     assert mistakes(sheet, rate=None) == ["reach.csv:1:1: there is no column of a joint"]
 
 
-def test_columns_that_a_move_file_asks_for_have_to_be_there(sheet: Path, arm: ArmConfig) -> None:
+def test_columns_that_a_move_file_asks_for_have_to_be_there(sheet: Path, arm: ArmKeys) -> None:
     file = described(
         sheet, "elbov,a_x,a_y\n0,0,0\n", "elbow: {column: elbow}\nwrist: {points: [a, b, c], plane: xy}", "rate: 1 Hz"
     )
@@ -214,14 +214,14 @@ def test_columns_that_a_move_file_asks_for_have_to_be_there(sheet: Path, arm: Ar
     assert [line.split("'")[1] for line in found[1:]] == ["b_x", "b_y", "c_x", "c_y"]
 
 
-def test_mistakes_of_a_move_file_come_before_those_of_its_sheet(sheet: Path, arm: ArmConfig) -> None:
+def test_mistakes_of_a_move_file_come_before_those_of_its_sheet(sheet: Path, arm: ArmKeys) -> None:
     file = described(sheet, "e\nx\n", "elbw: {column: e}")
     assert mistakes(file, arm=arm) == ["reach.yaml:4:3: there is no joint 'elbw'"]
     sheet.unlink()
     assert mistakes(file) == ["reach.csv:1:1: cannot be read: No such file or directory"]
 
 
-def test_a_gesture_file_is_a_movement_too(tmp_path: Path, arm: ArmConfig) -> None:
+def test_a_gesture_file_is_a_movement_too(tmp_path: Path, arm: ArmKeys) -> None:
     file = tmp_path / "nod.yaml"
     file.write_text("gesture: nod\nkeyframes:\n  - {at: 1 s, wrist: 200 deg}\n", encoding="utf-8")
     assert load_move(file) == Gesture("nod", "", (Keyframe(1.0, {"wrist": radians(200)}),), "minimum_jerk")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from config.library import find
 from config.reading import files_read, note_read
-from config.robot import load_robot
+from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT, Order
 from missions.recording.gather import contents_of
 from missions.recording.head import Contents

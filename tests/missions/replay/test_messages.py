@@ -7,7 +7,7 @@ import pytest
 from behaviours.leaf import RUNNING
 from behaviours.node import Node
 from config.library import find
-from config.robot import load_robot
+from missions.drivers import load_robot
 from missions.executive.moment import Moment
 from missions.library import load_mission
 from missions.order import DEFAULT_ROBOT, Order

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from config.library import find
-from config.robot import RobotConfig, load_robot
+from config.robot import RobotConfig
+from missions.drivers import load_robot
 from missions.executive.events import NodeChanged
 from missions.executive.moment import Answer, Moment
 from missions.library import load_mission, shipped_missions

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from config.robot import load_robot
+from missions.drivers import load_robot
 from missions.library import shipped_missions
 from missions.order import DEFAULT_ROBOT
 from missions.replay.rerun import rerun

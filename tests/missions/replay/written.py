@@ -6,7 +6,7 @@ from pathlib import Path
 
 from config.library import find
 from config.reading import files_read
-from config.robot import load_robot
+from missions.drivers import load_robot
 from missions.executive.moment import Moment
 from missions.order import DEFAULT_ROBOT, Order
 from missions.recording.gather import contents_of

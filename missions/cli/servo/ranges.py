@@ -1,17 +1,17 @@
 """Keeping how far the joints of an arm go, found out by hand, in the robot file of its owner."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isclose, radians
 from pathlib import Path
 
-from config.arm import JointConfig, Ticks, turned
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import InvalidFileError, Source
 from config.marked import read_source
-from config.robot import RobotConfig, robot_of
-from config.servo import SERVO_MODELS
+from config.robot import RobotConfig
 from config.units import written
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
+from missions.drivers import robot_of
 
 AGAIN = "mission servo calibrate --robot FILE"
 
@@ -25,18 +25,17 @@ class Range:
     zero: int | None = None
 
 
-def ranged(joint: JointConfig, found: Range) -> JointConfig:
+def ranged(joint: JointKeys, found: Range) -> JointKeys:
     """Return the joint with its 0 and its limits as they were found."""
-    model = SERVO_MODELS[joint.model]
+    model = joint.kind
     if joint.ticks is not None:
-        ends = (found.highest, found.lowest) if joint.reverse else (found.lowest, found.highest)
-        ticks = Ticks(joint.ticks.init if found.zero is None else found.zero, *ends)
-        zero, reverse, lower, upper = turned(model, ticks)
-        return replace(joint, zero=zero, reverse=reverse, lower=lower, upper=upper, ticks=ticks)
+        low, high = (found.highest, found.lowest) if joint.reverse else (found.lowest, found.highest)
+        init = joint.ticks.init if found.zero is None else found.zero
+        return replace(joint, ticks=Ticks(init=init, min=low, max=high))
     zero = joint.zero if found.zero is None else model.angle(found.zero)
     way = -1 if joint.reverse else 1
     lower, upper = sorted((model.angle(end) - zero) * way for end in (found.lowest, found.highest))
-    return replace(joint, zero=zero, lower=lower, upper=upper)
+    return replace(joint, written_zero=zero, limits=(lower, upper))
 
 
 def check_keepable(path: Path) -> None:
@@ -52,16 +51,17 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range]) -> Path:
     check_keepable(path)
     source = read_source(path)
     old = robot_of(source)
-    if old.arm is None:
-        raise NotEditableError(f"{old.name} has no arm")
-    joints = dict(old.arm.joints)
+    arm = old.keys(DynamixelKeys)
+    if arm is None:
+        raise NotEditableError(f"{old.name} has no arm of Dynamixel servos")
+    joints = dict(arm.joints)
     text = source.text
     for name, found in ranges.items():
         new = ranged(joints[name], found)
         for keys, value in _entries(joints[name], new).items():
             text = with_value(Source(source.name, text), ("arm", "joints", name, *keys), value)
         joints[name] = new
-    wanted = replace(old, arm=replace(old.arm, joints=joints))
+    wanted = old.with_keys("arm", replace(arm, joints=joints))
     if not _is(Source(source.name, text), wanted):
         raise NotEditableError(
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
@@ -72,10 +72,10 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range]) -> Path:
     return kept
 
 
-def _entries(old: JointConfig, new: JointConfig) -> dict[tuple[str, ...], str]:
+def _entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
     """Return what is to be written at which keys of a joint."""
     if old.ticks is not None and new.ticks is not None:
-        return {("ticks", key): str(value) for key, value in new.ticks._asdict().items()}
+        return {("ticks", key): str(value) for key, value in asdict(new.ticks).items()}
     entries: dict[tuple[str, ...], str] = {} if new.zero == old.zero else {("zero",): written(new.zero, "angle")}
     entries["limits",] = f"[{written(new.lower, 'angle')}, {written(new.upper, 'angle')}]"
     return entries
@@ -87,17 +87,19 @@ def _is(source: Source, wanted: RobotConfig) -> bool:
         new = robot_of(source)
     except InvalidFileError:
         return False
-    if new.arm is None or wanted.arm is None or new.arm.joints.keys() != wanted.arm.joints.keys():
+    arm, meant = new.keys(DynamixelKeys), wanted.keys(DynamixelKeys)
+    if arm is None or meant is None or arm.joints.keys() != meant.joints.keys():
         return False
-    same = all(_same(new.arm.joints[name], joint) for name, joint in wanted.arm.joints.items())
-    return same and replace(new, arm=replace(new.arm, joints={})) == replace(wanted, arm=replace(wanted.arm, joints={}))
+    same = all(_same(arm.joints[name], joint) for name, joint in meant.joints.items())
+    bare, other = (robot.with_keys("arm", replace(keys, joints={})) for robot, keys in ((new, arm), (wanted, meant)))
+    return same and bare == other
 
 
-def _same(one: JointConfig, other: JointConfig) -> bool:
+def _same(one: JointKeys, other: JointKeys) -> bool:
     """Say whether two joints are alike, but for what is lost when angles are written in degrees."""
     angles = ((one.zero, other.zero), (one.lower, other.lower), (one.upper, other.upper))
     near = all(isclose(here, there, abs_tol=radians(0.001)) for here, there in angles)
-    return near and replace(one, zero=other.zero, lower=other.lower, upper=other.upper) == other
+    return near and replace(one, written_zero=other.written_zero, limits=other.limits) == other
 
 
 def _free(path: Path) -> Path:

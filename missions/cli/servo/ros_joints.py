@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
-from config.arm import JointConfig, Ticks, turned
 from config.faults import Fault, InvalidFileError, Source
 from config.fields import Fields, fields_of
 from config.marked import read_source
-from config.servo import SERVO_MODELS, ServoModel
 from config.units import seen
+from drivers.dynamixel.declared import JointKeys, Ticks, last_id
+from drivers.dynamixel.models import MODELS, Model
 
 LEFT_OUT = {
     "joint_compliance_slope": "the compliance of a servo stays as it is",
@@ -44,7 +44,7 @@ UNLIKE = {
 class RosJoints:
     """The joints by name; and what was changed or left out, each at its place in the file."""
 
-    joints: Mapping[str, JointConfig]
+    joints: Mapping[str, JointKeys]
     notes: tuple[Fault, ...]
 
 
@@ -56,7 +56,7 @@ def load_ros_joints(path: Path, *, model: str = "AX-12A") -> RosJoints:
 def ros_joints_of(source: Source, *, model: str = "AX-12A") -> RosJoints:
     """Read the text of such a file. Raises as ``load_ros_joints`` does, and KeyError for an unknown model."""
     fields = fields_of(source, what="a file of controllers")
-    reader = _Reader(SERVO_MODELS[model])
+    reader = _Reader(MODELS[model])
     for key, node in fields.entries():
         reader.take(key.text, Fields(source, node, fields.faults, what=f"controller '{key.text}'"))
     if not reader.joints and not fields.faults:
@@ -69,8 +69,8 @@ def ros_joints_of(source: Source, *, model: str = "AX-12A") -> RosJoints:
 class _Reader:
     """Gathers the joints of one file, and what is to be said of them."""
 
-    def __init__(self, model: ServoModel) -> None:
-        self.joints: dict[str, JointConfig] = {}
+    def __init__(self, model: Model) -> None:
+        self.joints: dict[str, JointKeys] = {}
         self.notes: list[Fault] = []
         self._model = model
         self._named: dict[str, str] = {}
@@ -90,23 +90,21 @@ class _Reader:
         fields.done()
         if motor is None:
             return
-        number, ticks = motor.integer("id", low=0, high=self._model.last_id), self._ticks(motor)
+        number, ticks = motor.integer("id", low=0, high=last_id(self._model)), self._ticks(motor)
         self._leave_out(motor, "acceleration", "the acceleration of a servo stays as it is")
         motor.done()
         if len(fields.faults) > mistakes:
             return
         _once(fields, "joint_name", f"joint '{name}'", self._named.setdefault(name, controller), controller)
         _once(motor, "id", f"servo {number}", self._numbered.setdefault(number, controller), controller)
-        zero, reverse, lower, upper = turned(self._model, ticks)
-        self.joints[name] = JointConfig(
-            number, self._model.name, zero, reverse, lower, upper, speed=speed, torque=torque, ticks=ticks
-        )
+        model = self._model.name
+        self.joints[name] = JointKeys(id=number, written_model=model, speed=speed, torque=torque, ticks=ticks)
 
     def _ticks(self, motor: Fields) -> Ticks:
         """Read the steps at the joint's 0 and at its ends, which are brought within those that the servo has."""
         mistakes = len(motor.faults)
         init = motor.integer("init", low=0, high=self._model.last)
-        ticks = Ticks(init, self._end(motor, "min"), self._end(motor, "max"))
+        ticks = Ticks(init=init, min=self._end(motor, "min"), max=self._end(motor, "max"))
         if ticks.min == ticks.max and len(motor.faults) == mistakes:
             motor.fault(motor.node.mark, f"'min' and 'max' are both {ticks.min}: the joint could not move")
         if not min(ticks.min, ticks.max) <= init <= max(ticks.min, ticks.max):

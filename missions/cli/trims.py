@@ -6,10 +6,12 @@ from pathlib import Path
 
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import InvalidFileError, Source
-from config.head import HeadConfig, NeckConfig
 from config.marked import read_source
-from config.robot import RobotConfig, robot_of
+from config.robot import RobotConfig
 from config.units import written
+from drivers.arduino.declared import ArduinoKeys
+from drivers.dynamixel.declared import NeckKeys
+from missions.drivers import robot_of
 
 AGAIN = "mission head trim --robot FILE --keep"
 
@@ -42,9 +44,10 @@ def keep_trims(path: Path, *, pan: float, tilt: float) -> list[str]:
 
 
 def _trim(robot: RobotConfig, axis: str) -> float:
-    if robot.head is None:
+    head = robot.head
+    if not isinstance(head, ArduinoKeys | NeckKeys):
         raise NotEditableError(f"{robot.name} has no head to trim")
-    return (robot.head.pan if axis == "pan" else robot.head.tilt).trim
+    return (head.pan if axis == "pan" else head.tilt).trim
 
 
 def _is_trimmed(source: Source, old: RobotConfig, pan: float, tilt: float) -> bool:
@@ -61,9 +64,10 @@ def _is_trimmed(source: Source, old: RobotConfig, pan: float, tilt: float) -> bo
 def _untrimmed(robot: RobotConfig) -> RobotConfig:
     """Return the robot with straight servos, to compare the rest of it."""
     match robot.head:
-        case HeadConfig(pan=servo, tilt=other) as head:
-            return replace(robot, head=replace(head, pan=replace(servo, trim=0.0), tilt=replace(other, trim=0.0)))
-        case NeckConfig(pan=joint, tilt=second) as neck:
-            return replace(robot, head=replace(neck, pan=replace(joint, trim=0.0), tilt=replace(second, trim=0.0)))
-        case None:
+        case ArduinoKeys(pan=servo, tilt=other) as head:
+            straight: object = replace(head, pan=replace(servo, trim=0.0), tilt=replace(other, trim=0.0))
+        case NeckKeys(pan=joint, tilt=second) as neck:
+            straight = replace(neck, pan=replace(joint, trim=0.0), tilt=replace(second, trim=0.0))
+        case _:
             return robot
+    return robot.with_keys("head", straight)

@@ -1,0 +1,89 @@
+"""What a driver declares of itself: its keys in the robot file, and where the code is that makes it.
+
+A declaration imports no driver. What makes the device, its twin and its virtual device are dotted names such as
+``drivers.kobuki.make:make``, resolved when they are used: so a robot on the metal loads nothing that it does not use.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol
+
+from drivers.api.device import Report, unheard, unreported
+from drivers.api.keys import Mistake
+from drivers.api.steering import Steered, unsteered
+from drivers.clock import Clock
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where a device is made: its clock, its port, and who is told of what.
+
+    ``port`` is the one of the robot file, or what the user named instead; empty for a part without one. ``out`` prints
+    a line for people. ``parts`` are the devices that it ``needs``, by kind. ``state`` is the folder of what a driver
+    keeps from one program to the next; None on a virtual device, of which nothing is to be kept, which has booted
+    already, and which may answer late, for it shares its interpreter with the driver.
+    """
+
+    clock: Clock
+    port: str = ""
+    report: Report = unreported
+    changed: Callable[[], None] = unheard
+    steered: Steered = unsteered
+    out: Callable[[str], None] = lambda _: None
+    parts: Mapping[str, Any] = field(default_factory=dict)
+    state: Path | None = None
+
+    @property
+    def virtual(self) -> bool:
+        """True where the port is that of a virtual device."""
+        return self.state is None
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """One driver, as a robot file names it: a ``kind`` of part with ``driver: name``; ``about`` says what it drives.
+
+    ``keys`` is the class of its section, which extends that of its kind. ``make`` is the dotted name of what makes the
+    device, called with the keys and a ``Site``; ``twin`` of what makes its twin for simulated time, and ``virtual`` of
+    what makes its virtual device for simulation down to the wire, both called with the keys and a
+    ``drivers.sim.stage.Stage``. They are empty where the kind has a stand-in that does for every driver: cameras,
+    microphones, voices and screens. ``needs`` are the kinds of the parts that it is made of, ``extra`` the optional
+    dependency that it wants. ``check`` yields what is wrong together with other sections, given by kind.
+    """
+
+    name: str
+    kind: str
+    about: str
+    keys: type
+    make: str
+    twin: str = ""
+    virtual: str = ""
+    needs: tuple[str, ...] = ()
+    check: Callable[[Any, Mapping[str, Any]], Iterable[Mistake]] | None = None
+    extra: str = ""
+
+
+class Drivers(Protocol):
+    """The drivers that there are: the table of the house with those of other distributions."""
+
+    def names(self, kind: str) -> Sequence[str]:
+        """Return the names of the drivers of a kind."""
+        ...
+
+    def find(self, kind: str, name: str) -> Driver:
+        """Return a driver. Raises BrokenDriver for a declaration that cannot be used; KeyError for no such name."""
+        ...
+
+
+class BrokenDriver(Exception):
+    """A declaration of a driver that cannot be used: the message says whose it is, and what is wrong with it."""
+
+
+def resolved(name: str) -> Any:
+    """Return what a dotted name ``package.module:attribute`` means. Raises ImportError, AttributeError, ValueError."""
+    module, colon, attribute = name.partition(":")
+    if not colon or not module or not attribute:
+        raise ValueError(f"'{name}' is no dotted name such as my_robot.base:make")
+    return getattr(import_module(module), attribute)

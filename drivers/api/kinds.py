@@ -1,0 +1,108 @@
+"""The kinds of parts that a robot may have: what each is called, and what holds for it whichever driver it has."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
+from drivers.api.senses import CameraKeys, MicrophoneKeys
+from drivers.api.steering import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of part.
+
+    ``name`` stands in files, missions and events; ``field`` is its field in ``behaviours.robot.Robot`` and its name in
+    records, without ``_part``. ``keys`` is what the section of every driver of this kind extends. ``device`` is the
+    dotted name of the protocol of its device, ``seen`` of what leaves see of it, where that is another. ``still`` makes
+    it hold still, None for what moves nothing. ``usual`` is the driver of a section that names none; where it is empty,
+    the section must name one. ``wired`` parts have a port, and stand-ins of their own driver. ``after`` are the kinds
+    that are made before it, where the robot has them. ``step`` is its place among the twins of one moment; None for a
+    part that is not stepped.
+    """
+
+    name: str
+    field: str
+    about: str
+    keys: type
+    device: str
+    seen: str = ""
+    still: Callable[[Any], None] | None = None
+    usual: str = ""
+    wired: bool = False
+    after: tuple[str, ...] = ()
+    step: int | None = None
+
+
+def _stop(base: Any) -> None:
+    # Others may steer the base besides, and what they do is not a mission's to end.
+    base.stop(source=Source.MISSION)
+
+
+def _halt(head: Any) -> None:
+    head.stop()
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind("base", "base", "Wheels.", BaseKeys, "drivers.api:Base", still=_stop, wired=True, step=0),
+        Kind(
+            "head",
+            "head",
+            "A pan/tilt head.",
+            HeadKeys,
+            "drivers.api:Head",
+            still=lambda it: it.stop(),
+            wired=True,
+            step=1,
+        ),
+        Kind("arm", "arm", "Joints.", ArmKeys, "drivers.api:Joints", still=lambda it: it.hold(), wired=True, step=2),
+        Kind("range", "ranger", "A range finder that turns.", RangeKeys, "drivers.api:Ranger", wired=True, step=5),
+        Kind(
+            "microphone",
+            "hearing",
+            "Ears.",
+            MicrophoneKeys,
+            "drivers.api:Microphone",
+            seen="perception.api:Hearing",
+            usual="microphone",
+            after=("voice",),
+            step=4,
+        ),
+        Kind(
+            "voice",
+            "voice",
+            "What the robot speaks with.",
+            VoiceKeys,
+            "drivers.api:Voice",
+            still=lambda it: it.rest(),
+            usual="auto",
+            step=3,
+        ),
+        Kind(
+            "screen",
+            "screen",
+            "Where the robot shows its face.",
+            ScreenKeys,
+            "drivers.api:Screen",
+            usual="page",
+            after=("voice",),
+        ),
+        Kind(
+            "camera",
+            "sight",
+            "Eyes.",
+            CameraKeys,
+            "drivers.api:Camera",
+            seen="perception.api:Sight",
+            usual="opencv",
+            after=("base", "head"),
+        ),
+    )
+}
+"""The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead."""
+
+WIRED = tuple(kind.name for kind in KINDS.values() if kind.wired)
+"""The parts that have a port."""

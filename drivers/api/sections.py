@@ -1,0 +1,173 @@
+"""What the sections of a robot file have in common, whichever driver they name, for parts that move or speak.
+
+A driver declares its own keys as a class that extends the one of its kind. The sections of parts that perceive are in
+``drivers.api.senses``.
+"""
+
+from collections.abc import Iterator, Mapping
+from math import degrees, radians
+
+from drivers.api.device import Away
+from drivers.api.joints import JointLimits
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.screen import Mood
+from drivers.api.steering import Reflexes
+from drivers.api.voice import Manner
+
+Sector = tuple[float, float]
+"""Two bearings on the base in radians; what is between them, anticlockwise from the first to the second."""
+
+MOUNTED = 0.2
+"""Metres above the floor that a range finder sits, where the file does not say: the middle plate of a TurtleBot 2."""
+
+LARGEST_TRIM = radians(45)
+"""Radians by which an axis of a head may be trimmed at most, as in the Rodney project's node."""
+
+
+@keys
+class Wired:
+    """The keys of a part that sits on a serial port; a driver gives ``baud`` the rate of its own device."""
+
+    port: str = key(help="The serial port that it is plugged into.")
+    baud: int = key(default=115_200, low=1, help="The rate of the port, in bits per second.")
+
+
+@keys
+class BaseKeys:
+    """The keys of every base: its limits, what it does by itself, and what long absences do."""
+
+    max_speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="The highest speed.")
+    max_turn: float = key("turn rate", default=1.9, low=0.01, high=12.0, help="The highest turn rate.")
+    acceleration: float = key(
+        "acceleration", default=0.5, low=0.01, help="How fast its speed changes at most, up or down."
+    )
+    turn_acceleration: float = key(
+        "turn acceleration", default=3.5, low=0.01, help="How fast its turn rate changes at most."
+    )
+    reflexes: Reflexes = key(default=Reflexes(), help="What it does by itself, whoever commands.")
+    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+
+
+@keys
+class AxisKeys:
+    """The keys of an axis of a head."""
+
+    limits: tuple[float, float] = key("angle", help="How far the head turns by it: [lowest, highest].")
+    trim: float = key(
+        "angle",
+        default=0.0,
+        low=-LARGEST_TRIM,
+        high=LARGEST_TRIM,
+        help="Corrects what sits askew: `mission head trim`.",
+    )
+
+    @property
+    def lower(self) -> float:
+        """The lowest angle, in radians."""
+        return self.limits[0]
+
+    @property
+    def upper(self) -> float:
+        """The highest angle, in radians."""
+        return self.limits[1]
+
+    def beyond(self, reach: tuple[float, float], what: str, at: tuple[str, ...] = ()) -> Iterator[Mistake]:
+        """Yield a mistake where nothing of the limits is within ``reach`` (radians) of ``what``."""
+        if max(self.lower, reach[0]) > min(self.upper, reach[1]):
+            low, high = (f"{degrees(end):.0f} deg" for end in reach)
+            about = tuple((*at, word) for word in ("limits", "trim"))
+            yield Mistake(f"'limits': {what} reaches from {low} to {high}, which is none of them", at, about=about)
+
+
+@keys
+class HeadKeys:
+    """The keys of every head: how fast each axis turns."""
+
+    speed: float = key("turn rate", default=2.0, low=0.01, help="The highest turn rate of each axis.")
+    acceleration: float = key(
+        "turn acceleration", default=7.0, low=0.1, help="How fast the turn rate of each axis changes at most."
+    )
+
+
+@keys
+class ArmKeys:
+    """The keys of every arm: names for several joints. A driver says what its joints are."""
+
+    groups: Mapping[str, tuple[str, ...]] = key(
+        default={}, help="Names for several joints, each with a list of them: missions take them for a joint."
+    )
+
+    @property
+    def limits(self) -> Mapping[str, JointLimits]:
+        """How far and fast each joint goes, by its name."""
+        raise NotImplementedError
+
+    @property
+    def reaches(self) -> Mapping[str, tuple[float, float]]:
+        """The lower and the upper limit of each joint, in radians."""
+        return {name: (each.lower, each.upper) for name, each in self.limits.items()}
+
+    def step(self, joint: str) -> float:  # noqa: ARG002 - a driver's arm may know
+        """Return the smallest angle (rad) by which a joint can be sent on; 0 where that is not known."""
+        return 0.0
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what is wrong with the groups."""
+        known = self.limits
+        for group, members in self.groups.items():
+            inside = ("groups", group)
+            about: tuple[tuple[str | int, ...], ...] = (inside,)
+            if group in known:
+                yield Mistake(f"'{group}' is a joint already", inside, named=True, about=about)
+            if not members:
+                yield Mistake(f"group '{group}' needs a list of joints", inside, about=about)
+            for place, joint in enumerate(members):
+                at = (*inside, place)
+                if joint not in known:
+                    message = f"group '{group}': there is no joint '{joint}'"
+                    yield Mistake(message, at, seen=joint, known=known, about=about)
+                elif joint in members[:place]:
+                    yield Mistake(f"group '{group}' has '{joint}' already", at, about=about)
+
+
+@keys
+class RangeKeys:
+    """The keys of every range finder: where it sits, and what of the robot it sees."""
+
+    position: tuple[float, float, float] = key(
+        "length",
+        default=(0.0, 0.0, MOUNTED),
+        help="Where it sits, from the middle of the base on the floor: [x, y, z].",
+    )
+    yaw: float = key("angle", default=0.0, help="How far its front is turned from the robot's, to the left.")
+    blind: tuple[Sector, ...] = key(
+        "angle", default=(), help="Bearings at which the robot itself is in its way: pairs, anticlockwise."
+    )
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Where it sits on the base: x and y in metres, and its yaw in radians."""
+        return self.position[0], self.position[1], self.yaw
+
+
+@keys
+class VoiceKeys:
+    """The keys of every voice: how it speaks, unless a mission says otherwise."""
+
+    voice: str = key(default="", help="The voice, as the synthesiser calls it.")
+    speed: float = key(default=150.0, low=80, high=450, help="Words per minute.")
+    language: str = key(default="", help="The language, such as `en-us`.")
+    volume: float = key("share", default=1.0, low=0.0, high=2.0, help="How loud: `100 %` is the sound as it comes.")
+    device: str = key(default="", help="A part of the loudspeaker's name; else the system's choice.")
+
+    @property
+    def manner(self) -> Manner:
+        """How the robot speaks, unless its mission says otherwise."""
+        return Manner(self.voice, self.speed, self.language)
+
+
+@keys
+class ScreenKeys:
+    """The keys of every screen."""
+
+    mood: str = key(default="neutral", among=[*Mood], help="How the face looks before a mission says otherwise.")

@@ -1,0 +1,76 @@
+"""The Rodney head on an Arduino as a driver of heads, and its keys in a robot file."""
+
+from collections.abc import Iterator
+from math import pi
+
+from drivers.api.device import Away
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import AxisKeys, HeadKeys, Wired
+
+
+@keys
+class ServoKeys(AxisKeys):
+    """A hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
+
+    servo: int = key(low=0, high=3, help="The output of the board that it is on.")
+    joint: str = key(default="", help="What the axis is called, as in the Rodney project.")
+    limits: tuple[float, float] = key(
+        "angle", default=(-pi / 2, pi / 2), help="How far the head turns by it: [lowest, highest]."
+    )
+    flip: bool = key(default=False, help="Whether it is mounted the other way round.")
+    start: int | None = key(
+        default=None, low=0, high=180, help="Where the sketch sends it at its start, in degrees as the sketch has them."
+    )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no servo can have."""
+        way = -1 if self.flip else 1
+        least, most = sorted((way * (-pi / 2 - self.trim), way * (pi / 2 - self.trim)))
+        yield from self.beyond((least, most), f"servo {self.servo}")
+
+
+@keys
+class PanKeys(ServoKeys):
+    """The servo that turns the head left and right."""
+
+    servo: int = key(default=0, low=0, high=3, help="The output of the board that it is on.")
+    joint: str = key(default="head_pan", help="What the axis is called, as in the Rodney project.")
+
+
+@keys
+class TiltKeys(ServoKeys):
+    """The servo that turns the head up and down."""
+
+    servo: int = key(default=1, low=0, high=3, help="The output of the board that it is on.")
+    joint: str = key(default="head_tilt", help="What the axis is called, as in the Rodney project.")
+
+
+@keys
+class ArduinoKeys(HeadKeys, Wired):
+    """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch."""
+
+    baud: int = key(default=57_600, low=1, help="The rate of the port, in bits per second.")
+    boot: float = key(
+        "duration", default=2.0, low=0.0, help="How long the board starts when its port is opened; 0 s if it does not."
+    )
+    pan: PanKeys = key(help="The servo that turns the head left and right.")
+    tilt: TiltKeys = key(help="The servo that turns the head up and down.")
+    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield two axes on one servo."""
+        if self.pan.servo == self.tilt.servo:
+            about = (("pan", "servo"), ("tilt", "servo"))
+            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)
+
+
+ARDUINO = Driver(
+    "arduino",
+    "head",
+    "Two hobby servos on an Arduino with the Rodney sketch.",
+    ArduinoKeys,
+    make="drivers.arduino.make:make",
+    twin="drivers.sim.twins.making:head",
+    virtual="drivers.virtual.making:rodney",
+)

@@ -1,0 +1,29 @@
+"""From the keys of a robot file to the driver of a Rodney head."""
+
+from drivers.api.driver import Site
+from drivers.arduino.axis import ServoAxis
+from drivers.arduino.board import Board
+from drivers.arduino.declared import ArduinoKeys, ServoKeys
+from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.memory import Memory
+from drivers.link import Link
+
+
+def make(keys: ArduinoKeys, site: Site) -> ArduinoHead:
+    """Return the driver; where its servos were left is kept, but for a virtual one."""
+    board = Board(
+        Link("head", site.port, keys.baud, report=site.report),
+        site.clock,
+        boot_delay=0.0 if site.virtual else keys.boot,
+        report=site.report,
+        away=keys.away,
+        remembered=None if site.state is None else Memory(site.state, site.port),
+    )
+    return ArduinoHead(
+        board, site.clock, pan=axis(keys.pan), tilt=axis(keys.tilt), speed=keys.speed, acceleration=keys.acceleration
+    )
+
+
+def axis(keys: ServoKeys) -> ServoAxis:
+    """Return one servo of the head."""
+    return ServoAxis(keys.servo, keys.lower, keys.upper, flip=keys.flip, trim=keys.trim, start=keys.start)

@@ -1,0 +1,12 @@
+"""Cameras as OpenCV reads them, and recordings, as a driver of cameras."""
+
+from drivers.api.driver import Driver
+from drivers.api.senses import CameraKeys
+
+OPENCV = Driver(
+    "opencv",
+    "camera",
+    "A camera, a video, pictures or an address, as OpenCV reads them.",
+    CameraKeys,
+    make="drivers.camera.make:make",
+)

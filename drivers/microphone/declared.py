@@ -1,0 +1,38 @@
+"""The sound card, and recordings, as drivers of microphones."""
+
+from collections.abc import Iterator
+
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.senses import MicrophoneKeys
+
+
+@keys
+class FileKeys(MicrophoneKeys):
+    """The ``microphone`` section of a robot that hears a WAV file, which plays when the robot is switched on."""
+
+    source: str = key(default="", help="The path of the WAV file.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a file that is missing, and what MicrophoneKeys finds."""
+        if not self.source:
+            yield Mistake("a microphone with 'driver: file' needs 'source'", hint="source: commands.wav")
+        yield from MicrophoneKeys.mistakes(self)
+
+
+MICROPHONE = Driver(
+    "microphone",
+    "microphone",
+    "The sound card.",
+    MicrophoneKeys,
+    make="drivers.microphone.make:sound_card",
+    extra="listen",
+)
+FILE = Driver(
+    "file",
+    "microphone",
+    "A WAV file, which plays when the robot is switched on.",
+    FileKeys,
+    make="drivers.microphone.make:recording",
+    extra="listen",
+)

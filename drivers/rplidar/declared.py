@@ -1,0 +1,24 @@
+"""The RPLIDAR as a driver of range finders, and its keys in a robot file."""
+
+from drivers.api.driver import Driver
+from drivers.api.keys import key, keys
+from drivers.api.sections import RangeKeys, Wired
+from drivers.rplidar.models import MODELS
+
+
+@keys
+class RPLidarKeys(RangeKeys, Wired):
+    """The ``range`` section of a robot with an RPLIDAR."""
+
+    model: str = key(default="a1", among=MODELS, help="The model.")
+
+
+RPLIDAR = Driver(
+    "rplidar",
+    "range",
+    "An RPLIDAR A1 or A2.",
+    RPLidarKeys,
+    make="drivers.rplidar.make:make",
+    twin="drivers.sim.twins.making:ranger",
+    virtual="drivers.virtual.making:lidar",
+)

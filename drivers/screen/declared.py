@@ -1,0 +1,33 @@
+"""A page for a browser, and lines on the terminal, as drivers of screens."""
+
+from drivers.api.driver import Driver
+from drivers.api.keys import key, keys
+from drivers.api.sections import ScreenKeys
+
+
+@keys
+class PageKeys(ScreenKeys):
+    """The ``screen`` section of a robot."""
+
+    port: int | None = key(
+        default=None,
+        low=1024,
+        high=65535,
+        help="Where the page is served, on this computer only; else any that is free.",
+    )
+
+
+PAGE = Driver(
+    "page",
+    "screen",
+    "A page for a browser.",
+    PageKeys,
+    make="drivers.screen.make:page",
+)
+PRINT = Driver(
+    "print",
+    "screen",
+    "A line on the terminal.",
+    PageKeys,
+    make="drivers.screen.make:printed",
+)

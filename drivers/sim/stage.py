@@ -1,0 +1,79 @@
+"""What a simulated part is made with: the world it stands in, its physics, and the other simulated parts."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from drivers.api import HeadPose, Pose2D, Report, Steered, unheard, unreported, unsteered
+from drivers.clock import Clock
+from drivers.sim.battery import Battery
+from drivers.sim.body import Body
+from drivers.sim.wheels import Wheels
+from drivers.sim.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Physics:
+    """How a base errs: ``lag`` (s) and ``slip`` (0..1) of its wheels, ``gyro_noise`` (rad/s), lost reports (0..1)."""
+
+    lag: float = 0.0
+    slip: float = 0.0
+    gyro_noise: float = 0.0
+    dropouts: float = 0.0
+    battery: Battery | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where a twin or a virtual device is made.
+
+    Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time. ``parts`` are
+    the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by kind, and ``keys`` what the
+    robot file says of each of its parts.
+    """
+
+    clock: Clock
+    world: World | None
+    pose: Callable[[float], Pose2D]
+    physics: Physics = Physics()
+    seed: int = 0
+    report: Report = unreported
+    changed: Callable[[], None] = unheard
+    steered: Steered = unsteered
+    parts: Mapping[str, Any] = field(default_factory=dict)
+    keys: Mapping[str, Any] = field(default_factory=dict)
+
+    def wheels(self) -> Wheels:
+        """Return wheels that err as they do here, at the place where the robot starts."""
+        start = None if self.world is None else self.world.start
+        return Wheels(dead_time=self.physics.lag, slip=self.physics.slip, pose=start)
+
+    def body(self) -> Body:
+        """Return the body of a base that stands there."""
+        return Body(wheels=self.wheels(), ground=self.world, battery=self.physics.battery)
+
+
+class Stepped(Protocol):
+    """A twin that is stepped every ``PERIOD`` seconds of simulated time."""
+
+    PERIOD: float
+
+    def step(self) -> None:
+        """Go on to the clock's time."""
+        ...
+
+
+class TrueBase(Protocol):
+    """The twin of a base, as the world sees it."""
+
+    def true_pose(self, time: float) -> Pose2D:
+        """Return where it truly is, in the world's frame."""
+        ...
+
+
+class TrueHead(Protocol):
+    """The twin of a head, as the world sees it."""
+
+    def true_pose(self, time: float) -> HeadPose:
+        """Return where it truly looks, from the base."""
+        ...

@@ -1,0 +1,82 @@
+"""From the keys of a robot file to twins, each on a stage."""
+
+from drivers.api.sections import BaseKeys
+from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.make import axis as servo
+from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
+from drivers.dynamixel.make import axis as joint
+from drivers.dynamixel.make import joints
+from drivers.rplidar.declared import RPLidarKeys
+from drivers.sim.scanner import looking
+from drivers.sim.stage import Stage
+from drivers.sim.twins.base import BaseTwin
+from drivers.sim.twins.head import HeadTwin
+from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.neck import NeckTwin
+from drivers.sim.twins.ranger import RangerTwin
+from drivers.sim.world import World
+
+
+def base(keys: BaseKeys, stage: Stage) -> BaseTwin:
+    """Return the twin of a base on two wheels, of whatever make."""
+    return BaseTwin(
+        stage.clock,
+        max_linear=keys.max_speed,
+        max_angular=keys.max_turn,
+        linear_acceleration=keys.acceleration,
+        angular_acceleration=keys.turn_acceleration,
+        reflexes=keys.reflexes,
+        away=keys.away,
+        report=stage.report,
+        changed=stage.changed,
+        steered=stage.steered,
+        body=stage.body(),
+        gyro_noise=stage.physics.gyro_noise,
+        dropouts=stage.physics.dropouts,
+        seed=stage.seed,
+    )
+
+
+def head(keys: ArduinoKeys, stage: Stage) -> HeadTwin:
+    """Return the twin of a head of hobby servos."""
+    return HeadTwin(
+        stage.clock,
+        pan=servo(keys.pan),
+        tilt=servo(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        away=keys.away,
+        report=stage.report,
+    )
+
+
+def arm(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
+    """Return the twin of an arm."""
+    return JointsTwin(joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report)
+
+
+def neck(keys: NeckKeys, stage: Stage) -> NeckTwin:
+    """Return the twin of a head that is two joints of the arm's twin."""
+    return NeckTwin(
+        stage.parts["arm"],
+        stage.clock,
+        pan=joint(keys.pan),
+        tilt=joint(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        report=stage.report,
+    )
+
+
+def ranger(keys: RPLidarKeys, stage: Stage) -> RangerTwin:
+    """Return the twin of a range finder, which sees the world from where the base truly is."""
+    world = World() if stage.world is None else stage.world
+    return RangerTwin(
+        looking(world, keys.place, stage.pose, height=keys.position[2]),
+        stage.clock,
+        model=keys.model,
+        place=keys.place,
+        blind=keys.blind,
+        report=stage.report,
+        seed=stage.seed,
+    )

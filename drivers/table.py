@@ -1,0 +1,25 @@
+"""The drivers of the house: one line each. A declaration is loaded when somebody asks for that driver."""
+
+from collections.abc import Mapping
+
+HOUSE: Mapping[str, Mapping[str, str]] = {
+    "base": {"kobuki": "drivers.kobuki.declared:KOBUKI"},
+    "head": {"arduino": "drivers.arduino.declared:ARDUINO", "dynamixel": "drivers.dynamixel.declared:NECK"},
+    "arm": {"dynamixel": "drivers.dynamixel.declared:ARM"},
+    "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR"},
+    "camera": {"opencv": "drivers.camera.declared:OPENCV"},
+    "microphone": {
+        "microphone": "drivers.microphone.declared:MICROPHONE",
+        "file": "drivers.microphone.declared:FILE",
+    },
+    "voice": {
+        "auto": "drivers.voice.declared:AUTO",
+        "espeak": "drivers.voice.declared:ESPEAK",
+        "program": "drivers.voice.declared:PROGRAM",
+        "piper": "drivers.voice.declared:PIPER",
+        "command": "drivers.voice.declared:COMMAND",
+        "print": "drivers.voice.declared:PRINT",
+    },
+    "screen": {"page": "drivers.screen.declared:PAGE", "print": "drivers.screen.declared:PRINT"},
+}
+"""Where each driver is declared, by its kind and its name."""

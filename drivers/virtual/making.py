@@ -1,0 +1,72 @@
+"""From the keys of a robot file to virtual devices, each on a stage."""
+
+from dataclasses import asdict
+
+from drivers.api import HeadPose
+from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.make import axis
+from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
+from drivers.kobuki.declared import KobukiKeys
+from drivers.rplidar.declared import RPLidarKeys
+from drivers.sim.scanner import looking
+from drivers.sim.stage import Stage
+from drivers.sim.world import World
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.plugged import Plugged
+from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from drivers.virtual.rplidar import VirtualLidar
+from drivers.virtual.servo import VirtualServo
+
+
+def kobuki(keys: KobukiKeys, stage: Stage) -> Plugged:  # noqa: ARG001 - all makers are called with both
+    """Return a virtual Kobuki."""
+    device = VirtualKobuki(wheels=stage.wheels(), ground=stage.world, battery=stage.physics.battery)
+
+    def state(now: float) -> object:
+        return asdict(device.pose(now)) | asdict(device.body.velocity)
+
+    return Plugged(device, "kobuki", pose=device.pose, state=state)
+
+
+def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+    """Return a virtual Rodney head; its state are its four servos in degrees."""
+    device = VirtualRodney(baud=keys.baud, logs=True, starts=ATTACHED)
+    pan, tilt = axis(keys.pan), axis(keys.tilt)
+
+    def looks(time: float) -> HeadPose:
+        return HeadPose(pan.to_radians(device.angle(pan.index, time)), tilt.to_radians(device.angle(tilt.index, time)))
+
+    return Plugged(device, "nano", looks=looks, state=lambda now: [device.angle(index, now) for index in range(4)])
+
+
+def servos(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+    """Return a virtual bus of Dynamixel servos; its state are their angles in radians, by joint."""
+    chain = [VirtualServo(joint.id, model=joint.model, angle=joint.zero) for joint in keys.joints.values()]
+    bus = VirtualServoBus(chain, keys.baud)
+
+    def state(_: float) -> object:
+        # One servo a joint, whatever ID somebody has given it by now.
+        return {name: servo.angle for name, servo in zip(keys.joints, bus.servos, strict=True)}
+
+    return Plugged(bus, "servos", state=state)
+
+
+def neck(keys: NeckKeys, stage: Stage) -> Plugged:
+    """Return a head that is two joints of the arm, and sits on its wire."""
+    arm: DynamixelKeys = stage.keys["arm"]
+    bus: VirtualServoBus = stage.parts["arm"].device
+
+    def angle(axis: NeckJointKeys) -> float:
+        joint = arm.joints[axis.joint]
+        turned = bus.servo(joint.id).angle - joint.zero
+        return (-turned if joint.reverse else turned) - axis.trim
+
+    return Plugged(None, looks=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))
+
+
+def lidar(keys: RPLidarKeys, stage: Stage) -> Plugged:
+    """Return a virtual RPLIDAR, which sees the world from where the base truly is."""
+    world = World() if stage.world is None else stage.world
+    look = looking(world, keys.place, stage.pose, height=keys.position[2])
+    return Plugged(VirtualLidar(look, model=keys.model, yaw=keys.yaw, seed=stage.seed), "rplidar")

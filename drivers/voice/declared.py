@@ -1,0 +1,106 @@
+"""What a robot may speak with, as drivers of voices, and their keys in a robot file."""
+
+import re
+import shlex
+from collections.abc import Iterator
+
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import VoiceKeys
+
+FILLED = ("voice", "language", "name", "speed", "volume")
+"""What stands in braces in a command and is filled in, as drivers.voice.synthesiser knows it."""
+
+
+@keys
+class SpeechKeys(VoiceKeys):
+    """The ``voice`` section of a robot."""
+
+    model: str = key(default="", help="The file of a voice of Piper, for `piper`.")
+    command: str = key(
+        default="",
+        help="A command line that speaks its standard input, for `command`: "
+        "`{voice}`, `{language}`, `{name}`, `{speed}` and `{volume}` are filled in.",
+    )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what is wrong with the command."""
+        try:
+            shlex.split(self.command)
+        except ValueError as error:
+            yield Mistake(f"'command' cannot be taken apart as a shell would: {error}", ("command",))
+        hint = f"{', '.join(f'{{{each}}}' for each in FILLED)} are; the text comes on standard input"
+        for word in re.findall(r"\{(\w+)\}", self.command):
+            if word not in FILLED:
+                yield Mistake(f"'command': {{{word}}} is not filled in", ("command",), hint=hint)
+
+
+@keys
+class PiperKeys(SpeechKeys):
+    """The ``voice`` section of a robot that speaks with Piper."""
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a voice that is missing, and what SpeechKeys finds."""
+        if not self.model:
+            yield Mistake("a voice with 'driver: piper' needs 'model'", hint="model: en_US-amy-medium.onnx")
+        yield from SpeechKeys.mistakes(self)
+
+
+@keys
+class CommandKeys(SpeechKeys):
+    """The ``voice`` section of a robot that speaks with a command."""
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a command that is missing, and what SpeechKeys finds."""
+        if not self.command:
+            yield Mistake("a voice with 'driver: command' needs 'command'", hint='command: "my_tts --stdin"')
+        yield from SpeechKeys.mistakes(self)
+
+
+AUTO = Driver(
+    "auto",
+    "voice",
+    "The first of espeak, program and print that there is.",
+    SpeechKeys,
+    make="drivers.voice.make:auto",
+    extra="speak",
+)
+ESPEAK = Driver(
+    "espeak",
+    "voice",
+    "The wheel of espeak-ng.",
+    SpeechKeys,
+    make="drivers.voice.make:espeak",
+    extra="speak",
+)
+PROGRAM = Driver(
+    "program",
+    "voice",
+    "An installed synthesiser.",
+    SpeechKeys,
+    make="drivers.voice.make:program",
+    extra="speak",
+)
+PIPER = Driver(
+    "piper",
+    "voice",
+    "Piper, with the voice in a file.",
+    PiperKeys,
+    make="drivers.voice.make:piper",
+    extra="speak",
+)
+COMMAND = Driver(
+    "command",
+    "voice",
+    "A command line that speaks its standard input.",
+    CommandKeys,
+    make="drivers.voice.make:command",
+    extra="speak",
+)
+PRINT = Driver(
+    "print",
+    "voice",
+    "Words on the terminal.",
+    SpeechKeys,
+    make="drivers.voice.make:printed",
+)

@@ -1,0 +1,114 @@
+"""The robot's eyes: a camera, and what searches its pictures for what a mission is interested in."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from config.colours import COLOURS
+from config.robot import Section
+from drivers.api import Base, Camera, Head, Notice, Report
+from drivers.api.senses import CameraKeys
+from drivers.camera.make import make
+from drivers.clock import Clock
+from missions.assembly.detectors import face_detector
+from missions.assembly.gallery import recogniser
+from missions.assembly.interests import Interests
+from missions.assembly.lags import believed
+from missions.assembly.together import gaze
+from perception.api import Face, Frame, Gaze, View
+from perception.change import MotionSense
+from perception.delay import Delay
+from perception.eyes import Eyes, Vision, unwatched
+from perception.finder import FaceDetector, FaceFinder
+from perception.identity import NamedFaces, Recogniser
+from perception.markers import MarkerSense
+from perception.senses import FaceSense, Sense, Senses
+from perception.things import ThingSense
+from perception.tracks import Tracker
+
+if TYPE_CHECKING:
+    from missions.assembly.assemble import Place
+
+
+def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, Vision]:
+    """Return the camera of a robot, or what renders the world for it, and what searches its pictures."""
+    keys: CameraKeys = section.keys
+    config, wishes, audience, simulation = place.config, place.wishes, place.audience, place.simulation
+    camera = _camera(place, section)
+    place.delay = delay = Delay(keys.delay if simulation is not None else believed(config.name, keys.delay))
+    base: Base | None = made.get("base")
+    head: Head | None = made.get("head")
+    world = wishes.world
+    sight = vision(
+        lambda stamp: gaze(stamp, base, head),
+        place.clock,
+        interests=wishes.interests,
+        detector=face_detector(keys),
+        lens=keys if world is None else None,
+        field_of_view=camera.field_of_view,
+        report=audience.report,
+        seen=audience.seen,
+        watched=audience.watched,
+        recogniser=recogniser(
+            wishes.interests,
+            audience.report,
+            camera=keys if world is None or wishes.camera is not None else None,
+            drawn=() if world is None else world.people,
+        ),
+        delay=delay,
+    )
+    place.eyes = Eyes(camera, sight)
+    return camera, sight
+
+
+def _camera(place: "Place", section: Section) -> Camera:
+    keys: CameraKeys = section.keys
+    source, simulation = place.wishes.camera, place.simulation
+    if simulation is not None and source is None:
+        return simulation.rendered(seed=place.wishes.seed)
+    if source is None:
+        camera: Camera = place.device(section)
+    else:  # whatever camera the robot has: a source is one of OpenCV's
+        camera = make(replace(keys, source=source), place.site(section, {}))
+    # A simulated head cannot turn a real camera, so its picture is turned instead.
+    return camera if simulation is None else simulation.panned(camera)
+
+
+def vision(
+    gaze: Callable[[float], Gaze | None],
+    clock: Clock,
+    *,
+    interests: Interests,
+    detector: FaceDetector,
+    field_of_view: float,
+    lens: CameraKeys | None,
+    report: Report,
+    seen: Callable[[View], None],
+    watched: Callable[[Frame, Gaze | None], None] = unwatched,
+    recogniser: Recogniser | None = None,
+    delay: Delay | None = None,
+) -> Vision:
+    """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
+
+    ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces. ``delay``
+    is how late it stamps its pictures, to be learnt.
+    """
+    faces: Sense[Face] = FaceSense(FaceFinder(detector), Tracker())
+    senses = Senses(
+        faces=(faces if recogniser is None else NamedFaces(faces, recogniser)) if interests.faces else None,
+        things=ThingSense(interests.wanted, COLOURS) if interests.wanted else None,
+        markers=None if interests.markers is None else MarkerSense(interests.markers),
+        scene=MotionSense() if interests.motion else None,
+    )
+    return Vision(
+        gaze,
+        field_of_view=field_of_view,
+        centre=(0.5, 0.5) if lens is None else lens.centre,
+        distortion=() if lens is None else lens.bent,
+        senses=senses,
+        now=clock.now,
+        delay=delay,
+        on_view=seen,
+        on_frame=watched,
+        on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),
+    )

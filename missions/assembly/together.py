@@ -1,0 +1,108 @@
+"""Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from behaviours.robot import Robot
+from config.robot import RobotConfig, Section
+from config.world import WorldConfig
+from drivers.api import Base, Device, Head, Report, Steered, unsteered
+from drivers.api.driver import resolved
+from drivers.api.kinds import KINDS
+from drivers.errors import BadRequest
+from missions.assembly.interests import Interests
+from missions.assembly.order import making_order
+from perception.api import Frame, Gaze, View
+
+
+def unwatched(frame: Frame, gaze: Gaze | None) -> None:
+    """Do nothing: nobody looks at the pictures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the caller asks for beyond the robot file.
+
+    ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
+    camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
+    what the mission looks for. ``pad`` is the node of a game pad that goes before the mission.
+    """
+
+    world: WorldConfig | None = None
+    camera: str | None = None
+    ports: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
+    interests: Interests = field(default_factory=Interests)
+    pad: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Audience:
+    """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
+
+    ``answered`` is told who in a simulated world has said which words, ``steered`` who commands the base, as that
+    changes. ``watched`` gets each frame that was searched, and where the camera looked then.
+    """
+
+    report: Report
+    changed: Callable[[], None]
+    out: Callable[[str], None]
+    seen: Callable[[View], None]
+    answered: Callable[[str, str], None]
+    steered: Steered = unsteered
+    watched: Callable[[Frame, Gaze | None], None] = unwatched
+
+
+class Stands(Protocol):
+    """Where a robot is put together: on the metal or virtual devices, or in simulated time."""
+
+    def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
+        """Return the device of a part, and what leaves see of it, which is mostly the same."""
+        ...
+
+
+def put_together(config: RobotConfig, chosen: frozenset[str], stands: Stands) -> tuple[Robot, dict[str, Device]]:
+    """Return the robot of the ``chosen`` parts as leaves see it, and its devices, in the order in which they open."""
+    made: dict[str, Device] = {}
+    seen: dict[str, object] = {}
+    for kind in making_order(config, chosen):
+        made[kind], seen[kind] = stands.make(kind, config.sections[kind], made)
+    return robot_of_parts(config, seen), {kind: made[kind] for kind in KINDS if kind in made}
+
+
+def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
+    """Return the robot that leaves see, of parts by kind; the others it lacks."""
+    fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items()}
+    arm = config.arm
+    return Robot(**fields, eye=eye(config), groups={} if arm is None else arm.groups)
+
+
+def eye(config: RobotConfig) -> tuple[float, float, float]:
+    """Return where the camera sits (m, robot's frame), or would, on a robot that has none."""
+    return (0.0, 0.0, 1.0) if config.camera is None else config.camera.position
+
+
+def made_by(name: str, section: Section, what: str) -> Callable[..., Any]:
+    """Return what makes a device, a twin or a virtual device, by its dotted name.
+
+    Raises BadRequest where a driver has no such thing, or a wrong name for it.
+    """
+    driver = section.driver
+    part = f"{driver.kind}: the driver '{driver.name}'"
+    if not name:
+        raise BadRequest(f"{part} has no {what}", hint="its author can declare one: docs/drivers.md")
+    try:
+        found: Callable[..., Any] = resolved(name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise BadRequest(f"{part} has a wrong {what}, {name}: {error}", hint="tell its author") from error
+    return found
+
+
+def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
+    """Return which way the camera looked at ``stamp``, in the odometry frame; straight ahead as far as unknown."""
+    heading = base.heading_at(stamp) if base is not None else None
+    pose = head.pose_at(stamp) if head is not None else None
+    yaw = (heading or 0.0) + (pose.pan if pose is not None else 0.0)
+    pitch = pose.tilt if pose is not None else 0.0
+    return Gaze(yaw, pitch)

@@ -1,0 +1,78 @@
+"""The table of kinds and drivers: every dotted name leads somewhere, and takes what it is given."""
+
+import inspect
+from typing import get_type_hints
+
+import pytest
+
+from behaviours.robot import Robot
+from drivers.api.driver import BrokenDriver, Driver, Site, resolved
+from drivers.api.keys import Key, declared
+from drivers.api.kinds import KINDS
+from drivers.sim.stage import Stage
+from drivers.table import HOUSE
+from missions.drivers import Table
+
+DRIVERS = [Table().find(kind, name) for kind, names in HOUSE.items() for name in names]
+
+
+@pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: f"{driver.kind}-{driver.name}")
+def test_each_driver_is_declared_under_its_name_and_its_dotted_names_take_its_keys(driver: Driver) -> None:
+    assert HOUSE[driver.kind][driver.name]
+    assert issubclass(driver.keys, KINDS[driver.kind].keys)
+    for name, place in ((driver.make, Site), (driver.twin, Stage), (driver.virtual, Stage)):
+        if name:
+            first, second = inspect.signature(resolved(name)).parameters
+            hints = get_type_hints(resolved(name))
+            assert issubclass(driver.keys, hints[first]), name
+            assert hints[second] is place, name
+
+
+def test_every_part_on_a_wire_has_its_twin_and_its_virtual_device() -> None:
+    for driver in DRIVERS:
+        assert bool(driver.twin) == bool(driver.virtual) == KINDS[driver.kind].wired, driver.name
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_each_kind_is_a_field_of_the_robot_and_its_protocols_are_there(kind: object) -> None:
+    found = KINDS[str(getattr(kind, "name", ""))]
+    hints = get_type_hints(Robot)
+    assert hints[f"{found.field}_part"] == resolved(found.seen or found.device) | None
+    assert resolved(found.device).__mro__
+    assert not found.usual or found.usual in HOUSE[found.name]
+
+
+def test_every_key_says_what_it_does() -> None:
+    silent = [
+        f"{cls.__name__}.{key.field}" for driver in DRIVERS for cls, key in _all_keys(driver.keys) if not key.help
+    ]
+    assert not silent
+
+
+def _all_keys(cls: type) -> list[tuple[type, Key]]:
+    found = []
+    for key in declared(cls):
+        found.append((cls, key))
+        if key.of is not None:
+            found += _all_keys(key.of)
+    return found
+
+
+def test_the_drivers_of_the_house_are_found_without_looking_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def looked(group: str) -> None:
+        raise AssertionError(f"looked for {group}")
+
+    monkeypatch.setattr("missions.drivers.entry_points", looked)
+    assert Table().find("base", "kobuki").name == "kobuki"
+
+
+def test_the_defaults_of_keys_are_within_their_bounds() -> None:
+    for driver in DRIVERS:
+        for cls, key in _all_keys(driver.keys):
+            if isinstance(key.default, int | float):
+                low, high = (key.default if bound is None else bound for bound in (key.low, key.high))
+                assert low <= key.default <= high, f"{cls.__name__}.{key.field}"
+
+
+def test_a_declaration_of_the_house_is_never_broken() -> None:
+    assert not [found for *_, found in Table().all() if isinstance(found, BrokenDriver)]
