@@ -1,6 +1,6 @@
 """Writing a mission and a case of its test into a folder, and playing it: what several tests of playing share."""
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
 from missions.testing.play import Verdict, play
@@ -29,6 +29,12 @@ def played(folder: Path, mission: str, body: str) -> Verdict:
     """Play one case in this process."""
     (case,) = cases(folder, mission, body)
     return play(case, limits=IN_PROCESS)
+
+
+def play_here(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict]:
+    """Play cases one by one in this process, where a test is not about the processes that ``mission test`` starts."""
+    del jobs
+    yield from (play(case, limits=IN_PROCESS) for case in cases)
 
 
 def seen(verdict: Verdict) -> list[str]:

@@ -19,7 +19,7 @@ from missions.testing.many import GONE, play_all
 from missions.testing.play import Verdict
 from missions.testing.suite import load_suite
 from tests.missions.command import command
-from tests.missions.testing.playing import WAITS, cases, seen, write
+from tests.missions.testing.playing import WAITS, cases, play_here, seen, write
 
 TWO = """tests: nap
 cases:
@@ -37,6 +37,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write(tmp_path, NAP)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missions.cli.test.play_all", play_here)
 
 
 FETCH = {
@@ -67,6 +72,7 @@ cases:
 }
 
 
+@pytest.mark.usefixtures("here")
 def test_missions_and_composites_are_mocked_as_a_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,6 +89,7 @@ def test_missions_and_composites_are_mocked_as_a_whole(
     assert "mocked can be: bring it, drive, find_face, look, say, turn" in wrong
 
 
+@pytest.mark.usefixtures("here")
 def test_behaviours_are_taken_from_the_option_and_from_the_folder_beside_the_mission(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -114,6 +121,7 @@ def read(xml: bytes) -> ET.Element:
     return ET.fromstring(xml)  # noqa: S314 - we have written it ourselves
 
 
+@pytest.mark.usefixtures("here")
 def test_a_failure_shows_its_line_and_what_was_seen_instead(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "--junit", "report.xml")
@@ -150,6 +158,7 @@ def test_a_failure_shows_its_line_and_what_was_seen_instead(folder: Path, capsys
     assert bad[0].get("message") == "it took only 1.00 s"
 
 
+@pytest.mark.usefixtures("here")
 def test_cases_can_be_chosen_and_told_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "nap", "-k", "A SECOND", "--json")
@@ -162,6 +171,7 @@ def test_cases_can_be_chosen_and_told_as_json(folder: Path, capsys: pytest.Captu
     assert command(capsys, "test", "-k", "banana").code == USAGE
 
 
+@pytest.mark.usefixtures("here")
 def test_after_the_first_failure_nothing_new_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = "".join(f"  - {{case: number {number}, expect: {{result: failure}}}}\n" for number in range(20))
     write(tmp_path, {"nap.yaml": NAP["nap.yaml"], "nap.test.yaml": f"tests: nap\ncases:\n{lines}"})
@@ -273,6 +283,7 @@ def test_what_xml_cannot_hold_is_replaced(tmp_path: Path) -> None:
     assert report.get("errors") == "1"
 
 
+@pytest.mark.usefixtures("here")
 def test_a_report_that_cannot_be_written_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "-k", "second", "--junit", "nowhere/report.xml")
