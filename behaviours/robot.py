@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from behaviours.reach import Reach
+from behaviours.tracking.lag import Lag
 from drivers.api import Base, Head, Joints, Ranger, Screen, Voice
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -17,7 +18,8 @@ class Robot:
     """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
 
     ``eye`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
-    103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``.
+    103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``. ``lag`` is
+    how long the base takes to begin what it is told: all that turn it learn it together.
 
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
     forgot to declare one.
@@ -33,6 +35,7 @@ class Robot:
     ranger_part: Ranger | None = None
     hearing_part: Hearing | None = None
     screen_part: Screen | None = None
+    lag: Lag = field(default_factory=Lag, compare=False)
 
     @property
     def base(self) -> Base:

@@ -46,6 +46,9 @@ PROBES = [0, len(GRID) // 2, len(GRID) - 1]
 LONGEST_PAIR = 0.3
 """Seconds between two pictures at most: after more, they show too little of the same."""
 
+SURE = 0.02
+"""Seconds, one sigma, within which a delay must be known to count."""
+
 OUTLIER = 9.0
 """A squared difference, in sigmas, counts no more than this: somebody walked by close in front of the camera."""
 
@@ -56,10 +59,12 @@ MEMORY = 400
 class Delay:
     """How many ``seconds`` after its exposure a picture is stamped; ``spread`` says how surely (one sigma).
 
-    ``pairs`` counts the pairs of pictures from which it was learnt. ``told`` is what it was believed to be before.
+    ``pairs`` counts the pairs of pictures from which it was learnt. ``told`` is what it was believed to be before, and
+    counts until more is sure: the first few pairs may well be wrong.
     """
 
     def __init__(self, told: float = 0.0) -> None:
+        self._told = told
         self._cost = ((GRID - told) / BELIEVED) ** 2
         self.pairs = 0
         self.seconds, self.spread = told, BELIEVED
@@ -78,8 +83,9 @@ class Delay:
         self.pairs += 1
         weights = np.exp((self._cost.min() - self._cost) / 2)
         weights /= weights.sum()
-        self.seconds = float(weights @ GRID)
-        self.spread = float(np.sqrt(weights @ (GRID - self.seconds) ** 2 + (GRID[1] - GRID[0]) ** 2 / 12))
+        mean = float(weights @ GRID)
+        self.spread = float(np.sqrt(weights @ (GRID - mean) ** 2 + (GRID[1] - GRID[0]) ** 2 / 12))
+        self.seconds = mean if self.spread <= SURE else self._told
 
 
 @dataclass(frozen=True, slots=True)

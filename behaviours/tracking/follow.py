@@ -26,9 +26,6 @@ PAUSE = 0.5
 HEAD_LAG = 0.01
 """Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
 
-TURN_ACCELERATION = 3.5
-"""rad/s^2: how quickly a base changes its turn, unless told otherwise; the 200 degrees/s^2 of the robot files."""
-
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -57,7 +54,7 @@ class Follower:
         self._rules = rules
         self._limits = limits
         self._max_turn = max_turn
-        self._lag = Lag(0.0, TURN_ACCELERATION) if lag is None else lag
+        self._lag = Lag() if lag is None else lag
         self._ahead = Ahead(self._lag)
         self._able = self._lag.acceleration if limits is None else limits.acceleration
         self._view: View = Expected(self._able)

@@ -6,6 +6,7 @@ lag is the one under which this agrees with the turn rates that the base reporte
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 GRID = tuple(step * 0.02 for step in range(26))
@@ -36,6 +37,9 @@ LONGEST_GAP = 0.3
 """Seconds between two reports: after more, the reckoning begins afresh."""
 
 
+TURN_ACCELERATION = 3.5
+"""rad/s^2: how quickly a base changes its turn, unless told otherwise; the 200 degrees/s^2 of the robot files."""
+
 BRAKING = 1.2
 """How much harder than it speeds up a base slows down: as its driver has it."""
 
@@ -56,16 +60,22 @@ class Turning:
 class Lag:
     """What a base was told, and how many ``seconds`` it takes to begin it; ``spread`` says how surely (one sigma).
 
-    ``acceleration`` (rad/s^2) is how quickly the base changes its turn. ``told`` is what the lag was believed to be.
+    ``acceleration`` (rad/s^2) is how quickly the base changes its turn. ``told`` is what the lag is believed to be.
+    ``learnt`` says whether that is more than a guess, ``reports`` from how many it was learnt here.
     """
 
-    def __init__(self, told: float, acceleration: float) -> None:
-        self.seconds, self.spread = told, BELIEVED
+    def __init__(self, told: float = 0.0, acceleration: float = TURN_ACCELERATION) -> None:
         self.acceleration = acceleration
-        self._costs = [((lag - told) / BELIEVED) ** 2 for lag in GRID]
+        self.reports = 0
         self._rates = [0.0] * len(GRID)
         self._told: deque[tuple[float, float]] = deque()
         self._known: Turning | None = None
+        self.believe(told, learnt=False)
+
+    def believe(self, told: float, *, learnt: bool) -> None:
+        """Begin with a lag of ``told`` seconds, a guess or ``learnt`` before."""
+        self.seconds, self.spread, self.learnt = told, BELIEVED, learnt
+        self._costs = [((lag - told) / BELIEVED) ** 2 for lag in GRID]
 
     def tell(self, now: float, rate: float) -> None:
         """The base was told at ``now`` to turn at ``rate`` rad/s from then on."""
@@ -88,19 +98,25 @@ class Lag:
         if not known.reported or (before is not None and known.stamp <= before.stamp):
             return
         self._known = known
-        span = 0.0 if before is None else known.stamp - before.stamp
-        if not 0 < span <= LONGEST_GAP or not self._told or self._told[0][0] > known.stamp - span - GRID[-1]:
+        follows = before is not None and known.stamp - before.stamp <= LONGEST_GAP
+        if before is None or not follows or not self._told or self._told[0][0] > before.stamp - GRID[-1]:
             self._rates = [known.rate] * len(GRID)
             return
+        span = known.stamp - before.stamp
+        means = list(self._rates)
         for number, lag in enumerate(GRID):
             told = self.told(known.stamp - lag - span / 2, self._rates[number])
             self._rates[number] = ramped(self._rates[number], told, self.acceleration * span)
-        if max(self._rates) - min(self._rates) >= LEAST:
-            self._weigh(known.rate)
+            means[number] = (means[number] + self._rates[number]) / 2
+        if max(means) - min(means) >= LEAST:
+            # How far it turned, not how fast: what a base reports of its rate is older than its heading.
+            self._weigh(means, (known.heading - before.heading) / span)
 
-    def _weigh(self, reported: float) -> None:
+    def _weigh(self, rates: Sequence[float], reported: float) -> None:
         """Count for each lag how far its turn rate is from the one that was reported."""
-        for number, rate in enumerate(self._rates):
+        self.reports += 1
+        self.learnt = True
+        for number, rate in enumerate(rates):
             off = min(((rate - reported) / MEASURED) ** 2, OUTLIER)
             self._costs[number] = self._costs[number] * (1 - 1 / MEMORY) + WEIGHT * off
         least = min(self._costs)

@@ -8,8 +8,8 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.tracking.follow import TURN_ACCELERATION, Follower
-from behaviours.tracking.lag import Lag, Turning
+from behaviours.tracking.follow import Follower
+from behaviours.tracking.lag import Turning
 from behaviours.tracking.rules import RuleBases
 from drivers.api import COMMAND_LIFE, HeadPose, Velocity
 from perception.api import Percept
@@ -38,7 +38,6 @@ class Track(Leaf):
     )
     noun: ClassVar[str] = ""
     _follower: Follower | None = None
-    _lag: Lag | None = None
     _target: Percept | None = None
     _seen_at = 0.0
 
@@ -46,10 +45,12 @@ class Track(Leaf):
         self._target = self.begins_with()
         self._seen_at = self.run.now()
         limits = None if self.robot.head_part is None else self.robot.head.limits
-        if self._lag is None:
-            base = self.robot.base_part
-            self._lag = Lag(self.lag, TURN_ACCELERATION if base is None else base.limits.turn_acceleration)
-        self._follower = Follower(self.controller, limits=limits, max_turn=self.max_turn, lag=self._lag)
+        base, lag, max_turn = self.robot.base_part, self.robot.lag, 0.0
+        if base is not None:
+            lag.acceleration, max_turn = base.limits.turn_acceleration, self.max_turn
+            if not lag.learnt:
+                lag.believe(self.lag, learnt=False)
+        self._follower = Follower(self.controller, limits=limits, max_turn=max_turn, lag=lag)
 
     def update(self) -> Status:
         trouble = self.trouble()

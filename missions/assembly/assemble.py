@@ -1,6 +1,7 @@
 """From a robot file to a robot: real drivers, on the robot's own ports or on virtual devices."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,10 @@ from drivers.api.driver import Site, resolved
 from drivers.api.sections import Wired
 from drivers.clock import Clock
 from missions.assembly.assembled import Assembled, Looking
+from missions.assembly.lags import Lags
 from missions.assembly.order import with_carriers
 from missions.assembly.together import Audience, Wishes, made_by, put_together
 from missions.folders import state_folder
-from perception.delay import Delay
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
@@ -37,7 +38,7 @@ class Place:
         self.audience = audience
         self.simulation: Simulation | None = None
         self.eyes: Looking | None = None
-        self.delay: Delay | None = None
+        self.lags = Lags(config, simulated=wishes.world is not None)
         self._ports: dict[str, str] = dict(wishes.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:
@@ -91,4 +92,5 @@ def assemble(
     if wishes.pad is not None and robot.base_part is not None:
         beside, pad_at = resolved("missions.teleop.beside:Beside"), resolved("missions.teleop.pad:pad_at")
         devices["pad"] = beside(robot.base_part, partial(pad_at, wishes.pad, clock), clock, report=audience.report)
-    return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.delay)
+    robot = replace(robot, lag=place.lags.lag)
+    return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.lags)

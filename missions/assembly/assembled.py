@@ -2,15 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from behaviours.robot import Robot
 from behaviours.run import log
 from drivers.api import Device, Health
 from drivers.api.kinds import KINDS
-from missions.assembly.lags import keep
-from perception.delay import Delay
+from missions.assembly.lags import Lags
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
@@ -38,7 +36,7 @@ class Assembled:
     """Everything that a run opens and must close.
 
     ``devices`` are the parts by name, in the order in which they open. ``settle`` and ``close`` do their work on every
-    part, whatever goes wrong with another. ``delay`` is what was learnt of its camera.
+    part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
     """
 
     name: str
@@ -46,7 +44,7 @@ class Assembled:
     devices: Mapping[str, Device]
     eyes: Looking | None = None
     simulation: "Simulation | None" = None
-    delay: Delay | None = None
+    lags: Lags | None = None
 
     def open(self) -> None:
         """Start everything; returns at once, hardware or not."""
@@ -94,8 +92,8 @@ class Assembled:
         steps += [(name, device.close) for name, device in self.devices.items() if name == "camera"]
         if self.simulation is not None:
             steps.append(("simulation", self.simulation.close))
-        if self.delay is not None and self.simulation is None:
-            steps.append(("what was learnt of the camera", partial(keep, self.name, self.delay)))
+        if self.lags is not None:
+            steps.append(("what was learnt of the delays", self.lags.keep))
         for name, step in steps:
             try:
                 step()

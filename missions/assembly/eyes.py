@@ -13,7 +13,6 @@ from drivers.clock import Clock
 from missions.assembly.detectors import face_detector
 from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
-from missions.assembly.lags import believed
 from missions.assembly.together import gaze
 from perception.api import Face, Frame, Gaze, View
 from perception.change import MotionSense
@@ -33,9 +32,8 @@ if TYPE_CHECKING:
 def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, Vision]:
     """Return the camera of a robot, or what renders the world for it, and what searches its pictures."""
     keys: CameraKeys = section.keys
-    config, wishes, audience, simulation = place.config, place.wishes, place.audience, place.simulation
+    wishes, audience = place.wishes, place.audience
     camera = _camera(place, section)
-    place.delay = delay = Delay(keys.delay if simulation is not None else believed(config.name, keys.delay))
     base: Base | None = made.get("base")
     head: Head | None = made.get("head")
     world = wishes.world
@@ -55,7 +53,7 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
             camera=keys if world is None or wishes.camera is not None else None,
             drawn=() if world is None else world.people,
         ),
-        delay=delay,
+        delay=place.lags.delay,
     )
     place.eyes = Eyes(camera, sight)
     return camera, sight

@@ -1,22 +1,39 @@
-"""What was learnt of a robot's delays, kept for its next run: a small file of JSON a robot."""
+"""What is learnt of a robot's delays, kept for its next run: a small file of JSON a robot.
 
+It holds for the robot file from which it was learnt: with another port, lens or ramp, it is learnt anew.
+"""
+
+import hashlib
 import json
-import math
 import os
 import tempfile
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
+from behaviours.tracking import lag
+from behaviours.tracking.lag import Lag
 from config.reading import read_regular
+from config.robot import RobotConfig
 from missions.folders import state_folder
-from perception.delay import GRID, Delay
+from perception import delay
+from perception.delay import Delay
 
 KNOWN = 0.015
 """Seconds, one sigma, within which a delay must be known to be kept."""
 
 ENOUGH = 30
-"""Pairs of pictures from which it must have been learnt."""
+"""Pairs of pictures, or reports of the base, from which it must have been learnt."""
+
+LONGEST = 1000
+"""Bytes that such a file has at most."""
+
+CAMERA, BASE = "camera", "base"
+"""The keys of the two delays, in seconds."""
+
+LEAST = {CAMERA: float(delay.GRID[0]), BASE: lag.GRID[0]}
+MOST = {CAMERA: float(delay.GRID[-1]), BASE: lag.GRID[-1]}
+"""Seconds that each can be."""
 
 
 def lags_file(robot: str) -> Path:
@@ -24,26 +41,64 @@ def lags_file(robot: str) -> Path:
     return state_folder() / "lags" / f"{quote(robot, safe='')}.json"
 
 
-def believed(robot: str, told: float) -> float:
-    """Return how late the camera of ``robot`` stamps its pictures, in seconds: as learnt before, else as ``told``."""
+class Lags:
+    """The delays of a robot: ``delay`` of its camera, with the lag of its head, and ``lag`` of its base.
+
+    Both begin with what earlier runs have kept, where its file is still the same, and learn on. A ``simulated`` robot
+    neither takes from earlier runs nor keeps: its delays are those of its world.
+    """
+
+    def __init__(self, config: RobotConfig, *, simulated: bool) -> None:
+        self._name, self._simulated = config.name, simulated
+        self._file = "" if simulated else _fingerprint(config)
+        self._kept = {} if simulated else _kept(config.name, self._file)
+        self.delay = Delay(self._kept.get(CAMERA, 0.0 if config.camera is None else config.camera.delay))
+        self.lag = Lag()
+        if BASE in self._kept:
+            self.lag.believe(self._kept[BASE], learnt=True)
+
+    def keep(self) -> None:
+        """Write down what is known well by now. Raises OSError where nothing can be written."""
+        if self._simulated:
+            return
+        found = dict(self._kept)
+        for key, each, times in ((CAMERA, self.delay, self.delay.pairs), (BASE, self.lag, self.lag.reports)):
+            if times >= ENOUGH and each.spread <= KNOWN:
+                found[key] = round(each.seconds, 4)
+        if found != self._kept:
+            _write(lags_file(self._name), {"robot_file": self._file, **found})
+
+
+def _fingerprint(config: RobotConfig) -> str:
+    """Return what tells a robot file from any other; nothing for one that is no file, or no longer there."""
     try:
-        found = json.loads(read_regular(lags_file(robot), 1000))["camera"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return told
-    sound = isinstance(found, float) and math.isfinite(found) and GRID[0] <= found <= GRID[-1]
-    return found if sound else told
+        return "" if config.path is None else hashlib.sha256(config.path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
-def keep(robot: str, delay: Delay) -> None:
-    """Write down what was learnt, if it is known well by now. Raises OSError where nothing can be written."""
-    if delay.pairs < ENOUGH or delay.spread > KNOWN:
-        return
-    path = lags_file(robot)
+def _kept(robot: str, file: str) -> dict[str, float]:
+    """Return the delays in seconds that were kept of a robot with such a ``file``; what is not sound counts as none."""
+    try:
+        found = json.loads(read_regular(lags_file(robot), LONGEST))
+        if found["robot_file"] != file:
+            return {}
+        kept = {CAMERA: found.get(CAMERA), BASE: found.get(BASE)}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return {}
+    return {
+        key: value
+        for key, value in kept.items()
+        if isinstance(value, float) and LEAST[key] <= value <= MOST[key]  # and so it is no NaN either
+    }
+
+
+def _write(path: Path, found: object) -> None:
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     number, name = tempfile.mkstemp(dir=path.parent)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
-            json.dump({"camera": round(delay.seconds, 4), "spread": round(delay.spread, 4), "pairs": delay.pairs}, file)
+            json.dump(found, file)
         Path(name).replace(path)
     except OSError:
         with suppress(OSError):

@@ -27,7 +27,7 @@ from drivers.errors import NotConnected
 from drivers.pantilt import AHEAD, Trimmable
 from missions.assembly.assemble import assemble
 from missions.assembly.interests import Interests
-from missions.assembly.lags import ENOUGH
+from missions.assembly.lags import ENOUGH, Lags
 from missions.assembly.together import Audience, Wishes
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import FAILURE, SUCCESS
@@ -37,7 +37,6 @@ from missions.cli.trims import check_keepable, keep_trims
 from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 from missions.runner import CONNECT_TIME
-from perception.delay import Delay
 
 STARTED: Mapping[Life, str] = MappingProxyType(
     {
@@ -67,7 +66,7 @@ class Bench:
     trimmer: Trimmable
     config: ArduinoKeys | NeckKeys
     clock: Clock
-    delay: Delay | None = None
+    lags: Lags | None = None
 
     def look(self, target: HeadPose) -> int:
         """Look there, wait until the head does, and say it; return the exit code."""
@@ -201,10 +200,10 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
     Runs learn it by themselves while the head turns, and keep it; this does it at once, before the first of them.
     """
     with opened(robot, simulate=simulate, port=port, camera=True) as bench:
-        if bench.delay is None:
+        if bench.lags is None:
             raise click.UsageError("this robot has no camera on its head, so there is nothing to find out")
         _look_about(bench, seconds)
-        delay = bench.delay
+        delay, lag = bench.lags.delay, bench.lags.lag
     if delay.pairs < ENOUGH:
         click.echo(f"only {delay.pairs} pairs of pictures told something; {ENOUGH} are needed", err=True)
         click.echo("  try: more light, a view with edges in it, --seconds 20", err=True)
@@ -213,6 +212,10 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
     click.echo(
         f"pictures are stamped {late:.0f} ms after their exposure (one sigma {spread:.0f} ms, {delay.pairs} pairs)"
     )
+    if lag.learnt:
+        click.echo(
+            f"the base begins {1000 * lag.seconds:.0f} ms after it was told to turn, as earlier runs have learnt"
+        )
     return SUCCESS
 
 
@@ -287,7 +290,7 @@ def opened(
                 health = head.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
-        yield Bench(head, trimmer, keys, clock, robot.delay)
+        yield Bench(head, trimmer, keys, clock, None if robot.eyes is None else robot.lags)
 
 
 def _warned(notice: Notice) -> None:

@@ -117,8 +117,15 @@ class Recording:
         if wish.path.resolve() in self._files:
             raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
         started = time_of_day() - timedelta(seconds=runner.clock.now())
+        lag = runner.assembled.robot.lag
         contents = contents_of(
-            self._order, runner.plan, runner.config, self._files, started=started, command=("mission", *sys.argv[1:])
+            self._order,
+            runner.plan,
+            runner.config,
+            self._files,
+            started=started,
+            command=("mission", *sys.argv[1:]),
+            lag=lag.seconds if lag.learnt else None,
         )
         try:
             self._recorder.open(contents, runner.clock, report=self._report, check=runner.assembled.health)

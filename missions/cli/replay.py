@@ -149,7 +149,7 @@ def _decide(record: Record, mission: str | None, again: _Again) -> int:
         raise click.UsageError(problem)
     with _sources(record, again) as sources:
         config = sources.robot()
-        found = rerun(record, sources.plan(config, mission), config, seed=record.head.seed)
+        found = rerun(record, sources.plan(config, mission), config, seed=record.head.seed, lag=record.head.lag)
         for line in about_rerun(found, sources):
             click.echo(line)
     if not found.nodes or found.unheard:

@@ -55,6 +55,7 @@ def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
         screen_part=None if robot.screen_part is None else ToldScreen(robot.screen_part, source, tell),
         eye=robot.eye,
         groups=robot.groups,
+        lag=robot.lag,
     )
 
 

@@ -40,11 +40,13 @@ def contents_of(
     started: datetime,
     command: Sequence[str] = (),
     mocks: Sequence[str] = (),
+    lag: float | None = None,
 ) -> Contents:
     """Return what a record of a run begins with.
 
     ``files`` are those that were read for it, as ``config.reading.files_read`` has them; ``started`` is the time of day
-    at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced.
+    at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced, ``lag`` what
+    was known of the base's.
     """
     names = dict(_named(files, {path.resolve() for path in behaviour_files(order.mission, order.behaviours)}))
     mission = Path(plan.source.name).resolve()
@@ -70,6 +72,7 @@ def contents_of(
         models=_models(config),
         mocks=tuple(mocks),
         eye=eye(config),
+        lag=lag,
     )
     tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
     return Contents(head, {name: files[path] for name, path in names.items()}, tree)

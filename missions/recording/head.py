@@ -32,7 +32,7 @@ class Head:
     clock showed 0. ``parts`` are those of the robot that the mission has to do with, ``eye`` where its camera sits (m).
     ``behaviours`` are the attachments with leaves of the user's own, ``paths`` where every attached file was found,
     ``models`` the SHA-256 of files too large to attach. ``command`` is what was typed. ``mocks`` are the leaves that a
-    test had replaced.
+    test had replaced. ``lag`` is how long (s) the base takes to begin, as earlier runs had learnt it.
     """
 
     mission: str
@@ -54,6 +54,7 @@ class Head:
     models: Mapping[str, str] = field(default_factory=dict)
     mocks: tuple[str, ...] = ()
     eye: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    lag: float | None = None
     format: int = FORMAT
 
 

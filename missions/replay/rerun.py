@@ -90,13 +90,19 @@ class Rerun:
 
 
 def rerun(
-    record: Recorded, plan: Plan, config: RobotConfig, *, seed: int = 0, substitute: Substitute = as_it_is
+    record: Recorded,
+    plan: Plan,
+    config: RobotConfig,
+    *,
+    seed: int = 0,
+    lag: float | None = None,
+    substitute: Substitute = as_it_is,
 ) -> Rerun:
     """Decide ``plan`` again as on the record, on a robot of ``config``, until the first difference.
 
-    ``substitute`` puts mocks in the place of leaves, as when it was recorded.
+    ``substitute`` puts mocks in the place of leaves, as when it was recorded; ``lag`` is what was known of the base's.
     """
-    again = _Again(record, plan, config, seed, substitute)
+    again = _Again(record, plan, config, seed, lag, substitute)
     ticks = [list(moments) for _, moments in groupby(record.moments, key=lambda moment: moment.tick)]
     for moments in ticks if record.whole else ticks[:-1]:
         again.tick(moments)
@@ -108,7 +114,15 @@ def rerun(
 class _Again:
     """The tree of today, and who compares what it does."""
 
-    def __init__(self, record: Recorded, plan: Plan, config: RobotConfig, seed: int, substitute: Substitute) -> None:
+    def __init__(
+        self,
+        record: Recorded,
+        plan: Plan,
+        config: RobotConfig,
+        seed: int,
+        lag: float | None,
+        substitute: Substitute,
+    ) -> None:
         self._clock = ManualClock()
         self._run = run = Run(self._clock, seed=seed)
         self._memory = Memory(unheard=self._note_unheard, otherwise=self._note_command)
@@ -123,6 +137,8 @@ class _Again:
             ),
             answers,
         )
+        if lag is not None:
+            robot.lag.believe(lag, learnt=True)
         guard = None
         if robot.base_part is not None and config.base is not None:
             guard = Guard(robot.base_part, config.base.reflexes, run, stream)

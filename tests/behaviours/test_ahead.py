@@ -87,9 +87,10 @@ def reports(true: float, *, hindered: bool = False) -> Lag:
             if now - 0.02 < when <= now:
                 lag.tell(when, turn)
         goal = next((turn for when, turn in reversed(told) if when <= now - true), 0.0)
-        rate = ramped(rate, goal, acceleration * 0.02)
-        heading += rate * 0.02
-        lag.learn(Turning(heading, 0.0 if hindered and 40 < n < 60 else rate, now))
+        before, rate = rate, ramped(rate, goal, acceleration * 0.02)
+        held = hindered and 40 < n < 60
+        heading += 0.0 if held else (before + rate) / 2 * 0.02
+        lag.learn(Turning(heading, 0.0 if held else rate, now))
     return lag
 
 

@@ -265,3 +265,12 @@ def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) 
     bench.sight.seen = [face(bench.clock.now(), number=2), face(bench.clock.now(), number=1)]
     bench.tick(leaf, after=0.0)
     assert leaf.result == bench.sight.seen[0]
+
+
+def test_what_is_known_of_the_bases_lag_counts_before_what_the_mission_says(rules: RuleBases) -> None:
+    bench = Bench()
+    for known, expected in ((False, 0.3), (True, 0.18)):
+        bench.robot.lag.believe(0.18, learnt=known)
+        tracking(bench, rules, lag=0.3).initialise()
+        assert bench.robot.lag.seconds == expected
+        assert bench.robot.lag.acceleration == bench.base.limits.turn_acceleration

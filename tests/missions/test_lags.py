@@ -1,12 +1,16 @@
-"""What was learnt of a robot's delays outlives the run, and a file that is damaged does no harm."""
+"""What was learnt of a robot's delays outlives the run, and a file that is damaged or of another robot does no harm."""
 
+import json
 import os
 from pathlib import Path
 
 import pytest
 
-from missions.assembly.lags import ENOUGH, KNOWN, believed, keep, lags_file
-from perception.delay import Delay
+from config.robot import RobotConfig
+from missions.assembly.lags import ENOUGH, KNOWN, Lags, lags_file
+from missions.drivers import load_robot
+
+ROBOT = "robot: {}\nbase: {{driver: kobuki, port: /dev/kobuki}}\ncamera: {{delay: 20 ms}}\n"
 
 
 @pytest.fixture(autouse=True)
@@ -15,34 +19,89 @@ def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def known(seconds: float, *, spread: float = 0.003, pairs: int = ENOUGH) -> Delay:
-    delay = Delay(seconds)
-    delay.spread, delay.pairs = spread, pairs
-    return delay
+@pytest.fixture
+def rodney(tmp_path: Path) -> RobotConfig:
+    return robot(tmp_path)
 
 
-def test_a_delay_that_is_known_well_is_believed_by_the_next_run() -> None:
-    keep("rodney", known(0.042))
-    assert believed("rodney", 0.0) == 0.042
-    assert believed("another", 0.01) == 0.01
-    keep("../../elsewhere/rodney", known(0.05))
-    assert not (lags_file("rodney").parents[2] / "elsewhere").exists()
-    assert believed("../../elsewhere/rodney", 0.0) == 0.05
-    lags_file("../../elsewhere/rodney").unlink()
-    assert [path.name for path in lags_file("rodney").parent.iterdir()] == ["rodney.json"]
+def robot(folder: Path, name: str = "rodney", *, more: str = "") -> RobotConfig:
+    path = folder / "robot.yaml"
+    path.write_text(ROBOT.format(json.dumps(name)) + more)
+    return load_robot(path)
 
 
-def test_what_is_hardly_known_is_not_kept() -> None:
-    keep("rodney", known(0.042, spread=2 * KNOWN))
-    keep("rodney", known(0.042, pairs=ENOUGH - 1))
+def learn(
+    config: RobotConfig,
+    *,
+    camera: float | None = None,
+    base: float | None = None,
+    spread: float = 0.003,
+    times: int = ENOUGH,
+) -> None:
+    """A run in which one or both delays were learnt."""
+    lags = Lags(config, simulated=False)
+    if camera is not None:
+        lags.delay.seconds, lags.delay.spread, lags.delay.pairs = camera, spread, times
+    if base is not None:
+        lags.lag.seconds, lags.lag.spread, lags.lag.reports = base, spread, times
+    lags.keep()
+
+
+def known(config: RobotConfig) -> tuple[float, float | None]:
+    """What the next run begins with: the delay of the camera, and the lag of the base if that is more than a guess."""
+    lags = Lags(config, simulated=False)
+    return lags.delay.seconds, lags.lag.seconds if lags.lag.learnt else None
+
+
+def test_delays_that_are_known_well_are_believed_by_the_next_run(rodney: RobotConfig) -> None:
+    assert known(rodney) == (0.02, None)
+    learn(rodney, camera=0.042)
+    assert known(rodney) == (0.042, None)
+    learn(rodney, base=0.19)
+    assert known(rodney) == (0.042, 0.19), "a run that learns one keeps the other"
+    learn(rodney, camera=-0.01)
+    assert known(rodney) == (-0.01, 0.19)
+
+
+def test_they_hold_for_their_robot_file_alone(tmp_path: Path, rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19)
+    assert known(robot(tmp_path, more="voice: {}\n")) == (0.02, None)
+    assert known(robot(tmp_path, "another")) == (0.02, None)
+    assert known(robot(tmp_path)) == (0.042, 0.19)
+
+
+def test_no_name_leads_out_of_the_folder(tmp_path: Path) -> None:
+    elsewhere = robot(tmp_path, "../../elsewhere/rodney")
+    learn(elsewhere, camera=0.05)
+    assert known(elsewhere) == (0.05, None)
+    assert not (tmp_path / "elsewhere").exists()
+    assert [path.parent for path in tmp_path.rglob("*.json")] == [lags_file("rodney").parent]
+
+
+def test_what_is_hardly_known_is_not_kept(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19, spread=2 * KNOWN)
+    learn(rodney, camera=0.042, base=0.19, times=ENOUGH - 1)
     assert not lags_file("rodney").exists()
 
 
-def test_a_file_that_is_damaged_counts_as_none() -> None:
-    lags_file("rodney").parent.mkdir(parents=True)
-    for text in ("", "{", "[]", "7", '{"camera": "x"}', '{"camera": 9.0}', '{"camera": NaN}', "\x00" * 5000):
+def test_a_simulated_robot_neither_takes_nor_keeps(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19)
+    before = lags_file("rodney").read_bytes()
+    lags = Lags(rodney, simulated=True)
+    assert (lags.delay.seconds, lags.lag.learnt) == (0.02, False)
+    lags.delay.spread, lags.delay.pairs = 0.001, ENOUGH
+    lags.keep()
+    assert lags_file("rodney").read_bytes() == before
+
+
+def test_a_file_that_is_damaged_counts_as_none(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042)
+    of = json.loads(lags_file("rodney").read_text())["robot_file"]
+    values = ('"x"', "9.0", "NaN", "Infinity", "-1e999", "true", "null", "[0.01]", "{}", "1" * 500)
+    damaged = [f'{{"robot_file": "{of}", "camera": {value}, "base": {value}}}' for value in values]
+    for text in ("", "{", "[]", "7", "\x00" * 5000, "[" * 900, '{"camera": 0.1, "base": 0.1}', *damaged):
         lags_file("rodney").write_text(text)
-        assert believed("rodney", 0.02) == 0.02, text
+        assert known(rodney) == (0.02, None), text
     lags_file("rodney").unlink()
     os.mkfifo(lags_file("rodney"))
-    assert believed("rodney", 0.02) == 0.02, "a pipe, which nobody waits for"
+    assert known(rodney) == (0.02, None), "a pipe, which nobody waits for"

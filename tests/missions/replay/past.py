@@ -31,8 +31,11 @@ class Past:
         return drawing_of(self.runner.plan)
 
 
-def past_of(order: Order, *, act: Callable[[Runner, Moment], None] | None = None) -> Past:
-    """Run an order to its end, and remember it. After each moment, ``act`` may do something to the run."""
+def past_of(order: Order, *, act: Callable[[Runner, Moment], None] | None = None, lag: float | None = None) -> Past:
+    """Run an order to its end, and remember it. After each moment, ``act`` may do something to the run.
+
+    ``lag`` is what earlier runs had learnt of the base's.
+    """
     events: list[Event] = []
     moments: list[Moment] = []
 
@@ -42,6 +45,8 @@ def past_of(order: Order, *, act: Callable[[Runner, Moment], None] | None = None
             act(runner, moment)
 
     runner = Runner(order, listeners=[events.append], limits=IN_PROCESS, on_moment=remember)
+    if lag is not None:
+        runner.assembled.robot.lag.believe(lag, learnt=True)
     runner.run()
     return Past(runner, events, moments)
 

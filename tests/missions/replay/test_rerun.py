@@ -67,6 +67,13 @@ def test_a_changed_threshold_is_named_with_tick_node_and_line(
     assert difference.t == moment.t
 
 
+def test_a_run_that_knew_the_lag_of_its_base_is_decided_again_with_it(robot: RobotConfig) -> None:
+    past = past_of(Order("follow_me", simulate="fast", eyes="truth"), lag=0.3)
+    plan = load_mission(str(shipped_missions()["follow_me"]), complete=True)
+    assert rerun(past, plan, robot, lag=0.3).same
+    assert rerun(past, plan, robot).command is not None
+
+
 def test_it_goes_on_no_further_than_the_first_difference(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
     found = again(greeting, changed(tmp_path, "within: 5 deg", "within: 2 deg"), robot)
     assert found.difference is not None
