@@ -1,4 +1,4 @@
-"""Dumps every shipped mission in every form: for the docs' gallery, and as the golden files that tests compare with.
+"""Draws every shipped mission for the docs' gallery, and dumps three of them in every form, as golden files of tests.
 
 ``make docs`` writes what is stale. Pages carry a style and a script, which stand in their golden files by name: what
 changes there is tested in a browser, not here.
@@ -27,8 +27,8 @@ ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 PAGES = ROOT / "tests" / "missions" / "pictures" / "golden"
 
-PICTURES = ("greet", "patrol", "motions/square")
-"""The missions that are there as PNG too: PNGs are large, and look like the SVG."""
+IN_EVERY_FORM = ("greet", "patrol", "motions/square")
+"""The missions that are there in every form; the others only as the SVG that the gallery shows."""
 
 LINKED = {
     ".txt": "text",
@@ -49,9 +49,8 @@ def dumps() -> Mapping[Path, Callable[[], Dump]]:
     """Return each file that is to be there, and what makes its content; ImportError without the extra ``plots``."""
     found: dict[Path, Callable[[], Dump]] = {}
     for name in shipped_missions():
-        for suffix in (".svg", ".html", *LINKED):
-            if suffix != ".png" or name in PICTURES:
-                found[file_of(name, suffix)] = partial(dump, name, suffix)
+        for suffix in (".svg", ".html", *LINKED) if name in IN_EVERY_FORM else (".svg",):
+            found[file_of(name, suffix)] = partial(dump, name, suffix)
     found[GALLERY / "at.svg"] = lambda: FORMS["svg"](moment())
     found[GALLERY / "diff.svg"] = lambda: PAIR_FORMS["svg"](compare(drawing("motions/square"), drawing("square_3m")))
     found[ROOT / "docs" / "tree.schema.json"] = lambda: json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
@@ -102,18 +101,16 @@ def look_alike(one: bytes, other: bytes) -> bool:
 
 
 def gallery() -> str:
-    """Return the gallery in Markdown: each mission's picture, with links to its other forms."""
+    """Return the gallery in Markdown: each mission's picture, with links to its other forms where they are there."""
     return "\n\n".join(_entry(name) for name in shipped_missions())
 
 
 def _entry(name: str) -> str:
-    links = (
-        f"[{label}](gallery/{file_of(name, suffix).name})"
-        for suffix, label in LINKED.items()
-        if suffix != ".png" or name in PICTURES
-    )
-    picture = f"![The tree of {name}](gallery/{file_of(name, '.svg').name})"
-    return f"## {name}\n\n{drawing(name).summary}\n\n{picture}\n\n{' · '.join(links)}"
+    entry = f"## {name}\n\n{drawing(name).summary}\n\n![The tree of {name}](gallery/{file_of(name, '.svg').name})"
+    if name not in IN_EVERY_FORM:
+        return entry
+    links = (f"[{label}](gallery/{file_of(name, suffix).name})" for suffix, label in LINKED.items())
+    return f"{entry}\n\n{' · '.join(links)}"
 
 
 def write() -> list[Path]:

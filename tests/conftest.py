@@ -1,11 +1,14 @@
 """What every test gets: a check that it leaves no thread, port or file open. Its clock comes from our own plugin."""
 
 import threading
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.browser import Browser, chromium
 
 # Machines are shared: how long an example takes says nothing. `make test` tries the same examples everywhere;
 # `make fuzz` looks for new ones, and each failure that it finds becomes an `@example`.
@@ -27,6 +30,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items if config.pluginmanager.hasplugin("rerunfailures") else ():
         if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests were skipped and why; where a program is missing, the reason says how to have it."""
+    skipped = defaultdict[str, Counter[str]](Counter)
+    for report in terminalreporter.stats.get("skipped", ()):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        skipped[reason.removeprefix("Skipped: ")][report.nodeid.partition("::")[0]] += 1
+    for reason, files in sorted(skipped.items()):
+        which = ", ".join(f"{count} of {file}" for file, count in sorted(files.items()))
+        terminalreporter.write_line(f"skipped: {which}: {reason}", yellow=True)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """One browser for all tests of pages; each opens its own page in it, in place of the last one."""
+    with Browser(chromium()) as found:
+        yield found
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from math import atan2
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from missions.assembly.interests import Interests
 from missions.people import People, PeopleError, folder
 from perception.api import Box, Image
 from perception.faces import HaarFaces
-from perception.finder import FaceDetector
 from perception.identity import Look, Nobody, Recogniser
 from perception.people import NotOneFace, enrol, fisher_people
 from perception.sface import SFacePeople
@@ -112,13 +112,13 @@ def drawn_gallery(people: Sequence[PersonConfig], report: Report) -> Recogniser:
             report(Notice("camera", "fault", f"{' and '.join(names)} look alike", hint))
     if not known:
         return Nobody()
-    detector = HaarFaces()
-    return fisher_people({person.name: _drawn(person.look, detector) for person in known})
+    return fisher_people({person.name: _drawn(person.look) for person in known})
 
 
-def _drawn(look: str, detector: FaceDetector) -> list[Image]:
-    """Return portraits of somebody who is drawn alone in an empty room: they are the same each time."""
-    random, found = np.random.default_rng(0), list[Image]()
+@cache
+def _drawn(look: str) -> Sequence[Image]:
+    """Return portraits of somebody who is drawn alone in an empty room, the same each time; it takes a second."""
+    random, found, detector = np.random.default_rng(0), list[Image](), HaarFaces()
     for number in range(PICTURES):
         away = AWAY[0] + (AWAY[1] - AWAY[0]) * number / (PICTURES - 1)
         somebody = Person("somebody", look, x=away, y=0.0, height=HEIGHT)

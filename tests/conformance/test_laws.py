@@ -155,7 +155,7 @@ def _checked(case: Case) -> Plan | None:
         return None
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
 @given(TREES, TICKS)
 def test_every_tree_keeps_the_laws(tree: dict[str, Any], ticks: list[tuple[str, int]]) -> None:
     case = Case("any tree", "laws", f"mission: any\ntree: {json.dumps(named(tree, count()))}\n")

@@ -21,7 +21,7 @@ from drivers.screen.frame import frame
 from drivers.screen.pages import PageScreen
 from drivers.screen.server import LISTENERS, TALKS
 from drivers.screen.svg import numbers
-from tests.browser import Browser, Tab, chromium
+from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until
 
@@ -284,12 +284,6 @@ def test_one_that_waits_for_a_port_can_be_closed(screen: PageScreen) -> None:
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser(chromium()) as browser:
-        yield browser
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from typing import Any
 
 import pint
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from config.dimensions import BASES, powers
@@ -112,7 +112,6 @@ def test_our_units_are_those_of_pint() -> None:
                 assert theirs.dimensionality == si(1.0, dimension).dimensionality
 
 
-@settings(deadline=None, max_examples=600)
 @given(FORMULAS)
 def test_a_formula_gives_what_pint_gives_and_is_refused_where_pint_refuses(formula: Formula) -> None:
     text, theirs = formula
@@ -135,7 +134,6 @@ def test_a_formula_gives_what_pint_gives_and_is_refused_where_pint_refuses(formu
     assert si(1.0, ours.dimension if isinstance(ours, Quantity) else "number").dimensionality == theirs.dimensionality
 
 
-@settings(deadline=None, max_examples=200)
 @given(FORMULAS, FORMULAS)
 def test_formulas_compare_as_pint_compares_them(left: Formula, right: Formula) -> None:
     text, theirs = both("{} < {}", operator.lt, left, right)

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
@@ -614,7 +614,6 @@ def checks_or_says_why(text: str) -> None:
         assert plan.tree.mark.line >= 1
 
 
-@settings(deadline=None, max_examples=100)
 @given(st.text(max_size=100))
 @example("mission: m\ntree: ~")
 @example("mission: m\ntree: {say: {? [a] : b}}")
@@ -642,7 +641,6 @@ VALUES = st.sampled_from(
 KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, "as", "name", "nonsense", "3", "~"])
 
 
-@settings(deadline=None, max_examples=300)
 @given(st.lists(st.lists(st.tuples(KEYS, VALUES), min_size=1, max_size=4), min_size=1, max_size=4))
 def test_any_keys_with_any_values_are_a_mission_or_say_why_not(nodes: list[list[tuple[str, str]]]) -> None:
     lines = []
@@ -654,7 +652,6 @@ def test_any_keys_with_any_values_are_a_mission_or_say_why_not(nodes: list[list[
 LINES = GREET.splitlines()
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     st.lists(
         st.tuples(st.integers(0, len(LINES) - 1), st.sampled_from(["delete", "double", "swap", "indent"])), max_size=4
@@ -675,7 +672,6 @@ def test_greet_with_its_lines_shuffled_is_a_mission_or_says_why_not(edits: list[
     checks_or_says_why("\n".join(lines))
 
 
-@settings(deadline=None, max_examples=300)
 @given(
     st.lists(
         st.tuples(st.integers(0, len(GREET)), st.integers(0, 3), st.sampled_from([*" :-[]{}'\"$&*!#\n\t0a\0é", ""])),

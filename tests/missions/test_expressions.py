@@ -4,7 +4,7 @@ import keyword
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config.units import Quantity
@@ -425,7 +425,6 @@ def reads_or_says_why(text: str) -> None:
     assert not callable(value)
 
 
-@settings(deadline=None, max_examples=500)
 @given(st.text(st.characters(exclude_categories=()), max_size=60))
 @example("(" * 400)
 @example("[" * 400 + "]" * 400)
@@ -438,7 +437,6 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
     reads_or_says_why(text)
 
 
-@settings(deadline=None, max_examples=600)
 @given(st.lists(st.sampled_from(SIGNS), max_size=12).map("".join))
 def test_no_heap_of_signs_reaches_anything_private_or_raises(text: str) -> None:
     reads_or_says_why(text)
@@ -464,7 +462,6 @@ FORMULAS = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=500)
 @given(FORMULAS)
 def test_every_well_formed_formula_has_a_value_or_a_reason(text: str) -> None:
     reads_or_says_why(text)

@@ -1,4 +1,8 @@
-"""The first mission, whole: real drivers on virtual devices, a real detector on rendered or recorded pictures."""
+"""The first mission, whole: a real detector on rendered or recorded pictures, and real drivers on virtual devices.
+
+How well somebody who walks is tracked is tried in simulated time, where it does not depend on what else the machine
+does.
+"""
 
 import math
 from pathlib import Path
@@ -63,7 +67,7 @@ def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> Non
         "mission: follow\ntree:\n  sequence:\n    - find_face:\n      timeout: 20 s\n"
         "    - track_face:\n      timeout: 12 s\n      on_failure: succeed\n"
     )
-    _, events, _ = run(Order(str(mission), world="walker"))
+    _, events, _ = run(Order(str(mission), simulate="fast", world="walker"))
     began = next(event.t for event in events if isinstance(event, NodeChanged) and event.kind == "track_face")
     seen = [event for event in events if isinstance(event, PerceptSeen) and event.stamp > began + 1]
     yaws: list[Any] = [event.faces[0]["yaw"] for event in seen if event.faces]
@@ -75,7 +79,7 @@ def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> Non
 
 
 def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None:
-    result, _, said = run(Order("greet", {"patience": "3 s"}, world="empty"))
+    result, _, said = run(Order("greet", {"patience": "3 s"}, simulate="fast", world="empty"))
     assert result.result == "failure"
     assert "no face found" in result.reason
     assert said == []

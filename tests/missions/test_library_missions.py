@@ -1,4 +1,7 @@
-"""The missions that ship, each run: the motions on a base of arithmetic, the rest on the whole simulated robot."""
+"""The missions that ship, each run: the motions on a base of arithmetic, the rest on the whole simulated robot.
+
+Those that bump into something do so on virtual devices, in real time.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -16,7 +19,7 @@ from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
 from missions.library import load_mission, shipped_missions
-from missions.order import Order
+from missions.order import Order, Simulate
 from missions.runner import Runner
 from missions.testing.recorders import STOP, Bench, good
 from tests.behaviours.test_base import REPORT, LaggingBase
@@ -112,6 +115,7 @@ def test_the_motions_go_by_the_numbers_of_the_course() -> None:
     }
 
 
+@pytest.mark.real_time
 def test_mission_motion_lists_them_runs_one_by_its_number_and_knows_no_others(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -140,12 +144,13 @@ class Ran:
         params: Mapping[str, str] | None = None,
         *,
         world: str | None = None,
+        simulate: Simulate = "fast",
         when: Callable[[Event], bool] = lambda _: False,
         then: Callable[[Runner], None] = lambda _: None,
     ) -> None:
         self.events: list[Event] = []
         self._when, self._then = when, then
-        self.runner = Runner(Order(mission, params or {}, world=world), listeners=[self._hear])
+        self.runner = Runner(Order(mission, params or {}, simulate=simulate, world=world), listeners=[self._hear])
         self.result: Result = self.runner.run()
         self.said = [event.text for event in self.events if isinstance(event, Logged) and event.level == "voice"]
 
@@ -254,9 +259,10 @@ def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
     assert speeds[-1] == 0.0
 
 
+@pytest.mark.real_time
 def test_follow_me_stops_when_it_bumps_into_something() -> None:
     far = {"duration": "10 s", "distance": "0.6 m"}
-    ran = Ran("follow_me", far, world="two_people", when=begins("follow_person"), then=bump)
+    ran = Ran("follow_me", far, world="two_people", simulate="wire", when=begins("follow_person"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
     assert ran.commands("base")[-1]["linear"] == 0.0
 
@@ -272,6 +278,7 @@ def test_patrol_goes_round_and_greets_once_whom_it_meets(tmp_path: Path) -> None
     assert ran.ends("turn") == ["success", "success"]
 
 
+@pytest.mark.real_time
 def test_patrol_ends_when_it_bumps_into_something() -> None:
-    ran = Ran("patrol", when=begins("drive"), then=bump)
+    ran = Ran("patrol", simulate="wire", when=begins("drive"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")

@@ -14,7 +14,7 @@ import pytest
 from drivers.api import Image
 from missions.cli import movie
 from missions.cli.movie import CODECS, LOOK, Movie
-from tests.browser import Browser, chromium
+from tests.browser import Browser
 
 RATE = 12.5
 
@@ -62,7 +62,7 @@ def test_a_film_is_whole_and_for_its_owner_only(tmp_path: Path, ending: str, cap
 
 
 @pytest.mark.parametrize("ending", [".webm", ".mp4"])
-def test_a_browser_plays_it(tmp_path: Path, ending: str) -> None:
+def test_a_browser_plays_it(browser: Browser, tmp_path: Path, ending: str) -> None:
     filmed(tmp_path / f"film{ending}", 25)
     page = tmp_path / "page.html"
     page.write_text(f"<title>film</title><video src='film{ending}' muted></video>")
@@ -72,8 +72,7 @@ def test_a_browser_plays_it(tmp_path: Path, ending: str) -> None:
         film.onerror = () => done(film.error.message);
         film.play().catch(error => done(String(error)));
     })"""
-    with Browser(chromium()) as browser:
-        found = browser.open(page).evaluate(played)
+    found = browser.open(page).evaluate(played)
     assert found == [160, pytest.approx(2.0, abs=0.2)]
 
 

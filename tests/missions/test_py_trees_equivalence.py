@@ -138,7 +138,7 @@ class Pair:
         )
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(trees(), st.lists(st.sampled_from(["tick"] * 6 + ["halt"]), min_size=1, max_size=15))
 def test_statuses_calls_and_feedback_are_those_of_py_trees(build: Build, todo: list[str]) -> None:
     pair = Pair(build)

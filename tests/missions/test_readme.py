@@ -110,7 +110,7 @@ def test_each_command_of_the_readme_works(
 ) -> None:
     if "--record" not in line:
         shutil.copy(record, folder)
-    outcome = command(capsys, *words(line))
+    outcome = command(capsys, *words(line.replace("--runs 40", "--runs 4")))  # the others are like these
     expected = 0
     if "--world empty" in line:
         expected = 1

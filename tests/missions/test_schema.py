@@ -9,7 +9,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
@@ -270,7 +270,6 @@ VALUES = st.sampled_from(
 KEYS = st.sampled_from([*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE, "nonsense", "3"])
 
 
-@settings(deadline=None, max_examples=400)
 @given(st.lists(st.dictionaries(KEYS, VALUES, min_size=1, max_size=3), min_size=1, max_size=3))
 @example([{"retry": "3", "say": "Hi"}])
 def test_whatever_the_checker_accepts_is_valid(nodes: list[dict[str, str]]) -> None:
@@ -288,7 +287,6 @@ def numbers() -> st.SearchStrategy[str]:
     return st.tuples(pieces, st.sampled_from(["", " "]), st.sampled_from([*units, "", "furlong", "S"])).map("".join)
 
 
-@settings(deadline=None, max_examples=500)
 @given(numbers(), st.sampled_from(list(UNITS)))
 def test_a_pattern_takes_exactly_what_the_reader_of_quantities_takes(text: str, dimension: str) -> None:
     assume(not re.search(r"[eE]\+?\d{3}", text))  # what is too large to be a number, a pattern cannot tell

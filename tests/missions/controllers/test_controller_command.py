@@ -139,7 +139,10 @@ def test_tuning_writes_a_new_file_and_shows_before_and_after(small: Path, capsys
     assert new.values != load_controller(small).values
 
 
-def test_tuning_writes_over_nothing_unless_forced(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tuning_writes_over_nothing_unless_forced(
+    small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
     other = small.parent / "other.yaml"
     other.write_text("mine", encoding="utf-8")
     wish = ("tune", "tracker", "--controller", small.name, "-o", other.name, "--evaluations", "10")

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from hypothesis import given, settings
 
-from missions.library import load_mission
+from missions.library import load_mission, shipped_missions
 from missions.pictures.compare import compare
 from missions.pictures.draw import drawing_of
 from missions.pictures.drawing import Box, Drawing
@@ -45,6 +45,12 @@ def is_sound(layout: Layout, root: Box) -> None:
 @given(DRAWINGS)
 def test_no_card_lies_on_another_and_all_text_on_its_own(drawing: Drawing) -> None:
     is_sound(lay_out(drawing), drawing.root)
+
+
+def test_every_shipped_mission_is_laid_out_so() -> None:
+    for name in shipped_missions():
+        drawing = drawing_of(load_mission(name))
+        is_sound(lay_out(drawing), drawing.root)
 
 
 @settings(max_examples=15)

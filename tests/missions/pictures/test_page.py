@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,12 +31,6 @@ GREETING = {
     "1.2.2.1.1": Now("failure", "off by 7 deg", 5.0),
 }
 """How the nodes of the mission "greet" may stand 6.25 s into a run: in all four ways."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser(chromium()) as browser:
-        yield browser
 
 
 @pytest.fixture

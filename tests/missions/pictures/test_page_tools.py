@@ -1,6 +1,5 @@
 """The page at work: fold, keys, search, layout and zoom, statuses shown by a script, and all that with 300 nodes."""
 
-from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
 
@@ -12,13 +11,7 @@ from missions.pictures.page.markup import join
 from missions.pictures.page.page import page
 from missions.pictures.page.tools import tools
 from missions.pictures.page.tree import tree
-from tests.browser import Browser, Tab, chromium
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser(chromium()) as browser:
-        yield browser
+from tests.browser import Browser, Tab
 
 
 def leaf(key: str, kind: str, text: str) -> Box:

@@ -1,6 +1,5 @@
 """The report in a browser: read by role and name, moved through time as a person does, and closed to other hosts."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -12,17 +11,11 @@ from missions.pictures.drawing import SIGNS
 from missions.recording.read import Record, open_record
 from missions.report.page import page
 from missions.report.study import Study, study
-from tests.browser import Browser, Tab, chromium
+from tests.browser import Browser, Tab
 from tests.missions.pictures.drawn import HOSTILE
 from tests.missions.pictures.test_document import Reader
 from tests.missions.replay.written import record_of
 from tests.waiting import wait_until
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser(chromium()) as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -88,9 +88,13 @@ def test_nothing_else_is_found_in_it(name: str) -> None:
     assert all(any(rule.startswith(start) for start in expected) for rule in refuted)
 
 
+SMALLER = {"patrol": {"rounds": "1", "corners": "2"}, "patrol_and_report": {"corners": "2"}}
+"""Params of missions that go round: each further corner takes as long again and shows nothing new."""
+
+
 @pytest.mark.parametrize("name", list(shipped_missions()))
 def test_every_shipped_mission_is_proved(name: str) -> None:
-    proved = verify(load_mission(name), ManualClock())
+    proved = verify(load_mission(name, params=SMALLER.get(name, {})), ManualClock())
     assert [each for each in proved.verdicts if each.outcome != PROVED] == []
     assert proved.left_out == ""
     assert proved.states > 3

@@ -8,21 +8,28 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import RichLog, Static
 
-from drivers.clock import ManualClock, SystemClock
+from drivers.clock import ManualClock
 from missions.view.app import ViewApp
 from tests.missions.view.messages import Message, first, many, news, part
 
 Use = Callable[["Shown"], Awaitable[None]]
 
 
-class CountingApp(ViewApp):
-    """A view that counts the messages that it has shown."""
+async def settle(_: float = 0.0) -> None:
+    """Let everything happen that follows from what happened, whatever time it takes: until the loop has nothing to do.
 
-    taken = 0
+    A view waits for nothing but timers, messages and keys; this waits for none of them.
+    """
+    ready = asyncio.get_running_loop()._ready  # type: ignore[attr-defined]
+    await asyncio.sleep(0)
+    while ready:
+        await asyncio.sleep(0)
 
-    def take(self, message: Message) -> None:
-        super().take(message)
-        self.taken += 1
+
+@pytest.fixture(autouse=True)
+def keys_wait_for_what_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where textual guesses from the time on the processor that a key has been taken, know it."""
+    monkeypatch.setattr("textual.app.wait_for_idle", settle)
 
 
 class Shown:
@@ -32,17 +39,13 @@ class Shown:
         self.orders: list[str] = []
         self.clock = ManualClock()
         self._messages = asyncio.StreamReader(limit=1 << 26)
-        self.app = CountingApp(self._messages, self.orders.append, self.clock, plain=plain)
+        self.app = ViewApp(self._messages, self.orders.append, self.clock, plain=plain)
         self.pilot: Pilot[None] | None = None
 
     async def hear(self, *messages: Message) -> None:
         """Let these messages come."""
-        wanted = self.app.taken + len(messages)
         for message in messages:
             self._messages.feed_data(json.dumps(message).encode() + b"\n")
-        clock = SystemClock()
-        while self.app.taken < wanted and clock.now() < 60.0:
-            await self._settle()
         await self._settle()
 
     async def press(self, *keys: str) -> None:
@@ -51,9 +54,11 @@ class Shown:
         await self._settle()
 
     async def _settle(self) -> None:
-        assert self.pilot is not None
+        """Let what was heard and pressed take effect and be painted, which may make more to be laid out and painted."""
         for _ in range(5):
-            await self.pilot.pause(0.02)
+            await settle()
+            self.app.screen._on_timer_update()
+        await settle()
 
     def end(self) -> None:
         self._messages.feed_eof()
