@@ -46,6 +46,10 @@ class Absence:
         """Whether it was silent for so long by ``now`` that it is to be heard again before anything moves."""
         return -inf < self._heard_at < now - self._away.decide
 
+    def before_return(self, asked: float) -> bool:
+        """Whether what was ``asked`` at that time is from before its last return."""
+        return self.returned is not None and asked < self.returned
+
     def require(self, who: str) -> None:
         """Raise DeviceFault while it is latched; ``who`` is the part."""
         if self.latched:

@@ -245,9 +245,21 @@ class Worker:
                         ready.unregister(err)
                     continue
                 if not data:
-                    return last_words(complaint)
+                    return last_words(_drained(err, complaint))
                 try:
                     for message, body in unframer.feed(data):
                         received(message, body)
                 except (ValueError, RecursionError) as error:  # the latter from brackets in brackets in brackets
-                    return f"{error}; {last_words(complaint)}"
+                    return f"{error}; {last_words(_drained(err, complaint))}"
+
+
+def _drained(pipe: int, complaint: bytes) -> bytes:
+    """Return a complaint with the rest of it, as far as that has come: both pipes of a program end in the same moment.
+
+    It is not waited for: somebody whom the program has started may hold its end for ever.
+    """
+    os.set_blocking(pipe, False)
+    with suppress(BlockingIOError):
+        while data := os.read(pipe, _PIECE):
+            complaint = (complaint + data)[-4 * LAST_WORDS :]
+    return complaint

@@ -9,6 +9,7 @@ from pathlib import Path
 import serial
 
 from drivers.errors import NotConnected
+from drivers.port_kind import LISTED, refuse_other_than_serial
 
 _CONTROL_FLAGS = 2
 """Where ``termios.tcgetattr`` has the control modes in its list."""
@@ -39,8 +40,9 @@ class SerialPort(serial.Serial):
 def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
-    Raises NotConnected, with what to try: nothing there, no right to it, or held by another process.
+    Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another process.
     """
+    refuse_other_than_serial({who: port})
     try:
         return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
@@ -53,7 +55,7 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return NotConnected(
             f"{who}: {port}: no such device",
-            hint="ls -l /dev/serial/by-id  (what is plugged in; or run with --simulate)",
+            hint=LISTED,
         )
     if number == errno.EACCES:
         group = _group_of(port)

@@ -1,5 +1,19 @@
-"""What can be wrong with the files that perception reads. Imports nothing, so that every command can know it."""
+"""What can be wrong with the files that perception reads. Imports nothing of ours: every command can know it."""
+
+from pathlib import Path
 
 
 class BadModel(ValueError):
     """A file that does not hold the network that it should: the message says which, and what to type next."""
+
+
+MAX_MODEL = 200_000_000
+"""Bytes of a model's file: five times what the largest of those for faces has, which are read into memory whole."""
+
+
+def check_size(model: Path, cure: str) -> None:
+    """Raise BadModel for a file that is larger than any model; ``cure`` says what to type. Raises OSError."""
+    if (size := model.stat().st_size) > MAX_MODEL:
+        raise BadModel(
+            f"faces: {model} is no network: it has {size:,} bytes, at most {MAX_MODEL:,} are read\n  try: {cure}"
+        )

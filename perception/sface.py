@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from perception.api import Box, Image
 from perception.crops import face_in
-from perception.faults import BadModel
+from perception.faults import BadModel, check_size
 from perception.identity import Look
 from perception.yunet import YuNetFaces
 
@@ -91,6 +91,7 @@ class SFacePeople:
         if not self._model.is_file():
             raise FileNotFoundError(f"faces: {self._model} is missing\n  try: `model:` in the identity section of the "
                                     "robot file names SFace's file, from the OpenCV Zoo")  # fmt: skip
+        check_size(self._model, CURE)
         try:
             return cast(_Network, cv2.FaceRecognizerSF.create(str(self._model), ""))
         except cv2.error as error:

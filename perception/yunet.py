@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Box, Detection, Image
-from perception.faults import BadModel
+from perception.faults import BadModel, check_size
 from perception.light import Grey, check, resized, window
 
 LONGEST = 640
@@ -141,6 +141,7 @@ class YuNetFaces:
         """The network, read when the first picture comes."""
         if not self._model.is_file():
             raise FileNotFoundError(f"faces: {self._model} is missing\n  try: mission models fetch yunet")
+        check_size(self._model, CURE)
         try:
             return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (320, 320), SURE, 0.3, 50))
         except cv2.error as error:

@@ -169,10 +169,10 @@ class DynamixelJoints(Enabling):
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
         DeviceFault while it is latched.
         """
-        speeds = speeds or {}
+        asked, speeds = self._clock.now(), speeds or {}
         check_move(self._name, goals, speeds, self._joints)
         with self._lock:
-            self._require()
+            self._require(asked)
             now = self._clock.now()
             accepted = self._clamping.accept(goals, now)
             self._leading.end(goals)
@@ -188,10 +188,11 @@ class DynamixelJoints(Enabling):
         the followers are brought over anew. Raises BadRequest for couplings that cannot be, and NotConnected, but not
         in order to end them.
         """
+        asked = self._clock.now()
         check_couplings(self._name, couplings, self._joints)
         with self._lock:
             if couplings:
-                self._require()
+                self._require(asked)
             if freed := self._leading.begin(couplings):
                 self._command(freed, stiff=True)
         self._loop.wake()
@@ -223,10 +224,11 @@ class DynamixelJoints(Enabling):
             return Quality.NONE
         return Quality.GOOD if self._clock.now() - reading.stamp <= FRESH else Quality.STALE
 
-    def _require(self) -> None:
-        """Raise NotConnected unless what is told to a servo now lasts: restoring its settings would undo it."""
+    def _require(self, asked: float) -> None:
+        """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""
         self._bus.require()
-        if not self._watch.connected or self._absence.unheard(self._clock.now()):
+        absent = self._absence.unheard(self._clock.now()) or self._absence.before_return(asked)
+        if absent or not self._watch.connected:
             raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
         self._absence.require(self._name)
 
@@ -278,6 +280,8 @@ class DynamixelJoints(Enabling):
             return
         began = self._clock.now()
         if self._absence.heard(began):
+            for joint in self._joints.values():
+                joint.strayed = True
             self._stand()
         wanted = self._attention.wanted(self._joints.values(), self._leading.joints, began)
         self._watch.read(wanted, meanwhile=self._go_on)

@@ -97,7 +97,7 @@ class Joint:
     unsettled: bool = False
     unsettled_at: float = -inf  # since when
     mute: bool = False  # on a port that is open, it did not say whether it is
-    strayed: bool = False  # it was found elsewhere than it stood, and has not come over yet
+    strayed: bool = False  # it was found elsewhere than it stood, or was away for long, and has not come over yet
     left_out: bool = False  # the last move of it went without it
     at: At = field(init=False)
     table: bytearray = field(init=False, repr=False)

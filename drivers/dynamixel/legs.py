@@ -46,7 +46,8 @@ def leg(joint: Joint, now: float) -> int | None:
 def paced(joint: Joint, goal: float, speed: float, here: float | None) -> float:
     """Return the speed (rad/s) at which a joint goes to ``goal`` (radians) that is told ``speed``.
 
-    One that was found elsewhere than it stood comes over slowly, until it is near where it is sent.
+    One that was found elsewhere than it stood, or was away for long, comes over slowly, until it is near where it is
+    sent.
     """
     if joint.strayed and here is not None:
         slow = joint.goal is not None and joint.speed <= RUN_IN  # it was sent on its way before

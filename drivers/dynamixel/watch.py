@@ -131,6 +131,7 @@ class Watch:
             now = self._clock.now()
             back = joint.driven and seen.value is not None
             returned = back and self._absence.back(now, now - seen.stamp, who=joint.title)
+            joint.strayed = joint.strayed or returned
         if joint.unsettled and joint.answers:
             with self._lock:
                 self._settle(joint)

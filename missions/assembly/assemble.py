@@ -10,6 +10,7 @@ from drivers.api import Device
 from drivers.api.driver import Site, resolved
 from drivers.api.sections import Wired
 from drivers.clock import Clock
+from drivers.port_kind import refuse_other_than_serial
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
 from missions.assembly.order import with_carriers
@@ -50,6 +51,12 @@ class Place:
             )
             self._ports = {**found.ports, **wishes.ports}
 
+    def refuse_other_ports(self, chosen: frozenset[str]) -> None:
+        """Raise NotConnected where something stands at the port of a ``chosen`` part that is none."""
+        sections = {kind: section for kind, section in self.config.sections.items() if kind in chosen}
+        ports = {kind: self._port(kind, section) for kind, section in sections.items()}
+        refuse_other_than_serial({kind: port for kind, port in ports.items() if port})
+
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
         """Return the device of a part, and what leaves see of it."""
         if kind in BY_HAND:
@@ -68,7 +75,7 @@ class Place:
         kind, audience = section.driver.kind, self.audience
         return Site(
             self.clock,
-            self._ports.get(kind, section.keys.port if isinstance(section.keys, Wired) else ""),
+            self._port(kind, section),
             audience.report,
             audience.changed,
             audience.steered,
@@ -77,17 +84,21 @@ class Place:
             state_folder() if self.simulation is None else None,
         )
 
+    def _port(self, kind: str, section: Section) -> str:
+        return self._ports.get(kind, section.keys.port if isinstance(section.keys, Wired) else "")
+
 
 def assemble(
     config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, audience: Audience
 ) -> Assembled:
     """Put together the ``chosen`` parts of a robot, and those that carry them; opens nothing.
 
-    Raises BadRequest for a part that cannot be simulated.
+    Raises BadRequest for a part that cannot be simulated, NotConnected where something stands at a port that is none.
     """
     chosen = with_carriers(config, chosen)
     place = Place(config, clock, wishes, audience)
     place.simulate(chosen)
+    place.refuse_other_ports(chosen)
     robot, devices = put_together(config, chosen, place)
     if wishes.pad is not None and robot.base_part is not None:
         beside, pad_at = resolved("missions.teleop.beside:Beside"), resolved("missions.teleop.pad:pad_at")

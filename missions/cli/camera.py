@@ -17,6 +17,7 @@ from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.cli.lens import keep_lens, lens_entries, lens_size
+from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from perception.calibration import Board, Calibration, Views, calibrate
 
@@ -70,7 +71,13 @@ def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
 @click.option("--square", required=True, metavar='"25 mm"', callback=_length, help="The side of a square.")
 @click.option("--keep", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE", help="Write it "
               "into your robot file.")  # fmt: skip
-@click.option("--seconds", default=120.0, show_default=True, help="How long to look through a live camera at most.")
+@click.option(
+    "--seconds",
+    type=Real(min=1.0),
+    default=120.0,
+    show_default=True,
+    help="How long to look through a live camera at most.",
+)
 def calibrate_command(source: str, board: tuple[int, int], square: float, keep: Path | None, seconds: float) -> int:
     """Find out what a lens is like: angle of view, centre, distortion.
 

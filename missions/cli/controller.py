@@ -10,6 +10,7 @@ from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from config.controller import ControllerConfig, load_controller
 from config.library import find, shipped
+from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
 from missions.controllers.scenario import DELAYS
@@ -61,9 +62,9 @@ def show(name: str, output: Path | None) -> None:
 @click.argument("names", metavar="[CONTROLLER]...", nargs=-1)
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
 @click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
-@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="How many, with --delays.")
+@click.option("--seeds", type=Whole(min=1), default=3, show_default=True, help="How many, with --delays.")
 def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, seeds: int) -> None:
     """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
 

@@ -30,6 +30,7 @@ from missions.assembly.interests import Interests
 from missions.assembly.lags import ENOUGH, Lags
 from missions.assembly.together import Audience, Wishes
 from missions.cli.keys import Keys, interruptible
+from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
@@ -120,8 +121,8 @@ def command() -> None:
 
 @command.command()
 @robot_options
-@click.option("--pan", type=float, default=0.0, metavar="DEG", help="Positive is to the left.")
-@click.option("--tilt", type=float, default=0.0, metavar="DEG", help="Positive is down.")
+@click.option("--pan", type=Real(), default=0.0, metavar="DEG", help="Positive is to the left.")
+@click.option("--tilt", type=Real(), default=0.0, metavar="DEG", help="Positive is down.")
 def look(robot: str | None, simulate: bool, port: str | None, pan: float, tilt: float) -> int:
     """Look somewhere, and wait until the head does."""
     with opened(robot, simulate=simulate, port=port) as bench:
@@ -160,8 +161,8 @@ def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) ->
 
 @command.command()
 @robot_options
-@click.option("--pan", type=float, metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
-@click.option("--tilt", type=float, metavar="DEG", help="The trim of the tilt servo.")
+@click.option("--pan", type=Real(), metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
+@click.option("--tilt", type=Real(), metavar="DEG", help="The trim of the tilt servo.")
 @click.option("--keep", is_flag=True, help="Write the trims into the robot file; nothing else in it is changed.")
 def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None, tilt: float | None, keep: bool) -> int:
     """Put the head straight: with the arrow keys while it looks ahead, or by --pan and --tilt.
@@ -191,9 +192,7 @@ def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None,
 
 @command.command()
 @robot_options
-@click.option(
-    "--seconds", type=click.FloatRange(2, 60), default=6.0, show_default=True, help="How long it looks about."
-)
+@click.option("--seconds", type=Real(2, 60), default=6.0, show_default=True, help="How long it looks about.")
 def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:
     """Find how late the camera stamps its pictures: the head looks to and fro, and the background tells.
 

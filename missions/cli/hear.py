@@ -20,6 +20,7 @@ from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.hearing import Hearing, hearing
 from missions.assembly.together import made_by
+from missions.cli.numbers import Real
 from missions.cli.options import behaviours_option, leaves_for, params_option
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
@@ -59,7 +60,7 @@ def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> f
 @click.option("--robot", metavar="NAME", help="Whose microphone and pronunciations; else the system's microphone.")
 @click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
 @click.option(
-    "--threshold", type=float, callback=_sure, help="How sure is sure enough, instead of what the robot file says."
+    "--threshold", type=Real(), callback=_sure, help="How sure is sure enough, instead of what the robot file says."
 )
 @params_option
 @behaviours_option

@@ -10,6 +10,7 @@ from threading import Thread
 
 import click
 
+from missions.cli.numbers import Whole
 from missions.executive.events import Event, Notified, Stream
 from missions.executive.executive import Executive
 
@@ -30,7 +31,7 @@ def _pipe(ctx: click.Context, option: click.Parameter, number: int | None) -> in
     return number
 
 
-leash_option = click.option("--leash", type=int, callback=_pipe, hidden=True, help="The end of a server's pipe.")
+leash_option = click.option("--leash", type=Whole(), callback=_pipe, hidden=True, help="The end of a server's pipe.")
 """Adds ``--leash FD`` to a command: the run stops when that pipe ends, and tells its notices on stdout."""
 
 

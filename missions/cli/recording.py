@@ -14,6 +14,7 @@ import click
 from config.reading import files_read
 from drivers.api import Notice
 from drivers.clock import time_of_day
+from missions.cli.numbers import Real
 from missions.cli.options import SIZE
 from missions.executive.events import FaultRaised, Listener
 from missions.executive.executive import Result
@@ -43,7 +44,7 @@ def record_options(command: Any) -> Any:
         click.option("--overwrite", is_flag=True, help="Let the record take the place of the file that is there."),
         click.option(
             "--record-frames",
-            type=click.FloatRange(min=0, max=100),
+            type=Real(min=0, max=100),
             metavar="RATE",
             help=f"Keep so many of the camera's pictures a second: {FRAMES:g} unless you say otherwise, 0 for none.",
         ),

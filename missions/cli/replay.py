@@ -16,6 +16,7 @@ from drivers.clock import SystemClock
 from missions.cli.console import console
 from missions.cli.keys import Keys, interruptible
 from missions.cli.movie import Movie, check_place
+from missions.cli.numbers import Real
 from missions.cli.options import SECONDS, behaviours_option
 from missions.cli.root import FAILURE, SUCCESS, USAGE
 from missions.recording.read import Record, open_record
@@ -35,7 +36,7 @@ REFRESH = 0.1
 @click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, min_open=True, max=1000),
+    type=Real(min=0, min_open=True, max=1000),
     default=1.0,
     metavar="TIMES",
     help="Play it so many times as fast as it was.",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.numbers import Whole
 from missions.cli.outputs import check_folder, writing
 from missions.recording.outputs import write_private
 from missions.recording.read import open_record
@@ -29,7 +30,7 @@ PAGES = (".html", ".htm")
 )
 @click.option(
     "--pictures",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     default=MOST_PICTURES,
     show_default=True,
     metavar="N",

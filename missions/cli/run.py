@@ -12,6 +12,7 @@ from typing import Literal
 import click
 
 from missions.cli.leash import leash_option
+from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
@@ -67,7 +68,7 @@ class RunCommand(MissionCommand):
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Real(min=0, min_open=True),
     metavar="TIMES",
     help="Simulate on a simulated clock, at so many times real time: 5 to watch it, 0.2 to see every step.",
 )
@@ -94,9 +95,7 @@ class RunCommand(MissionCommand):
     callback=pairs("base=/dev/ttyUSB0"),
     help="Where a part is plugged in, instead of what the robot file says.",
 )
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="For whatever is drawn by chance."
-)
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="For whatever is drawn by chance.")
 @click.option(
     "--events", type=click.Path(dir_okay=False, path_type=Path), help="Write every event here, as JSON lines."
 )

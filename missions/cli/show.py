@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
 from missions.cli.outputs import writing
 from missions.library import load_mission
@@ -40,7 +41,7 @@ NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[pl
 @click.option(
     "--fold",
     "depth",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     metavar="N",
     help="Show sub-missions that lie in N others, or more, as one node; 0 folds them all.",
 )

@@ -15,6 +15,7 @@ from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
+from missions.cli.numbers import Real
 from missions.drivers import load_robot
 from missions.executive.executive import GLANCE
 from missions.order import DEFAULT_ROBOT
@@ -46,7 +47,7 @@ class Lines:
 @click.command()
 @click.option("--robot", metavar="NAME", default=DEFAULT_ROBOT, show_default=True, help="A name or a file.")
 @click.option(
-    "--state", "period", type=float, metavar="SECONDS", help="Print what the devices do, as JSON, that often."
+    "--state", "period", type=Real(), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
 )
 @click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
 def command(robot: str, period: float | None, paced: bool) -> None:

@@ -14,6 +14,7 @@ from config.units import in_dimension
 from drivers.clock import SystemClock
 from missions.cli.console import console
 from missions.cli.keys import interruptible
+from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
@@ -44,7 +45,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 
 @click.command()
 @click.argument("name", metavar="MISSION")
-@click.option("--runs", type=click.IntRange(min=1), default=100, show_default=True, help="How many runs.")
+@click.option("--runs", type=Whole(min=1), default=100, show_default=True, help="How many runs.")
 @click.option(
     "--vary",
     multiple=True,
@@ -66,7 +67,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 )
 @click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     default=0,
     show_default=True,
     help="That of the first run; the next has one more.",
@@ -79,7 +80,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     callback=_in("duration"),
     help="How long a run may take, in simulated time, before it counts as unfinished.",
 )
-@click.option("-j", "--jobs", type=click.IntRange(min=1), metavar="N", help="As many processes; one for each core.")
+@click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes; one for each core.")
 @click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster with this scheduler, such as tcp://host:8786.")
 @click.option(
     "--target",
@@ -95,7 +96,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     help="Where the files go; sweep-MISSION when not given.",
 )
 @click.option("--force", is_flag=True, help="Write over the files of an earlier sweep.")
-@click.option("--only", type=click.IntRange(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
+@click.option("--only", type=Whole(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
 @click.option(
     "--save-world",
     type=click.Path(dir_okay=False, path_type=Path),

@@ -12,6 +12,7 @@ import click
 
 from config.library import find, shipped
 from config.notices import named
+from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
@@ -34,7 +35,7 @@ LATE = 3600.0
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
 """What is done about an interrupted task, by what its mission says of that."""
 
-NUMBER = click.argument("number", metavar="TASK", type=click.IntRange(min=1))
+NUMBER = click.argument("number", metavar="TASK", type=Whole(min=1))
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 
 
@@ -73,12 +74,12 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
 )
 @click.option(
     "--priority",
-    type=click.IntRange(*PRIORITIES),
+    type=Whole(*PRIORITIES),
     default=0,
     metavar="NUMBER",
     help="Of the tasks that are due, the highest is first: -100 to 100, else 0. What runs is not broken off.",
 )
-@click.option("--retry", type=click.IntRange(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option("--retry", type=Whole(min=0), default=0, metavar="TIMES", help="Try again when it fails.")
 @click.option(
     "--if-interrupted",
     "interrupted",

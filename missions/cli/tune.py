@@ -16,6 +16,7 @@ from config.marked import read_source
 from missions.cli.console import console
 from missions.cli.controller import read
 from missions.cli.keys import interruptible
+from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.cli.root import INTERRUPTED, SUCCESS
 from missions.controllers.bench import bench, table
@@ -48,13 +49,13 @@ def command() -> None:
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
 @click.option(
     "--evaluations",
-    type=click.IntRange(min=10),
+    type=Whole(min=10),
     default=300,
     show_default=True,
     metavar="N",
     help="How many variants to try, in all.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the search.")
 def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
     """Tune the numbers of a controller (a name or a file), and write them into a new file.
 

@@ -11,6 +11,7 @@ from config.faults import InvalidFileError
 from config.library import UnknownNameError
 from config.units import written
 from drivers.clock import SystemClock
+from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for
 from missions.library import shipped_missions
@@ -22,7 +23,7 @@ from missions.verify.verify import BOUND, LIMIT, verify
 @click.argument("names", nargs=-1, metavar="[MISSION]...")
 @click.option(
     "--bound",
-    type=click.IntRange(min=1),
+    type=Whole(min=1),
     default=BOUND,
     show_default=True,
     metavar="STATES",

@@ -11,6 +11,7 @@ from pathlib import Path
 from config.faults import InvalidFileError, Source
 from config.marked import Mapping as Marked
 from config.marked import compose
+from config.reading import read_regular
 from config.robot import RobotConfig
 from config.world import WorldConfig
 from missions.assembly.together import eye
@@ -23,6 +24,7 @@ from missions.order import DEFAULT_WORLD, Order
 from missions.pictures.draw import drawing_of
 from missions.pictures.tree_json import to_json
 from missions.recording.head import Contents, Head
+from perception.faults import MAX_MODEL
 
 KINDS = ("mission", "world", "gesture", "controller", "object", "move", "robot")
 """What the files of a run are, by the first of these words that stands in one as a key."""
@@ -129,6 +131,6 @@ def _models(config: RobotConfig) -> dict[str, str]:
         return {}
     path = Path(config.camera.model).expanduser() if config.camera.model else folder() / YUNET.file
     try:
-        return {path.name: hashlib.sha256(path.read_bytes()).hexdigest()}
+        return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL)).hexdigest()}
     except OSError:  # then there are no eyes either, and who makes them says so
         return {}

@@ -9,6 +9,7 @@ import pytest
 from drivers.api import Notice
 from drivers.clock import Clock, SystemClock
 from drivers.sim.timeline import Timeline
+from tests.drivers.cranked import pass_until
 from tests.waiting import wait_until
 
 
@@ -76,10 +77,7 @@ class InSimulatedTime(Rig):
         self.timeline.run(self.clock.now() + seconds)
 
     def until(self, holds: Callable[[], object]) -> None:
-        end = self.clock.now() + 20.0
-        while not holds():
-            assert self.clock.now() < end, "it did not come true within 20 s"
-            self.wait(0.01)
+        pass_until(self.timeline, holds)
 
 
 def real(rig: type[object], name: str) -> Any:

@@ -14,7 +14,7 @@ from drivers.dynamixel.wire import Instruction, Packet, Parser
 from drivers.sim.timeline import Timeline
 from drivers.virtual.dynamixel import VirtualServoBus
 from tests.drivers.chains import chain
-from tests.drivers.cranked import PERIOD, by_hand
+from tests.drivers.cranked import PERIOD, by_hand, pass_until
 from tests.drivers.lines import DirectLine
 
 TICK = MODELS["AX-12A"].tick
@@ -106,10 +106,7 @@ class Arm:
 
     def until(self, holds: Callable[[], object]) -> None:
         """Let time pass until ``holds`` is true; fail after 20 s."""
-        end = self.clock.now() + 20.0
-        while not holds():
-            assert self.clock.now() < end, "it did not come true within 20 s"
-            self.timeline.run(self.clock.now() + PERIOD)
+        pass_until(self.timeline, holds)
 
     def told(self, text: str) -> bool:
         """Whether a notice of that kind, or with these words in it, has come."""

@@ -55,20 +55,28 @@ def by_hand(timeline: Timeline) -> Callable[[str, Turn, Callable[[], object]], H
     return lambda name, turn, last: HandLoop(timeline, turn, last)  # noqa: ARG005 - no thread, no name
 
 
+def pass_until(timeline: Timeline, holds: Callable[[], object]) -> None:
+    """Let time pass until ``holds`` is true; fail after 20 s of it."""
+    end = timeline.clock.now() + 20.0
+    while not holds():
+        assert timeline.clock.now() < end, "it did not come true within 20 s"
+        timeline.run(timeline.clock.now() + PERIOD)
+
+
 class HandWire:
     """A wire from a virtual device to a link, which looks at it every ``PERIOD``.
 
     ``distort`` sees all bytes that the device sends, and returns what arrives instead.
     """
 
-    def __init__(self, device: WireDevice, timeline: Timeline) -> None:
+    def __init__(self, device: WireDevice, timeline: Timeline, *, plugged: bool = True) -> None:
         self.distort: Callable[[bytes], bytes] = bytes
         self.arrived = b""
         self.device = device
         self.clock = timeline.clock
         self.holder: HandPort | None = None
         self._timeline = timeline
-        self._plugged = True
+        self._plugged = plugged
         timeline.every(PERIOD, self._poll)
 
     def link(self, name: str, *, gather: float = 0.0, report: Report = unreported) -> Link:

@@ -412,3 +412,47 @@ def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers()
     assert arm.servo(2).limp
     assert arm.joints.recover() == ("b",)
     assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
+
+
+def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() -> None:
+    arm = Hand("AX-12A", speed=4.0)
+    arm.run()
+    arm.joints.move({"a": 0.2})
+    arm.run(0.5)
+    arm.servo(1).present = False
+    arm.run(2.0)
+    arm.servo(1).present = True
+    arm.run(1.5)
+    assert arm.joints.health().returned is not None
+    before = arm.servo(1).angle
+    arm.joints.move({"a": 1.2})
+    arm.run(0.5)
+    assert 0.6 * RUN_IN < (arm.servo(1).angle - before) / 0.5 < 1.1 * RUN_IN
+    arm.run(2.0)
+    assert arm.servo(1).angle == pytest.approx(1.2, abs=NEAR)
+
+
+def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arm = Hand("AX-12A", "AX-12A", speed=4.0)
+    arm.run()
+    arm.joints.move({"a": 0.2, "b": 0.0})
+    arm.run(0.5)
+    arm.servo(1).present = False
+    arm.run(2.0)
+
+    def back_meanwhile(*_: object) -> None:  # the caller has its permit, and waits for the driver
+        arm.servo(1).present = True
+        arm.run(1.5)
+
+    monkeypatch.setattr("drivers.dynamixel.driver.check_move", back_meanwhile)
+    with pytest.raises(NotConnected, match="looking for the servos"):
+        arm.joints.move({"a": 1.2, "b": 1.2})
+    monkeypatch.undo()
+    arm.run(1.0)
+    assert arm.servo(1).angle == pytest.approx(0.2, abs=NEAR)
+    assert arm.servo(2).angle == pytest.approx(0.0, abs=NEAR)
+    arm.joints.move({"b": 1.2})
+    arm.run(1.0)
+    assert arm.servo(2).angle == pytest.approx(1.2, abs=NEAR)

@@ -1,7 +1,6 @@
 """The Kobuki driver: its rules in simulated time against the virtual base, then as a whole over a pseudo-terminal."""
 
 import errno
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import pairwise
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers import ports
 from drivers.api import COMMAND_LIFE, STILL, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
-from drivers.clock import ManualClock, SystemClock
+from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
@@ -25,9 +24,11 @@ from drivers.kobuki.senses import Senses, battery_percent
 from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, encode
 from drivers.link import Link, Talker
 from drivers.sim.body import COMMAND_TIMEOUT
+from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
+from tests.drivers.cranked import HandWire, pass_until
 from tests.waiting import wait_until
 
 NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
@@ -640,19 +641,18 @@ def test_a_virtual_base_tells_its_gains_when_asked() -> None:
     assert Gains() in decode(payload, FEEDBACK).parts
 
 
-# --- the whole of it, over a pseudo-terminal in real time -------------------------------------------------------------
+# --- the whole of it, turned by hand and over a pseudo-terminal -------------------------------------------------------
 
 
 class Rig:
-    """A driver on a real thread, a virtual base behind a terminal, and the notices of both driver and link."""
+    """A driver with its link, a virtual base, and the notices of both driver and link."""
+
+    clock: Clock
+    base: KobukiBase
 
     def __init__(self) -> None:
-        self.clock = SystemClock()
         self.device = VirtualKobuki()
-        self.terminal = Terminal("kobuki", self.device, self.clock)
         self.notices: list[Notice] = []
-        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
-        self.base = KobukiBase(link, self.clock, report=self.notices.append)
 
     def online(self) -> bool:
         return self.base.health().online
@@ -676,28 +676,111 @@ class Rig:
         return [notice.kind for notice in self.notices]
 
 
-@pytest.fixture
-def rig() -> Iterator[Rig]:
-    threads = set(threading.enumerate())
-    rig = Rig()
-    try:
-        yield rig
-    finally:
-        rig.base.close()
-        rig.terminal.close()
-    assert set(threading.enumerate()) == threads
+class HandRig(Rig):
+    """On a wire, in simulated time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.timeline = Timeline()
+        self.clock = self.timeline.clock
+        self.wire = HandWire(self.device, self.timeline)
+        link = self.wire.link("base", report=self.notices.append)
+        self.base = KobukiBase(link, self.clock, report=self.notices.append)
+
+    def until(self, holds: Callable[[], object]) -> None:
+        pass_until(self.timeline, holds)
 
 
 @pytest.fixture
-def running(rig: Rig) -> Rig:
-    rig.terminal.open()
+def rig() -> HandRig:
+    rig = HandRig()
     rig.base.open()
-    wait_until(rig.online)
+    rig.until(rig.online)
     return rig
 
 
+def test_it_stops_when_nobody_renews(rig: HandRig) -> None:
+    rig.until(rig.driving)
+    rig.until(lambda: not rig.moves())
+
+
+def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:
+    rig.until(rig.driving)
+    rig.wire.distort = lambda _: b""
+    rig.until(lambda: not rig.online())
+    assert "open but silent" in rig.base.health().detail
+    rig.until(lambda: not rig.moves())
+    rig.wire.distort = bytes
+    rig.until(rig.driving)
+
+
+@pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
+def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: HandRig, error: BaseException) -> None:
+    def throw(*_: object) -> None:
+        raise error
+
+    rig.base.close()
+    rig.base = KobukiBase(rig.wire.link("base", report=throw), rig.clock, report=throw, changed=throw)
+    rig.base.open()
+    rig.until(rig.driving)
+    rig.device.bumper = Sides(left=True)
+    rig.until(lambda: (rig.base.state().value or NOWHERE).bumper)
+    rig.until(lambda: not rig.driving())
+    rig.device.bumper = Sides()
+    rig.until(rig.driving)
+    rig.base.close()
+    assert not rig.online()
+    rig.until(lambda: not rig.moves())
+    assert rig.wire.holder is None
+
+
+def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(rig: HandRig) -> None:
+    rig.wire.distort = lambda said: said[:-1] + bytes([said[-1] ^ 0xFF])
+    rig.until(lambda: rig.base.health().counters["checksum_errors"] > 2)
+    rig.until(lambda: not rig.online())
+    rig.wire.distort = bytes
+    rig.until(rig.online)
+
+
+def test_noise_before_the_header_is_no_trouble(rig: HandRig) -> None:
+    rig.wire.distort = lambda said: b"\xaa\x00\xaa" + said
+    frames = rig.base.health().counters["frames"]
+    rig.until(lambda: rig.base.health().counters["frames"] > frames + 10)
+    assert rig.base.health().counters["skipped_bytes"] >= 30 - 3
+    rig.until(rig.driving)
+
+
+class Ported(Rig):
+    """On a pseudo-terminal, on threads of their own."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = SystemClock()
+        self.terminal = Terminal("kobuki", self.device, self.clock)
+        link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
+        self.base = KobukiBase(link, self.clock, report=self.notices.append)
+
+
+@pytest.fixture
+def ported() -> Iterator[Ported]:
+    ported = Ported()
+    try:
+        yield ported
+    finally:
+        ported.base.close()
+        ported.terminal.close()
+
+
+@pytest.fixture
+def running(ported: Ported) -> Ported:
+    ported.terminal.open()
+    ported.base.open()
+    wait_until(ported.online)
+    return ported
+
+
 @pytest.mark.real_time
-def test_it_drives_and_stops(running: Rig) -> None:
+def test_it_drives_and_stops(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.base.stop()
     wait_until(lambda: not running.moves())
@@ -707,13 +790,7 @@ def test_it_drives_and_stops(running: Rig) -> None:
 
 
 @pytest.mark.real_time
-def test_it_stops_when_nobody_renews(running: Rig) -> None:
-    wait_until(running.driving)
-    wait_until(lambda: not running.moves())
-
-
-@pytest.mark.real_time
-def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
+def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
     wait_until(running.driving)
     running.base.close()
     wait_until(lambda: not running.moves())
@@ -724,59 +801,7 @@ def test_it_is_stopped_when_it_is_closed(running: Rig) -> None:
 
 
 @pytest.mark.real_time
-def test_a_silent_wire_is_offline_and_comes_back(running: Rig) -> None:
-    wait_until(running.driving)
-    running.terminal.distort = lambda _: b""
-    wait_until(lambda: not running.online())
-    assert "open but silent" in running.base.health().detail
-    wait_until(lambda: not running.moves())
-    running.terminal.distort = bytes
-    wait_until(running.driving)
-
-
-@pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
-@pytest.mark.real_time
-def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: Rig, error: BaseException) -> None:
-    def throw(*_: object) -> None:
-        raise error
-
-    link = Link("base", rig.terminal.path, BAUD, retry=0.05, report=throw)
-    rig.base = KobukiBase(link, rig.clock, report=throw, changed=throw)
-    rig.terminal.open()
-    rig.base.open()
-    wait_until(rig.driving)
-    rig.device.bumper = Sides(left=True)
-    wait_until(lambda: (rig.base.state().value or NOWHERE).bumper)
-    wait_until(lambda: not rig.driving())
-    rig.device.bumper = Sides()
-    wait_until(rig.driving)
-    rig.base.close()
-    assert not rig.online()
-    wait_until(lambda: not rig.moves())
-    with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
-        pass
-
-
-@pytest.mark.real_time
-def test_frames_with_a_wrong_checksum_are_counted_and_not_believed(running: Rig) -> None:
-    running.terminal.distort = lambda said: said[:-1] + bytes([said[-1] ^ 0xFF])
-    wait_until(lambda: running.base.health().counters["checksum_errors"] > 2)
-    wait_until(lambda: not running.online())
-    running.terminal.distort = bytes
-    wait_until(running.online)
-
-
-@pytest.mark.real_time
-def test_noise_before_the_header_is_no_trouble(running: Rig) -> None:
-    running.terminal.distort = lambda said: b"\xaa\x00\xaa" + said
-    frames = running.base.health().counters["frames"]
-    wait_until(lambda: running.base.health().counters["frames"] > frames + 10)
-    assert running.base.health().counters["skipped_bytes"] >= 30 - 3
-    wait_until(running.driving)
-
-
-@pytest.mark.real_time
-def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
+def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.terminal.unplug()
     wait_until(lambda: "offline" in running.kinds())
@@ -797,33 +822,33 @@ def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Rig) -> None:
 
 
 @pytest.mark.real_time
-def test_a_base_that_appears_later_is_found(rig: Rig) -> None:
-    rig.base.open()
-    wait_until(lambda: "no such device" in rig.base.health().detail)
-    assert rig.base.health().hint
-    rig.terminal.open()
-    wait_until(rig.driving)
+def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
+    ported.base.open()
+    wait_until(lambda: "no such device" in ported.base.health().detail)
+    assert ported.base.health().hint
+    ported.terminal.open()
+    wait_until(ported.driving)
 
 
 @pytest.mark.real_time
-def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(rig: Rig) -> None:
-    rig.terminal.open()
-    with serial.Serial(rig.terminal.path, BAUD, exclusive=True):
-        rig.base.open()
-        wait_until(lambda: "in use" in rig.base.health().detail)
-        assert "fuser -v" in rig.base.health().hint
-    wait_until(rig.online)
+def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(ported: Ported) -> None:
+    ported.terminal.open()
+    with serial.Serial(ported.terminal.path, BAUD, exclusive=True):
+        ported.base.open()
+        wait_until(lambda: "in use" in ported.base.health().detail)
+        assert "fuser -v" in ported.base.health().hint
+    wait_until(ported.online)
 
 
 @pytest.mark.real_time
-def test_a_forbidden_port_says_how_to_get_the_right(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_forbidden_port_says_how_to_get_the_right(ported: Ported, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    rig.terminal.open()
+    ported.terminal.open()
     with monkeypatch.context() as forbidden:  # taken away by hand, for root is never refused
         forbidden.setattr(ports, "SerialPort", refuse)
-        rig.base.open()
-        wait_until(lambda: "no permission" in rig.base.health().detail)
-        assert "usermod" in rig.base.health().hint
-    wait_until(rig.online)
+        ported.base.open()
+        wait_until(lambda: "no permission" in ported.base.health().detail)
+        assert "usermod" in ported.base.health().hint
+    wait_until(ported.online)

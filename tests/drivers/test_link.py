@@ -9,15 +9,11 @@ import pytest
 import serial
 
 from drivers.api import Notice, unheard
-from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.link import Link
-from drivers.ports import SerialPort
-from drivers.virtual.terminal import Terminal
-from tests.waiting import wait_until
-
-pytestmark = pytest.mark.real_time
+from drivers.sim.timeline import Timeline
+from tests.drivers.cranked import HandPort, HandWire, pass_until
 
 ANYTHING = [ValueError("broken"), SystemExit(1), BaseException("worse")]
 
@@ -68,31 +64,33 @@ class Chatter:
 
 @dataclass
 class Rig:
-    """A link over a terminal with an echo at its end."""
+    """A link over a wire with an echo at its end."""
 
     link: Link
-    terminal: Terminal
+    wire: HandWire
+    timeline: Timeline
     echo: Echo
     notices: list[Notice]
     chatter: Chatter = field(default_factory=Chatter)
 
     def open(self) -> None:
-        self.terminal.open()
         self.link.open(self.chatter)
-        wait_until(lambda: self.chatter.connections)
+        self.until(lambda: self.chatter.connections)
+
+    def until(self, holds: Callable[[], object]) -> None:
+        pass_until(self.timeline, holds)
 
     def lives_on(self) -> None:
-        """Wait until the thread has pulsed a few times more."""
+        """Wait until it has pulsed a few times more."""
         enough = self.chatter.pulses + 3
-        wait_until(lambda: self.chatter.pulses >= enough)
+        self.until(lambda: self.chatter.pulses >= enough)
 
     def has_heard(self, count: int) -> bool:
         return len(self.chatter.heard) >= count
 
     def is_free(self) -> bool:
-        """Whether the port can be taken exclusively, as it can once nobody holds it."""
-        with serial.Serial(self.terminal.path, 57600, exclusive=True):
-            return True
+        """Whether nobody holds the port."""
+        return self.wire.holder is None
 
     def told(self, kind: str) -> list[str]:
         return [notice.what for notice in list(self.notices) if notice.kind == kind]
@@ -100,13 +98,12 @@ class Rig:
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
-    echo = Echo()
-    terminal = Terminal("echo", echo, SystemClock())
+    echo, timeline = Echo(), Timeline()
+    wire = HandWire(echo, timeline)
     notices: list[Notice] = []
-    rig = Rig(Link("echo", terminal.path, 57600, retry=0.05, report=notices.append), terminal, echo, notices)
+    rig = Rig(wire.link("echo", report=notices.append), wire, timeline, echo, notices)
     yield rig
     rig.link.close()
-    terminal.close()
 
 
 def raising(error: BaseException) -> Callable[..., None]:
@@ -144,18 +141,18 @@ def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> N
     guarded(raising(SystemExit(1)))()
 
 
-# --- the thread -------------------------------------------------------------------------------------------------------
+# --- the loop -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("error", ANYTHING)
 def test_a_report_that_raises_does_not_end_the_thread(rig: Rig, error: BaseException) -> None:
-    rig.link = Link("echo", rig.terminal.path, 57600, retry=0.05, report=raising(error))
+    rig.link = rig.wire.link("echo", report=raising(error))
     rig.open()
     rig.lives_on()
-    rig.terminal.unplug()
-    wait_until(lambda: not rig.link.online)
-    rig.terminal.replug()
-    wait_until(lambda: rig.chatter.connections == 2)
+    rig.wire.unplug()
+    rig.until(lambda: not rig.link.online)
+    rig.wire.plug_in()
+    rig.until(lambda: rig.chatter.connections == 2)
     rig.lives_on()
     rig.link.close()
     assert rig.is_free()
@@ -170,7 +167,7 @@ def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
     rig.open()
     for count in range(1, 6):
         rig.link.write(b"x")
-        wait_until(partial(rig.has_heard, count))
+        rig.until(partial(rig.has_heard, count))
     assert rig.link.online
     setattr(rig.chatter, where, unheard)
     rig.lives_on()
@@ -181,7 +178,7 @@ def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
 def test_a_beginning_that_fails_is_made_again_on_a_port_opened_anew(rig: Rig, error: BaseException) -> None:
     rig.chatter.at_connected = raising(error)
     rig.open()
-    wait_until(lambda: rig.chatter.connections >= 3)
+    rig.until(lambda: rig.chatter.connections >= 3)
     assert rig.told("fault") == [f"{type(error).__name__}: {error}"]
     assert rig.told("online") == []
     assert (rig.chatter.pulses, rig.chatter.heard) == (0, b"")
@@ -207,20 +204,19 @@ def test_the_last_word_is_said_before_the_port_is_released(rig: Rig) -> None:
     rig.open()
     rig.lives_on()
     rig.link.close()
-    wait_until(lambda: rig.echo.heard == b"farewell")
+    rig.until(lambda: rig.echo.heard == b"farewell")
 
 
 def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: Rig) -> None:
     rig.open()
     port = rig.link._port
-    assert isinstance(port, SerialPort)
+    assert isinstance(port, HandPort)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(port, "write", raising(serial.SerialException("gone")))
-        with rig.link._lock:  # the link's thread cannot let it go while we look
-            with pytest.raises(NotConnected, match="gone"):
-                rig.link.write(b"x")
-            assert not rig.link.online
-            assert "gone" in rig.link.health().detail
-            assert port.is_open
-    wait_until(lambda: rig.chatter.connections == 2)
+        with pytest.raises(NotConnected, match="gone"):
+            rig.link.write(b"x")
+        assert not rig.link.online
+        assert "gone" in rig.link.health().detail
+        assert not rig.is_free()
+    rig.until(lambda: rig.chatter.connections == 2)
     assert len(rig.told("offline")) == 1

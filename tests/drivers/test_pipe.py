@@ -1,7 +1,7 @@
 """Programs of ours in processes of their own."""
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from typing import Any
@@ -10,13 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Notice
+from drivers.api import Notice, unheard
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.pipe import Unframer, Worker, frame
 from tests.waiting import wait_until
-
-pytestmark = pytest.mark.real_time
 
 ECHO = """
 import json, sys
@@ -62,9 +60,11 @@ class Ear:
         self.starts = 0
         self.got: list[tuple[Mapping[str, Any], bytes]] = []
         self.losses: list[str] = []
+        self.at_start: Callable[[], object] = unheard
 
     def started(self) -> None:
         self.starts += 1
+        self.at_start()
 
     def received(self, message: Mapping[str, Any], body: bytes) -> None:
         self.got.append((message, body))
@@ -97,6 +97,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         worker.close()
 
 
+@pytest.mark.real_time
 def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -110,6 +111,7 @@ def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> 
     assert worker.health().online
 
 
+@pytest.mark.real_time
 def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -123,6 +125,7 @@ def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: 
     assert worker.health().counters["starts"] == 2
 
 
+@pytest.mark.real_time
 def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
     bench.run("print('hello', flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.losses)
@@ -130,12 +133,14 @@ def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("nonsense", ['{"bytes": null}', "[" * 100_000])
+@pytest.mark.real_time
 def test_no_nonsense_is_the_last_that_is_read(bench: Bench, nonsense: str) -> None:
     bench.run(f"print({nonsense!r}, flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.starts == 2)
     assert len(bench.ear.losses) == 1
 
 
+@pytest.mark.real_time
 def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
     bench.run(
         "raise SystemExit('pcm.c:2666: unknown\\npcm.c:2667: odd\\n' + 'é' * 50 + ' no card ' + '!' * 150 + '\\n\\n')"
@@ -144,6 +149,20 @@ def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
     assert bench.ear.losses[0] == "voice: program: ended with 1: " + "é" * 41 + " no card " + "!" * 150
 
 
+@pytest.mark.real_time
+def test_a_complaint_is_passed_on_though_nobody_read_before_the_end(bench: Bench) -> None:
+    def outlived() -> None:
+        process = bench.workers[0]._process
+        assert process is not None
+        process.wait()
+
+    bench.ear.at_start = outlived
+    bench.run("raise SystemExit('hm\\n' * 10_000 + 'no card')")
+    wait_until(lambda: bench.ear.losses)
+    assert bench.ear.losses[0] == "voice: program: ended with 1: no card"
+
+
+@pytest.mark.real_time
 def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -155,6 +174,7 @@ def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
     wait_until(lambda: bench.ear.starts == 2)
 
 
+@pytest.mark.real_time
 def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench) -> None:
     worker = bench.run("import threading; threading.Event().wait()")
     wait_until(lambda: bench.ear.starts)
@@ -163,6 +183,7 @@ def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench)
     wait_until(lambda: bench.ear.losses)
 
 
+@pytest.mark.real_time
 def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
     worker = bench.run("raise SystemExit('no model')")
     wait_until(lambda: bench.ear.losses)
@@ -172,6 +193,7 @@ def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
     assert len(bench.notices) == 1
 
 
+@pytest.mark.real_time
 def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     class Clumsy(Ear):
         def received(self, message: Mapping[str, Any], body: bytes) -> None:
@@ -187,6 +209,7 @@ def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     assert bench.ear.losses == []
 
 
+@pytest.mark.real_time
 def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
     worker = Worker("voice", bench.folder / "none.py", SystemClock())
     worker.close()
@@ -203,6 +226,7 @@ def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
     assert bench.notices == []
 
 
+@pytest.mark.real_time
 def test_a_program_ends_when_nobody_can_talk_to_it_any_more(tmp_path: Path) -> None:
     program = tmp_path / "echo.py"
     program.write_text(ECHO)

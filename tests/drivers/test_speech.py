@@ -17,6 +17,7 @@ from drivers.voice.cut import Cut
 from drivers.voice.engines import Espeak
 from drivers.voice.player import Player
 from drivers.voice.speech import SpeechVoice
+from tests.cases import each
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
@@ -98,7 +99,7 @@ def test_another_language_has_other_sounds(room: Room) -> None:
     assert room.notices == []
 
 
-@pytest.mark.parametrize("name", ["en-gb", "en-us+f3", "+m3", "EN-US", "German"])
+@each("name", ["en-gb", "en-us+f3", "+m3", "EN-US", "German"])
 def test_voices_go_by_their_names_and_languages(room: Room, name: str) -> None:
     wait_until(room.voice.say("so", Manner(voice=name)).done)
     assert room.notices == []
@@ -122,9 +123,7 @@ def test_no_name_of_a_voice_ends_the_synthesiser(room: Room) -> None:
     assert all(len(notice.what) < 200 for notice in room.notices)
 
 
-@pytest.mark.parametrize(
-    "text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40]
-)
+@each("text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40])
 def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
     words = room.voice.say(text, Manner(speed=450))
     if len(text) > 20:  # digit by digit
@@ -257,8 +256,8 @@ def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
 
 def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_is_told_once() -> None:
     room, heard = Room(device="no such loudspeaker"), Room()
-    for each in (room, heard):
-        each.voice.open()
+    for one in (room, heard):
+        one.voice.open()
     try:
         length = heard.seconds_of("five words in some seconds")
         assert room.seconds_of("five words in some seconds") == pytest.approx(length, abs=0.5)

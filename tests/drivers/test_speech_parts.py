@@ -34,6 +34,7 @@ from drivers.voice.speaker import Speaker
 from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser
 from drivers.voice.visemes import movement, shape_of
+from tests.cases import each
 from tests.waiting import wait_until
 
 # --- manners ----------------------------------------------------------------------------------------------------------
@@ -41,7 +42,7 @@ from tests.waiting import wait_until
 ROBOT = Manner("en-us+f2", 120, "en-us")
 
 
-@pytest.mark.parametrize(
+@each(
     ("asked", "name", "speed"),
     [
         (AS_USUAL, "en-us+f2", 120),
@@ -57,7 +58,7 @@ def test_what_a_mission_leaves_open_the_robot_says(asked: Manner, name: str, spe
     assert (espeak_name(manner), manner.speed) == (name, speed)
 
 
-@pytest.mark.parametrize(
+@each(
     ("asked", "usual", "name"),
     [
         (Manner("+f3"), Manner("de+f2"), "de+f3"),
@@ -178,7 +179,7 @@ def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
 # --- the mouth --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     ("phoneme", "shape"),
     [
         ("p", Mouth.CLOSED),

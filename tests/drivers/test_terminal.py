@@ -11,8 +11,6 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Punctual, Terminal, Tunable, agree
 
-pytestmark = pytest.mark.real_time
-
 
 class Echo:
     """Gives back what it hears ``delay`` seconds later, at the moment; it hears every rate and keeps the newest."""
@@ -51,6 +49,7 @@ def eventually(condition: Callable[[], bool]) -> bool:
     return False
 
 
+@pytest.mark.real_time
 def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None:
     terminal = Terminal("nano", VirtualRodney(), ManualClock())
     folder = Path(terminal.path).parent
@@ -66,6 +65,7 @@ def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None
         assert not folder.exists()
 
 
+@pytest.mark.real_time
 def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.002)
@@ -83,6 +83,7 @@ def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
     assert sorted(echo.late)[10] < 0.1  # a tenth of the period, however busy the machine is
 
 
+@pytest.mark.real_time
 def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_be_unplugged() -> None:
     clock = SystemClock()
     terminal = Terminal("awake", Echo(clock, 0.001), clock, awake=0.05)
@@ -102,6 +103,7 @@ def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_b
         terminal.close()
 
 
+@pytest.mark.real_time
 def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.0)
@@ -120,6 +122,7 @@ def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
         terminal.close()
 
 
+@pytest.mark.real_time
 def test_a_waiting_moment_ends_when_the_terminal_is_closed() -> None:
     clock = ManualClock(10.0)
     echo = Echo(SystemClock(), 1e-4)

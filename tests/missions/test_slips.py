@@ -1,10 +1,18 @@
 """Slips on the command line: each is answered with what to type."""
 
+import os
+import pty
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import pytest
 
+from drivers.errors import NotConnected
+from drivers.port_kind import LISTED, other_than_serial
+from drivers.ports import open_port
+from missions.cli.numbers import Real, Whole
+from missions.cli.root import mission as root
 from tests.missions.command import Outcome, command
 
 Mission = Callable[..., Outcome]
@@ -60,3 +68,65 @@ def test_a_param_with_a_blank_is_told_in_quotes(mission: Mission) -> None:
 def test_what_stood_alone_may_still_stand_alone(mission: Mission) -> None:
     assert mission("run", "ask.yaml", "--simulate", "--robot", "turtlebot2", "--speed", "5").code == 2
     assert mission("run", "--simulate", "fast", "ask.yaml").code == 0
+
+
+@pytest.mark.parametrize(
+    ("port", "what"),
+    [
+        ("/dev/zero", "a device of another kind (mem)"),
+        (".", "a folder"),
+        ("ask.yaml", "a file"),
+        ("queue", "a pipe"),
+    ],
+)
+def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
+    mission: Mission, port: str, what: str
+) -> None:
+    os.mkfifo("queue")
+    Path("go.yaml").write_text("mission: go\ntree:\n  drive: 1 m\n")
+    outcome = mission("run", "go.yaml", "--robot", "turtlebot2", "--port", f"base={port}")
+    assert outcome.code == 3
+    assert outcome.err == f"mission: base: {port}: no serial port, but {what}\n  try: {LISTED}\n"
+    assert "waiting" not in outcome.out
+    with pytest.raises(NotConnected, match="no serial port"):
+        open_port("base", port, 115200)
+
+
+def test_a_pseudo_terminal_may_be_a_port_and_so_may_what_is_not_there_yet() -> None:
+    ours, theirs = pty.openpty()
+    try:
+        assert other_than_serial(os.ttyname(theirs)) is None
+        assert other_than_serial("/dev/no_such_port") is None
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "run ask.yaml --seed \u0663",
+        "run ask.yaml --seed 1_0",
+        "run ask.yaml --simulate fast --speed \u0662",
+        "run ask.yaml --simulate fast --speed nan",
+        "verify ask.yaml --bound \uff11\uff10",
+        "head look --pan nan",
+    ],
+)
+def test_numbers_are_written_in_plain_digits(mission: Mission, line: str) -> None:
+    outcome = mission(*line.split())
+    assert outcome.code == 2
+    assert f"{line.rsplit(maxsplit=1)[-1]!r} is not a " in outcome.err
+
+
+def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
+    commands: list[click.Command] = [root]
+    for command_of in commands:  # which grows meanwhile
+        if isinstance(command_of, click.Group):
+            context = click.Context(command_of)
+            found = (command_of.get_command(context, name) for name in command_of.list_commands(context))
+            commands += [each for each in found if each is not None]
+    kinds = {param.type for each in commands for param in each.params}
+    numbers = [kind for kind in kinds if kind.name.partition(" ")[0] in ("integer", "float")]
+    assert len(numbers) > 20
+    assert [kind for kind in numbers if not isinstance(kind, Whole | Real)] == []

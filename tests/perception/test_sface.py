@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from perception.api import UNKNOWN, Box, Image
+from perception.faults import MAX_MODEL, BadModel
 from perception.sface import SAME, STEEP, SFacePeople
 from perception.yunet import YuNetFaces
 
@@ -98,6 +99,10 @@ def test_where_yunet_sees_no_face_nothing_is_said(files: tuple[Path, Path]) -> N
 def test_portraits_that_show_no_face_and_a_missing_file_say_what_to_do(files: tuple[Path, Path]) -> None:
     with pytest.raises(ValueError, match="no portrait of Anna shows YuNet a face\n  try: mission person remove Anna"):
         SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(0)]}).look(shown(200), FACE)
+    with files[0].open("wb") as file:
+        file.truncate(MAX_MODEL + 1)  # of holes alone
+    with pytest.raises(BadModel, match=r"sface.onnx is no network: it has 200,000,001 bytes"):
+        SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)]}).look(shown(200), FACE)
     files[0].unlink()
     with pytest.raises(FileNotFoundError, match=r"sface.onnx is missing"):
         SFacePeople(files[0], YuNetFaces(files[1]), {"Anna": [portrait(250)]}).look(shown(200), FACE)

@@ -11,7 +11,7 @@ import pytest
 
 from perception.api import Box, Image
 from perception.faces import HaarFaces
-from perception.faults import BadModel
+from perception.faults import MAX_MODEL, BadModel
 from perception.finder import FaceDetector
 from perception.yunet import ENOUGH, HAAR, SURE, YuNetFaces
 
@@ -128,6 +128,14 @@ def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None
     path = tmp_path / "broken.onnx"
     path.write_bytes(b"no network")
     with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission models fetch yunet"):
+        YuNetFaces(path).detect(picture())
+
+
+def test_a_file_that_is_larger_than_any_network_is_not_even_read(tmp_path: Path) -> None:
+    path = tmp_path / "vast.onnx"
+    with path.open("wb") as file:
+        file.truncate(MAX_MODEL + 1)  # of holes alone
+    with pytest.raises(BadModel, match=r"vast.onnx is no network: it has 200,000,001 bytes, at most 200,000,000 are"):
         YuNetFaces(path).detect(picture())
 
 

@@ -13,6 +13,7 @@ from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.assembly.detectors import face_detector
+from missions.cli.numbers import Real, Whole
 from missions.cli.person.asked import camera_of, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
@@ -34,8 +35,10 @@ LIMIT = 200
 @click.argument("name")
 @click.argument("files", nargs=-1, metavar="[PICTURES...]")
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
-@click.option("--count", default=12, show_default=True, type=click.IntRange(FEWEST, 100), help="Pictures to take.")
-@click.option("--seconds", default=120.0, show_default=True, help="How long to look through a camera at most.")
+@click.option("--count", default=12, show_default=True, type=Whole(FEWEST, 100), help="Pictures to take.")
+@click.option(
+    "--seconds", type=Real(min=1.0), default=120.0, show_default=True, help="How long to look through a camera at most."
+)
 @robot_option
 @saying_why
 def add(name: str, files: tuple[str, ...], source: str | None, count: int, seconds: float, robot: str | None) -> int:

@@ -9,6 +9,7 @@ from drivers.dynamixel.bus import At
 from drivers.dynamixel.models import Model
 from drivers.dynamixel.settings import Change, apply, planned
 from drivers.dynamixel.units import baud_code
+from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.info import meaning
@@ -21,7 +22,7 @@ yes_option = click.option("--yes", is_flag=True, help="Do not ask before the EEP
 @target_options
 @click.argument("servo", metavar="ID|JOINT|GROUP|all")
 @click.argument("register", metavar="REGISTER")
-@click.argument("value", type=int)
+@click.argument("value", type=Whole())
 @yes_option
 def set_register(target: Target, servo: str, register: str, value: int, yes: bool) -> int:
     """Set a register by its name.
@@ -40,7 +41,7 @@ def set_register(target: Target, servo: str, register: str, value: int, yes: boo
 @click.command("set-id")
 @target_options
 @click.argument("servo", metavar="ID|JOINT")
-@click.argument("new", type=click.IntRange(0, 253), metavar="NEW_ID")
+@click.argument("new", type=Whole(0, 253), metavar="NEW_ID")
 @yes_option
 def set_id(target: Target, servo: str, new: int, yes: bool) -> int:
     """Give a servo another ID. New servos all have ID 1: plug them in one by one."""
@@ -52,7 +53,7 @@ def set_id(target: Target, servo: str, new: int, yes: bool) -> int:
 @click.command("set-baud")
 @target_options
 @click.argument("servo", metavar="ID|JOINT|GROUP|all")
-@click.argument("rate", type=click.IntRange(min=1))
+@click.argument("rate", type=Whole(min=1))
 @yes_option
 def set_baud(target: Target, servo: str, rate: int, yes: bool) -> int:
     """Give servos another baud rate; --baud is what they have now."""

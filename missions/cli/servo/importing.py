@@ -10,6 +10,7 @@ from config.marked import read_source
 from config.writing import write_new
 from drivers.dynamixel.declared import ALIASES, DynamixelKeys, JointKeys
 from drivers.dynamixel.models import MODELS
+from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
 from missions.cli.servo.writing import robot_text
@@ -20,7 +21,7 @@ from missions.drivers import robot_of
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--model", default="AX-12A", show_default=True, help="What its servos are: the file does not say.")
 @click.option("--port", default="/dev/u2d2", show_default=True, metavar="PATH", help="Where they are plugged in.")
-@click.option("--baud", type=click.IntRange(min=1), default=1_000_000, show_default=True, metavar="RATE")
+@click.option("--baud", type=Whole(min=1), default=1_000_000, show_default=True, metavar="RATE")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
               "robot file; without it the text goes to stdout.")  # fmt: skip
 @click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Add the "

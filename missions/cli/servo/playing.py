@@ -16,6 +16,7 @@ from config.library import find, shipped
 from config.robot import RobotConfig
 from drivers.api import Gesture, JointLimits
 from missions.assembly.target import target_of
+from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
 from missions.cli.servo.running import run_leaf
 from missions.cli.servo.target import Target, target_options
@@ -32,8 +33,8 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 @click.command()
 @partial(target_options, baud=False)
 @click.argument("name", metavar="NAME|FILE")
-@click.option("--speed", type=click.FloatRange(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")
-@click.option("--rate", type=click.FloatRange(min=0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
+@click.option("--speed", type=Real(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")
+@click.option("--rate", type=Real(min=0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
               "not say when they are.")  # fmt: skip
 @click.option("--dry-run", is_flag=True, help="Move nothing: check it for the robot, and print what would be sent.")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw it, and what was "

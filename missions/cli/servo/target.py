@@ -11,6 +11,7 @@ import click
 from config.library import find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
+from missions.cli.numbers import Whole
 from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
@@ -73,7 +74,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
         target.check()
         return command(target, **others)
 
-    rate = click.option("--baud", type=click.IntRange(min=1), metavar="RATE", help="The bus's rate, instead of the "
+    rate = click.option("--baud", type=Whole(min=1), metavar="RATE", help="The bus's rate, instead of the "
                         "file's.")  # fmt: skip
     options = (
         click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
