@@ -186,6 +186,10 @@ class View:
 class Sight(Protocol):
     """What a behaviour sees of perception: the newest percepts, ready at once; how old is too old, the caller says."""
 
+    def looked(self) -> float | None:
+        """The stamp of the newest frame that was searched, None before the first."""
+        ...
+
     def faces(self) -> Sequence[Face]:
         """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
         ...
@@ -196,10 +200,6 @@ class Sight(Protocol):
 
     def markers(self) -> Sequence[Marker]:
         """The markers of other robots followed now, largest first."""
-        ...
-
-    def looked(self) -> float | None:
-        """The stamp of the newest frame that was searched, None before the first."""
         ...
 
     def scene(self) -> Scene | None:
@@ -227,6 +227,10 @@ class Words:
 class Hearing(Protocol):
     """What a behaviour hears: phrases that were understood, ready at once."""
 
+    def listened(self) -> float | None:
+        """The time up to which it has listened, None before it could: old while the microphone is gone."""
+        ...
+
     def words(self) -> Sequence[Words]:
         """The phrases of the last 30 s, newest first."""
         ...
@@ -235,10 +239,6 @@ class Hearing(Protocol):
         """What was said in the last 30 s and taken for no phrase, newest first; each with the nearest phrase."""
         ...
 
-    def listened(self) -> float | None:
-        """The time up to which it has listened, None before it could: old while the microphone is gone."""
-        ...
-
-    def level(self) -> float:
+    def level(self) -> Annotated[float, "unsampled"]:
         """How loud it is now, in dBFS: 0 is the loudest that can be, -90 about silence."""
         ...

@@ -5,7 +5,9 @@ from enum import IntFlag, StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.marks import command, fixed
 from drivers.api.steering import Source, Steering, Velocity
+from drivers.errors import BadRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,13 @@ class BaseLimits:
     acceleration: float
     turn_acceleration: float
 
+    def clamp(self, velocity: Velocity) -> Velocity:
+        """Return the nearest velocity within the limits."""
+        return Velocity(
+            linear=min(max(velocity.linear, -self.speed), self.speed),
+            angular=min(max(velocity.angular, -self.turn), self.turn),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class BaseState:
@@ -119,14 +128,28 @@ class BaseState:
     overcurrent: Sides = Sides()
 
 
+def _as_mission(source: Source) -> Source:
+    """Return the source of a leaf's command. Raises BadRequest for another than the mission."""
+    if source is not Source.MISSION:
+        raise BadRequest(f"base: a mission's behaviour cannot drive as '{source}'", hint="leave the source out")
+    return source
+
+
 class Base(Device, Protocol):
     """A base on two wheels. Who may tell it how to move, and what it does by itself: see ``drivers.api.steering``."""
 
     @property
+    @fixed
     def limits(self) -> BaseLimits:
         """How fast it goes, and how quickly that changes."""
         ...
 
+    @command(
+        "after",
+        moves=True,
+        as_leaf={"source": _as_mission},
+        otherwise=lambda base, velocity, source: base.limits.clamp(velocity),  # noqa: ARG005 - whoever commands
+    )
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Drive so until told otherwise, for ``COMMAND_LIFE`` at most; return what is in force after limiting.
 
@@ -135,6 +158,7 @@ class Base(Device, Protocol):
         """
         ...
 
+    @command("before", as_leaf={"source": lambda _: Source.MISSION})  # a leaf does not stop the base for others
     def stop(self, *, source: Source | None = None) -> None:
         """Stand still now, without a ramp: forget what ``source`` commands, or what anybody does (None).
 
@@ -142,10 +166,12 @@ class Base(Device, Protocol):
         """
         ...
 
+    @command("before")
     def latch(self, reason: str) -> None:
         """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
         ...
 
+    @command("before")
     def enable(self) -> None:
         """End a latched stop; nothing of before is in force then."""
         ...
@@ -155,24 +181,27 @@ class Base(Device, Protocol):
         """Why it is latched; empty while it is not."""
         ...
 
-    def steering(self) -> Steering:
-        """Return who commands it now, and what came of that."""
-        ...
-
+    @command("after")
     def play(self, tune: Tune) -> None:
         """Play a tune. Raises NotConnected."""
         ...
 
+    @command("after")
     def tone(self, frequency: float, seconds: float) -> None:
         """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
         ...
 
+    @command("after")
     def light(self, number: int, colour: Lamp) -> None:
         """Switch a light: 1 or 2. Raises BadRequest for another, NotConnected."""
         ...
 
     def state(self) -> Reading[BaseState]:
         """The newest report of the base."""
+        ...
+
+    def steering(self) -> Steering:
+        """Return who commands it now, and what came of that."""
         ...
 
     def heading_at(self, stamp: float) -> float | None:

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Generic, Protocol, TypeVar, runtime_checkable
+
+from drivers.api.marks import UNSAMPLED, command, direct
 
 from drivers.api.keys import Mistake, key, keys
 
@@ -111,23 +113,27 @@ class Device(Protocol):
     """What all devices have in common."""
 
     @property
+    @direct
     def name(self) -> str:
         """The part of the robot that it is: ``base``, ``head``, ``arm``, ``camera``, ``voice``."""
         ...
 
+    @direct
     def open(self) -> None:
         """Start looking for the hardware, and start the threads; returns at once, hardware or not."""
         ...
 
+    @command("before")
     def rest(self) -> None:
         """Bring every actuator to the rest that the robot file asks for. Safe from any state, more than once."""
         ...
 
+    @direct
     def close(self) -> None:
         """Rest, then end the threads and release the port. Safe from any state, more than once."""
         ...
 
-    def health(self) -> Health:
+    def health(self) -> Annotated[Health, UNSAMPLED]:
         """Say whether the hardware is there."""
         ...
 

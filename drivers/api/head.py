@@ -5,6 +5,7 @@ from math import sqrt
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.marks import command, fixed
 from drivers.api.measures import Angle
 
 
@@ -47,10 +48,12 @@ class Head(Device, Protocol):
     """A head that pans and tilts a camera."""
 
     @property
+    @fixed
     def limits(self) -> HeadLimits:
         """How far and how fast it turns."""
         ...
 
+    @command("after", moves=True, otherwise=lambda head, target: head.limits.clamp(target))
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping. Raises BadRequest if not finite."""
         ...
@@ -63,6 +66,7 @@ class Head(Device, Protocol):
         """Where the head looked at a past time, interpolated; None when that is not known."""
         ...
 
+    @command("before")
     def stop(self) -> None:
         """Brake, within its acceleration, and hold. Safe from any state, more than once; never raises when offline."""
         ...

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.marks import command, fixed
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,6 +15,10 @@ class JointLimits:
     lower: float
     upper: float
     speed: float
+
+    def clamp(self, position: float) -> float:
+        """Return the nearest position (radians) within the limits."""
+        return min(max(position, self.lower), self.upper)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +57,22 @@ class Coupling:
     offset: float = 0.0
 
 
+def _within(joints: "Joints", goals: Mapping[str, float], _: object) -> Mapping[str, float]:
+    """Return the goals after clamping."""
+    limits = joints.limits
+    return {name: limits[name].clamp(goal) for name, goal in goals.items()}
+
+
 class Joints(Device, Protocol):
     """Named joints that take positions: an arm, a leg, a neck."""
 
     @property
+    @fixed
     def limits(self) -> Mapping[str, JointLimits]:
         """The joints by name, in the order of the robot file."""
         ...
 
+    @command("after", moves=True, kept={"goals": dict, "speeds": dict}, otherwise=_within)
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
@@ -72,6 +85,7 @@ class Joints(Device, Protocol):
         """The newest state of each joint."""
         ...
 
+    @command("before", kept={"joints": tuple})
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints (None: all) stand still and stiff where they are now.
 
@@ -79,10 +93,12 @@ class Joints(Device, Protocol):
         """
         ...
 
+    @command("before", kept={"joints": tuple})
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off. Safe and raising as ``hold``."""
         ...
 
+    @command("after", moves=bool, kept={"couplings": tuple})  # () moves nothing
     def follow(self, couplings: Sequence[Coupling]) -> None:
         """Let joints follow others from now on, in the driver's own loop; () ends it, and they stand where they are.
 
@@ -92,6 +108,7 @@ class Joints(Device, Protocol):
         """
         ...
 
+    @command("after", moves=True, otherwise=lambda _: ())
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
 

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from drivers.api.arrays import Angles, Ranges
 from drivers.api.device import Device, Reading
+from drivers.api.marks import fixed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +55,7 @@ class Ranger(Device, Protocol):
     """A range finder that turns; its part of the robot is ``range``."""
 
     @property
+    @fixed
     def place(self) -> tuple[float, float, float]:
         """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
         ...

@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device
+from drivers.api.marks import command
 
 
 class Mood(StrEnum):
@@ -31,14 +32,17 @@ class Shown:
 class Screen(Device, Protocol):
     """A face, on the robot's own display. All calls return at once, from any thread, and raise nothing when offline."""
 
+    @command("before")
     def mood(self, mood: Mood) -> None:
         """Look like this from now on."""
         ...
 
+    @command("before")
     def show(self, text: str) -> None:
         """Show words below the face; an empty text takes them away."""
         ...
 
+    @command("never")
     def mouth(self, opening: float) -> None:
         """Open the mouth so far, 0..1, whatever the mood; it shuts by itself when nothing newer comes for 0.3 s."""
         ...

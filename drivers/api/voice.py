@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from drivers.api.device import Device
+from drivers.api.marks import UNSAMPLED, command
 
 
 class Priority(IntEnum):
@@ -56,6 +57,7 @@ class Utterance(Protocol):
         """True once it was heard to the end, or cancelled."""
         ...
 
+    @command("never")
     def cancel(self) -> None:
         """Fall silent now. Safe more than once."""
         ...
@@ -79,10 +81,12 @@ class Utterance(Protocol):
 class Voice(Device, Protocol):
     """What the robot speaks with. One thing is heard at a time: what has the highest priority, else the oldest."""
 
+    @command("before")
     def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
         """Start to speak ``text`` in its turn; returns at once. Raises NotConnected before ``open``."""
         ...
 
+    @command("before")
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Start to play a file (WAV, MP3, FLAC or Ogg Vorbis) in its turn; returns at once.
 
@@ -90,6 +94,6 @@ class Voice(Device, Protocol):
         """
         ...
 
-    def speaking(self) -> Utterance | None:
+    def speaking(self) -> Annotated[Utterance | None, UNSAMPLED]:
         """Return what is heard now; None while it is silent."""
         ...

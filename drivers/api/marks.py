@@ -1,0 +1,121 @@
+"""Marks at the members of a part's protocol: from them its proxy, its replay and its test double are generated.
+
+A member without a mark is asked. A method that is asked and takes no argument is sampled for the record where nobody
+asks it; ``Annotated[..., UNSAMPLED]`` as what it returns says that it is not.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from inspect import Parameter, signature
+from types import FunctionType
+from typing import Any, Literal, TypeVar
+
+F = TypeVar("F", bound=Callable[..., object])
+
+UNSAMPLED = "unsampled"
+"""Marks what a method returns, where that is not sampled."""
+
+_MARK = "mark"
+
+
+def no_answer(*_: object) -> None:
+    """Return None: what replay takes for the answer to a changed command that answers nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """How a command is told, permitted and recorded.
+
+    ``told`` says when it is told of: before the device has it, after the device has accepted it, or never. ``moves``
+    says whether it sets something moving, and so needs a permit: always, never, or as that says of its arguments.
+    ``kept`` makes of an argument what is recorded, and what the device is given. ``as_leaf`` makes of an argument what
+    it is where a mission's leaf commands; it may raise BadRequest. ``otherwise`` takes the part and the arguments, and
+    returns what replay takes for the answer to a command that is not as it was recorded.
+    """
+
+    told: Literal["before", "after", "never"]
+    moves: bool | Callable[..., bool] = False
+    kept: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
+    as_leaf: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
+    otherwise: Callable[..., object] = no_answer
+
+
+def command(
+    told: Literal["before", "after", "never"],
+    *,
+    moves: bool | Callable[..., bool] = False,
+    kept: Mapping[str, Callable[[Any], object]] | None = None,
+    as_leaf: Mapping[str, Callable[[Any], object]] | None = None,
+    otherwise: Callable[..., object] = no_answer,
+) -> Callable[[F], F]:
+    """Mark a method as a command; see ``Command``."""
+    return _marked(Command(told, moves, kept or {}, as_leaf or {}, otherwise))
+
+
+def fixed(member: F) -> F:
+    """Mark the getter of a property that never changes: it is sampled once."""
+    return _marked("fixed")(member)
+
+
+def direct(member: F) -> F:
+    """Mark a member that is the device's own: neither told nor recorded."""
+    return _marked("direct")(member)
+
+
+def _marked(mark: object) -> Callable[[F], F]:
+    def decorate(member: F) -> F:
+        member.__dict__[_MARK] = mark
+        return member
+
+    return decorate
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A member of a protocol. ``kind`` is how a proxy treats it: a ``reading`` is a question without arguments.
+
+    ``command`` is there for commands alone, ``parameters`` for methods. ``sampled`` is True for what is sampled each
+    time, ``fixed`` for what is sampled once.
+    """
+
+    name: str
+    kind: Literal["command", "reading", "question", "property", "direct method", "direct property"]
+    function: Callable[..., object]
+    parameters: tuple[Parameter, ...] = ()
+    command: Command | None = None
+    sampled: bool = False
+    fixed: bool = False
+
+
+@cache
+def members(protocol: type) -> Mapping[str, Member]:
+    """Return the members of a protocol by name, those of what it inherits first, in the order of the source."""
+    found: dict[str, Member] = {}
+    for each in reversed(protocol.__mro__):
+        for name, value in vars(each).items():
+            if not name.startswith("_") and isinstance(value, FunctionType | property):
+                found[name] = _member(name, value)
+    return found
+
+
+def commands(protocol: type) -> frozenset[str]:
+    """Return the names of what a part with this protocol is told; the rest it is asked."""
+    return frozenset(name for name, member in members(protocol).items() if member.command is not None)
+
+
+def _member(name: str, value: FunctionType | property) -> Member:
+    if isinstance(value, property):
+        getter: Any = value.fget
+        mark = getter.__dict__.get(_MARK)
+        return Member(name, "direct property" if mark == "direct" else "property", getter, fixed=mark == "fixed")
+    mark = value.__dict__.get(_MARK)
+    _, *parameters = signature(value).parameters.values()
+    if isinstance(mark, Command):
+        return Member(name, "command", value, tuple(parameters), mark)
+    if mark == "direct":
+        return Member(name, "direct method", value, tuple(parameters))
+    if parameters:
+        return Member(name, "question", value, tuple(parameters))
+    sampled = UNSAMPLED not in getattr(value.__annotations__.get("return"), "__metadata__", ())
+    return Member(name, "reading", value, sampled=sampled)
