@@ -22,9 +22,8 @@ from missions.assembly.together import Audience, Wishes
 from missions.assembly.twinning import twin_robot
 from missions.assembly.twins import Twins
 from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
-from missions.executive.commands import robot_for
 from missions.executive.decided import Decided
 from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result

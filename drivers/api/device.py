@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Generic, Protocol, TypeVar, runtime_checkable
 
-from drivers.api.marks import UNSAMPLED, command, direct
-
 from drivers.api.keys import Mistake, key, keys
+from drivers.api.marks import UNSAMPLED, command, direct
 
 T = TypeVar("T")
 

@@ -1,6 +1,7 @@
 """What the parts of a robot have answered within one moment: each question is asked once, and all is kept in order."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, TypeVar, TypeVarTuple
 
 from behaviours.run import log
@@ -22,7 +23,7 @@ class Answers:
     as far as it is ``kept``. For one thread, the one that ticks.
     """
 
-    __slots__ = ("_memos", "_unchanging", "_watched", "kept", "open", "refused", "said")
+    __slots__ = ("_fixed", "_memos", "_sampled", "kept", "open", "refused", "said")
 
     def __init__(self) -> None:
         self.kept = False
@@ -30,13 +31,25 @@ class Answers:
         self.said: list[Answer] = []
         self.refused: dict[tuple[str, Asked], DriverError] = {}
         self._memos: list[Memo] = []
-        self._watched: Sequence[Callable[[], object]] = ()
-        self._unchanging: Sequence[Callable[[], object]] = ()
+        self._sampled: list[Callable[[], object]] = []
+        self._fixed: list[Callable[[], object]] = []
 
-    def memo(self, part: str, questions: Mapping[str, Callable[[], object]]) -> "Memo":
-        """Return what remembers the answers of a ``part`` to its ``questions``, by their names."""
+    def memo(
+        self,
+        part: str,
+        questions: Mapping[str, Callable[[], object]],
+        *,
+        sampled: Iterable[str] = (),
+        fixed: Iterable[str] = (),
+    ) -> "Memo":
+        """Return what remembers the answers of a ``part`` to its ``questions``, by their names.
+
+        ``sample`` asks the ``sampled`` ones always, and the ``fixed`` ones the first time only.
+        """
         memo = Memo(part, questions, self)
         self._memos.append(memo)
+        self._sampled += [partial(memo.__getitem__, question) for question in sampled]
+        self._fixed += [partial(memo.__getitem__, question) for question in fixed]
         return memo
 
     def close(self) -> None:
@@ -52,14 +65,14 @@ class Answers:
         said, self.said = self.said, []
         return said
 
-    def watch(self, questions: Sequence[Callable[[], object]], unchanging: Sequence[Callable[[], object]] = ()) -> None:
-        """Say what ``sample`` is to ask: always, and the first time only."""
-        self._watched, self._unchanging = questions, unchanging
+    def forget(self, part: str) -> None:
+        """Forget which questions a part has refused to answer."""
+        self.refused = {asked: error for asked, error in self.refused.items() if asked[0] != part}
 
     def sample(self) -> None:
         """Ask what nobody has asked in this moment, for those who look at the record and for missions changed since."""
-        unchanging, self._unchanging = self._unchanging, ()
-        for ask in (*unchanging, *self._watched):
+        fixed, self._fixed = self._fixed, []
+        for ask in (*fixed, *self._sampled):
             try:
                 ask()
             except DriverError:  # is an answer
@@ -71,22 +84,23 @@ class Answers:
 class Memo(dict[Asked, Any]):
     """What one part has answered, by question: ``memo["pose"]`` asks for it where it is not known yet.
 
-    A dictionary, since most of what a tick asks was asked in it before: then that costs no call of ours.
+    A dictionary, since most of what a tick asks was asked in it before: then that costs no call of ours. Proxies are
+    generated with what ``command`` does in them; it is here for those that are written by hand.
     """
 
-    __slots__ = ("_answers", "_part", "_questions")
+    __slots__ = ("_questions", "answers", "part")
 
     def __init__(self, part: str, questions: Mapping[str, Callable[[], object]], answers: Answers) -> None:
         super().__init__()
-        self._part = part
+        self.part = part
         self._questions = questions
-        self._answers = answers
+        self.answers = answers
 
     def __missing__(self, question: str) -> Any:
         """Ask; raise what the part does. In the hot path of every tick."""
-        answers = self._answers
-        if answers.refused and (self._part, question) in answers.refused:
-            raise answers.refused[self._part, question]
+        answers = self.answers
+        if answers.refused and (self.part, question) in answers.refused:
+            raise answers.refused[self.part, question]
         try:
             answer = self._questions[question]()
         except DriverError as error:
@@ -95,17 +109,17 @@ class Memo(dict[Asked, Any]):
         if answers.open:
             self[question] = answer
             if answers.kept:
-                answers.said.append((self._part, question, (), answer))
+                answers.said.append((self.part, question, (), answer))
         return answer
 
     def ask(self, what: str, ask: Callable[[*A], T], *arguments: *A) -> T:
         """Ask a question with arguments, unless the answer is known."""
-        answers, question = self._answers, (what, *arguments)
+        answers, question = self.answers, (what, *arguments)
         if question in self:
             known: T = self[question]
             return known
-        if (self._part, question) in answers.refused:
-            raise answers.refused[self._part, question]
+        if (self.part, question) in answers.refused:
+            raise answers.refused[self.part, question]
         try:
             answer = ask(*arguments)
         except DriverError as error:
@@ -113,29 +127,30 @@ class Memo(dict[Asked, Any]):
             raise
         if answers.open:
             self[question] = answer
-            self._say(what, arguments, answer)
+            self.say(what, arguments, answer)
         return answer
 
     def command(self, what: str, act: Callable[[*A], T], *arguments: *A) -> T:
         """Have the part do something, and keep what comes of it. Raises what the part does."""
-        answers = self._answers
+        answers = self.answers
         self.clear()
         if answers.refused:
-            answers.refused = {asked: error for asked, error in answers.refused.items() if asked[0] != self._part}
+            answers.forget(self.part)
         try:
             result = act(*arguments)
         except DriverError as error:
-            self._say(what, arguments, error)
+            self.say(what, arguments, error)
             raise
         if answers.kept:
-            self._say(what, arguments, result)
+            self.say(what, arguments, result)
         return result
 
     def _refuse(self, question: Asked, what: str, arguments: tuple[object, ...], error: DriverError) -> None:
-        if self._answers.open:
-            self._answers.refused[self._part, question] = error
-            self._say(what, arguments, error)
+        if self.answers.open:
+            self.answers.refused[self.part, question] = error
+            self.say(what, arguments, error)
 
-    def _say(self, what: str, arguments: tuple[object, ...], value: object) -> None:
-        if self._answers.kept and self._answers.open:
-            self._answers.said.append((self._part, what, arguments, value))
+    def say(self, what: str, arguments: tuple[object, ...], value: object) -> None:
+        """Keep what came of a question or a command, as far as that is kept."""
+        if self.answers.kept and self.answers.open:
+            self.answers.said.append((self.part, what, arguments, value))

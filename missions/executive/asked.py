@@ -2,65 +2,72 @@
 
 That is so whether a run is recorded or not, and it is what makes a record enough to decide everything over again:
 whatever a tree is told from outside comes through here. A command that is not permitted is refused here too, as a
-driver would. In answers the parts go by the names that they have in ``behaviours.robot.Robot``: base, head, arm,
-ranger, voice, sight, hearing, screen. Arguments are those of the protocol in its order, with what may be left out.
+driver would; and a leaf sees the robot so that what it commands is told, with its name on it. In answers the parts go
+by the names that they have in ``behaviours.robot.Robot``: base, head, arm, ranger, voice, sight, hearing, screen.
+Arguments are those of the protocol in its order, with what may be left out.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
+from behaviours.node import Node
 from behaviours.robot import Robot
+from drivers.api import Base, Head, Joints, Ranger, Screen, Utterance, Voice
+from drivers.api.marks import commands
 from missions.executive.answers import Answers
-from missions.executive.asked_parts import AskedBase, AskedHead, AskedJoints, AskedRanger, Permit, always
-from missions.executive.asked_sight import AskedHearing, AskedScreen, AskedSight, AskedVoice
+from missions.executive.proxy import Permit, always, for_leaf, proxied
+from missions.executive.speaking import voice_proxy
+from missions.executive.told import Tell
+from perception.api import Hearing, Sight
+
+PROTOCOLS: Mapping[str, type] = MappingProxyType(
+    {
+        "base": Base,
+        "head": Head,
+        "arm": Joints,
+        "ranger": Ranger,
+        "voice": Voice,
+        "sight": Sight,
+        "hearing": Hearing,
+        "screen": Screen,
+    }
+)
+"""The protocol of each part, by its name in answers."""
+
+COMMANDS: Mapping[str, frozenset[str]] = MappingProxyType(
+    {part: commands(protocol) for part, protocol in PROTOCOLS.items()}
+    | {"voice": commands(Voice) | commands(Utterance)}
+)
+"""What each part is told; the rest it is asked."""
 
 
 def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
     """Return ``robot`` so that its parts answer through ``answers``; ``permit`` is asked before anything moves."""
-    base, head, arm, ranger = robot.base_part, robot.head_part, robot.arm_part, robot.ranger_part
-    voice, sight, hearing, screen = robot.voice_part, robot.sight_part, robot.hearing_part, robot.screen_part
-    found = replace(
+    return _with(
         robot,
-        base_part=None if base is None else AskedBase("base", base, answers, permit),
-        head_part=None if head is None else AskedHead("head", head, answers, permit),
-        arm_part=None if arm is None else AskedJoints("arm", arm, answers, permit),
-        ranger_part=None if ranger is None else AskedRanger("ranger", ranger, answers),
-        voice_part=None if voice is None else AskedVoice("voice", voice, answers),
-        sight_part=None if sight is None else AskedSight("sight", sight, answers),
-        hearing_part=None if hearing is None else AskedHearing("hearing", hearing, answers),
-        screen_part=None if screen is None else AskedScreen("screen", screen, answers),
+        {
+            part: voice_proxy(device, answers)
+            if part == "voice"
+            else proxied(part, PROTOCOLS[part], device, answers, permit)
+            for part, device in _parts(robot)
+        },
     )
-    answers.watch(tuple(_states(found)), tuple(_properties(found)))
-    return found
 
 
-def _states(robot: Robot) -> Iterator[Callable[[], object]]:
-    """Yield what is worth knowing of a robot at any time."""
-    if robot.base_part is not None:
-        yield from (robot.base_part.state, robot.base_part.steering)
-    if robot.head_part is not None:
-        yield robot.head_part.pose
-    if robot.arm_part is not None:
-        yield robot.arm_part.states
-    if robot.ranger_part is not None:
-        yield robot.ranger_part.scan
-    if robot.sight_part is not None:
-        sight = robot.sight_part
-        yield from (sight.looked, sight.faces, sight.things, sight.markers, sight.scene)
-    if robot.hearing_part is not None:
-        yield from (robot.hearing_part.listened, robot.hearing_part.words, robot.hearing_part.refused)
-    if robot.screen_part is not None:
-        yield robot.screen_part.shown
+def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
+    """Return a ``robot`` that ``asked`` has made as ``node`` sees it: each command that it gives is told."""
+    source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
+    return _with(robot, {part: for_leaf(proxy, source, tell) for part, proxy in _parts(robot) if COMMANDS[part]})
 
 
-def _properties(robot: Robot) -> Iterator[Callable[[], object]]:
-    """Yield what does not change."""
-    base, head, arm, ranger = robot.base_part, robot.head_part, robot.arm_part, robot.ranger_part
-    if base is not None:
-        yield lambda: base.limits
-    if head is not None:
-        yield lambda: head.limits
-    if arm is not None:
-        yield lambda: arm.limits
-    if ranger is not None:
-        yield lambda: ranger.place
+def _parts(robot: Robot) -> Iterator[tuple[str, Any]]:
+    for part in PROTOCOLS:
+        device = getattr(robot, f"{part}_part")
+        if device is not None:
+            yield part, device
+
+
+def _with(robot: Robot, parts: Mapping[str, Any]) -> Robot:
+    return replace(robot, **{f"{part}_part": device for part, device in parts.items()})

@@ -1,22 +1,28 @@
-"""A robot that answers out of a record: voice, sight and hearing here, its other parts in ``answering_parts``."""
+"""A robot that answers out of a record: no device is behind it, and nothing moves."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from behaviours.robot import Robot
-from drivers.api import AS_USUAL, Manner, MouthShape, Priority, Utterance
-from missions.executive.asked_sight import unusual
-from missions.replay.answering_parts import (
-    Answering,
-    AnsweringBase,
-    AnsweringHead,
-    AnsweringJoints,
-    AnsweringRanger,
-    AnsweringScreen,
-    nothing,
+from drivers.api import (
+    AS_USUAL,
+    Base,
+    Device,
+    Head,
+    Joints,
+    Manner,
+    MouthShape,
+    Priority,
+    Ranger,
+    Screen,
+    Utterance,
 )
+from drivers.api.marks import members, no_answer
+from missions.executive.speaking import unusual
 from missions.replay.memory import Memory
-from perception.api import Face, Marker, Scene, Thing, Words
+from perception.api import Hearing, Sight
 
 LETTER_TIME = 0.06
 """Seconds that a letter takes to say, where nobody knows how long it took."""
@@ -34,53 +40,93 @@ def answering(
     groups: Mapping[str, tuple[str, ...]],
 ) -> Robot:
     """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record."""
+
+    def part(name: str, protocol: type, field: str = "") -> Any:
+        return Answering(name, protocol, memory, field) if name in parts else None
+
     return Robot(
-        base_part=AnsweringBase("base", memory) if "base" in parts else None,
-        head_part=AnsweringHead("head", memory) if "head" in parts else None,
-        arm_part=AnsweringJoints("arm", memory) if "arm" in parts else None,
-        ranger_part=AnsweringRanger("range", memory, "ranger") if "range" in parts else None,
-        voice_part=AnsweringVoice("voice", memory, now) if "voice" in parts else None,
-        sight_part=AnsweringSight(memory) if "camera" in parts else None,
-        hearing_part=AnsweringHearing(memory) if "microphone" in parts else None,
-        screen_part=AnsweringScreen("screen", memory) if "screen" in parts else None,
+        base_part=part("base", Base),
+        head_part=part("head", Head),
+        arm_part=part("arm", Joints),
+        ranger_part=part("range", Ranger, "ranger"),
+        voice_part=AnsweringVoice(memory, now) if "voice" in parts else None,
+        sight_part=part("camera", Sight, "sight"),
+        hearing_part=part("microphone", Hearing, "hearing"),
+        screen_part=part("screen", Screen),
         eye=eye,
         groups=groups,
     )
 
 
+class Answering:
+    """A part with any ``protocol`` that answers out of ``memory``, behind its proxy; see ``drivers.api.marks``.
+
+    A command that is not as it was then is answered as its mark says: of a velocity, with what is within the limits.
+    ``part`` is what the executive calls it, where that is not its ``name``.
+    """
+
+    def __init__(self, name: str, protocol: type, memory: Memory, part: str = "") -> None:
+        self.name = name
+        self._part = part or name
+        self._memory = memory
+        self._properties = {each.name for each in members(protocol).values() if each.kind == "property"}
+        for each in members(protocol).values():
+            match each.kind:
+                case "reading" | "question":
+                    setattr(self, each.name, partial(memory.ask, self._part, each.name))
+                case "command" if each.command is not None:
+                    setattr(self, each.name, partial(self._do, each.name, each.command.otherwise))
+
+    def open(self) -> None:
+        """Do nothing: there is nothing to open."""
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to close."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a property as it was then."""
+        if name not in self._properties:
+            raise AttributeError(f"{self.name} has no {name}")
+        return self._memory.ask(self._part, name)
+
+    def _do(self, what: str, otherwise: Callable[..., object], *given: object, **named: object) -> Any:
+        """Return what came of a command then; a proxy gives all its arguments, in the protocol's order."""
+        arguments = (*given, *named.values())
+        return self._memory.command(self._part, what, partial(otherwise, self, *arguments), *arguments)
+
+
 class AnsweringVoice(Answering):
     """A voice that is as long about its words as it was then."""
 
-    def __init__(self, name: str, memory: Memory, now: Callable[[], float]) -> None:
-        super().__init__(name, memory)
+    def __init__(self, memory: Memory, now: Callable[[], float]) -> None:
+        super().__init__("voice", Device, memory)
         self._now = now
 
     def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:
         """Say nothing; what comes back is done when it was then, or after about the time that other words take."""
-        return self._said(self._do("say", nothing, text, *unusual(manner, priority)), LETTER_TIME * len(text))
+        return self._said(self._do("say", no_answer, text, *unusual(manner, priority)), LETTER_TIME * len(text))
 
     def play(self, path: Path, priority: Priority = Priority.NORMAL) -> Utterance:
         """Play nothing, as ``say`` does."""
         _, otherwise = unusual(AS_USUAL, priority)
-        return self._said(self._do("play", nothing, str(path), otherwise), SOUND_TIME)
+        return self._said(self._do("play", no_answer, str(path), otherwise), SOUND_TIME)
 
     def speaking(self) -> Utterance | None:
         """What was heard then."""
-        number: int | None = self._ask("speaking")
-        return None if number is None else _Recalled(self.name, self._memory, number)
+        number: int | None = self._memory.ask("voice", "speaking")
+        return None if number is None else _Recalled(self._memory, number)
 
     def _said(self, number: int | None, seconds: float) -> Utterance:
-        if number is None:
-            return _Guessed(self._now, seconds)
-        return _Recalled(self.name, self._memory, number)
+        return _Guessed(self._now, seconds) if number is None else _Recalled(self._memory, number)
 
 
-class _Recalled(Answering):
+class _Recalled:
     """Words that were said then, by their number."""
 
-    def __init__(self, name: str, memory: Memory, number: int) -> None:
-        super().__init__(name, memory)
+    def __init__(self, memory: Memory, number: int) -> None:
         self._number = number
+        self._ask = partial(memory.ask, "voice")
+        self._memory = memory
 
     def done(self) -> bool:
         """See drivers.api.Utterance."""
@@ -88,7 +134,7 @@ class _Recalled(Answering):
 
     def cancel(self) -> None:
         """See drivers.api.Utterance."""
-        self._do("cancel", nothing, self._number)
+        self._memory.command("voice", "cancel", no_answer, self._number)
 
     @property
     def cancelled(self) -> bool:
@@ -127,62 +173,3 @@ class _Guessed:
         """See drivers.api.Utterance."""
         self.cancelled = self.cancelled or not self.done()
         self._until = self._now()
-
-
-class AnsweringSight:
-    """What the camera saw then: see perception.api.Sight."""
-
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
-
-    def faces(self) -> Sequence[Face]:
-        """As they were then."""
-        found: Sequence[Face] = self._memory.ask("sight", "faces")
-        return found
-
-    def things(self) -> Sequence[Thing]:
-        """As they were then."""
-        found: Sequence[Thing] = self._memory.ask("sight", "things")
-        return found
-
-    def markers(self) -> Sequence[Marker]:
-        """As they were then."""
-        found: Sequence[Marker] = self._memory.ask("sight", "markers")
-        return found
-
-    def looked(self) -> float | None:
-        """As it was then."""
-        found: float | None = self._memory.ask("sight", "looked")
-        return found
-
-    def scene(self) -> Scene | None:
-        """As it was then."""
-        found: Scene | None = self._memory.ask("sight", "scene")
-        return found
-
-
-class AnsweringHearing:
-    """What the microphone heard then: see perception.api.Hearing."""
-
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
-
-    def words(self) -> Sequence[Words]:
-        """As they were then."""
-        found: Sequence[Words] = self._memory.ask("hearing", "words")
-        return found
-
-    def refused(self) -> Sequence[Words]:
-        """As they were then."""
-        found: Sequence[Words] = self._memory.ask("hearing", "refused")
-        return found
-
-    def listened(self) -> float | None:
-        """As it was then."""
-        found: float | None = self._memory.ask("hearing", "listened")
-        return found
-
-    def level(self) -> float:
-        """As it was then."""
-        found: float = self._memory.ask("hearing", "level")
-        return found

@@ -6,16 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.errors import DriverError
+from missions.executive.asked import COMMANDS
 from missions.executive.moment import Answer, Question
-
-COMMANDS = {
-    "base": frozenset({"drive", "stop", "latch", "enable", "play", "tone", "light", "rest"}),
-    "head": frozenset({"look", "stop", "rest"}),
-    "arm": frozenset({"move", "hold", "relax", "follow", "recover", "rest"}),
-    "voice": frozenset({"say", "play", "cancel", "rest"}),
-    "screen": frozenset({"mood", "show", "mouth", "rest"}),
-}
-"""What each part is told; the rest it is asked."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,8 @@ from drivers.clock import ManualClock
 from missions.assembly.order import with_carriers
 from missions.assembly.together import eye
 from missions.executive.answers import Answers
-from missions.executive.asked import asked
+from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
-from missions.executive.commands import robot_for
 from missions.executive.events import Event, NodeChanged, Stream
 from missions.executive.executive import Executive
 from missions.executive.guard import Guard

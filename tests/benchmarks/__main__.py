@@ -7,6 +7,7 @@ from tests.benchmarks import (
     loading,
     noticing,
     perceiving,
+    proxies,
     reacting,
     recording,
     running,
@@ -29,6 +30,7 @@ def main() -> None:
     found = []
     for module in (
         ticking,
+        proxies,
         waking,
         loading,
         perceiving,

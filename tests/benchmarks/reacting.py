@@ -38,10 +38,12 @@ from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from missions.assembly.things import THINGS
 from missions.drivers import load_robot
+from missions.executive.answers import Answers
+from missions.executive.asked import asked, robot_for
 from missions.executive.build import build
-from missions.executive.commands import Tell, robot_for
 from missions.executive.events import Stream
 from missions.executive.executive import Executive
+from missions.executive.told import Tell
 from missions.language.document import check_plan
 from missions.order import DEFAULT_ROBOT
 from perception.api import Gaze, Image, View
@@ -216,8 +218,10 @@ class Searches:
 
 def _executive(run: Run, robot: Robot, commanded: Tell) -> Executive:
     plan = check_plan(Source("react.yaml", MISSION), LEAVES, THINGS)
-    root = build(plan, run, lambda leaf: robot_for(leaf, robot, commanded))
-    return Executive(root, run, Stream(), rate=20.0)
+    answers = Answers()
+    asking = asked(robot, answers)
+    root = build(plan, run, lambda leaf: robot_for(leaf, asking, commanded))
+    return Executive(root, run, Stream(), rate=20.0, answers=answers)
 
 
 def _reaction(stage: Stage, board: Board, told: list[float], searches: Searches, clock: Clock, number: int) -> Reaction:

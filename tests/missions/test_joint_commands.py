@@ -4,14 +4,13 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from drivers.api import Coupling, Device
+from drivers.api import Coupling, Device, Joints
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.joints import JointsTwin
 from missions.executive.answers import Answers
-from missions.executive.asked_parts import AskedJoints
-from missions.executive.commands import ToldJoints
+from missions.executive.proxy import for_leaf, proxied
 
 SPECS = {"elbow": JointSpec(1), "wrist": JointSpec(2, lower=-1.0, upper=1.0)}
 
@@ -26,7 +25,7 @@ class Told:
         self.commands: list[Mapping[str, object]] = []
         self.permits = 0
         self.twin.open()
-        self.joints = ToldJoints(AskedJoints("arm", self.twin, Answers(), self._permit), "wave", self._tell)
+        self.joints = for_leaf(proxied("arm", Joints, self.twin, Answers(), self._permit), "wave", self._tell)
 
     def _tell(self, part: str, source: str, values: Mapping[str, object]) -> None:
         assert (part, source) == ("arm", "wave")

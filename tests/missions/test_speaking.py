@@ -11,8 +11,8 @@ from drivers.api import Manner, MouthShape, Priority
 from drivers.clock import ManualClock
 from drivers.voice.printed import PrintedVoice
 from missions.executive.answers import Answers
-from missions.executive.asked_sight import AskedVoice
-from missions.executive.commands import robot_for
+from missions.executive.asked import asked, robot_for
+from missions.executive.speaking import voice_proxy
 from missions.library import load_mission
 from missions.replay.answering import AnsweringVoice
 from missions.replay.memory import Memory
@@ -49,7 +49,9 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
     bench = Bench()
     told: list[Mapping[str, object]] = []
     leaf = bench.put(Say("say"), text="Hi")
-    voice = robot_for(leaf, bench.robot, lambda *command: told.append({**command[2], "to": command[0]})).voice
+    voice = robot_for(
+        leaf, asked(bench.robot, Answers()), lambda *command: told.append({**command[2], "to": command[0]})
+    ).voice
     voice.say("Hi")
     voice.say("Stop", Manner(speed=200), Priority.HIGH)
     voice.play(Path("bell.wav"), Priority.LOW)
@@ -63,7 +65,11 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
         ("Stop", Manner(speed=200), Priority.HIGH),
         (Path("bell.wav"), Priority.LOW),
     ]
-    assert voice.speaking() is bench.voice.said[0]
+    heard = voice.speaking()
+    assert heard is not None
+    assert not heard.done()
+    bench.voice.said[0].ended = True
+    assert heard.done()
 
 
 def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> None:
@@ -72,13 +78,13 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
     bell.write_bytes((b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis").ljust(16_000, b"\0"))  # a second of it
     device = PrintedVoice(clock, lambda _: None)
     device.open()
-    voice = AskedVoice("voice", device, answers)
+    voice = voice_proxy(device, answers)
     answers.kept = answers.open = True
     first, second = voice.say("one two three four five"), voice.play(bell, Priority.LOW)
     heard = voice.speaking()
     assert heard is not None
-    asked = (heard.started, tuple(heard.mouth), first.done(), second.started, second.done())
-    assert asked == (10.0, (), False, None, False)
+    then = (heard.started, tuple(heard.mouth), first.done(), second.started, second.done())
+    assert then == (10.0, (), False, None, False)
     third = voice.say("Stop", Manner(speed=200), Priority.HIGH)
     third.cancel()
     assert (third.cancelled, second.cancelled) == (True, False)
@@ -88,11 +94,11 @@ def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> Non
     differences: list[object] = []
     memory = Memory(unheard=differences.append, otherwise=lambda *what: differences.append(what))
     memory.begin(said)
-    again = AnsweringVoice("voice", memory, clock.now)
+    again = AnsweringVoice(memory, clock.now)
     first, second = again.say("one two three four five"), again.play(bell, Priority.LOW)
     heard = again.speaking()
     assert heard is not None
-    assert (heard.started, tuple(heard.mouth), first.done(), second.started, second.done()) == asked
+    assert (heard.started, tuple(heard.mouth), first.done(), second.started, second.done()) == then
     third = again.say("Stop", Manner(speed=200), Priority.HIGH)
     third.cancel()
     assert (third.cancelled, second.cancelled) == (True, False)

@@ -1,13 +1,9 @@
 """What a record answers, to whom and in which order; and which node of today is which of then."""
 
-import inspect
-import re
-
 import pytest
 
 from drivers.errors import DeviceFault
-from missions.executive import asked_parts, asked_sight
-from missions.replay.memory import COMMANDS, Memory, NotHeardError, Told
+from missions.replay.memory import Memory, NotHeardError, Told
 from missions.replay.pairing import Place, paired
 
 
@@ -72,11 +68,6 @@ def test_what_was_never_heard_is_told() -> None:
     with pytest.raises(NotHeardError, match="never heard"):
         heard.memory.ask("arm", "states")
     assert heard.unheard == ["arm.states"]
-
-
-def test_all_that_a_part_can_be_told_is_known_as_a_command() -> None:
-    source = inspect.getsource(asked_parts) + inspect.getsource(asked_sight)
-    assert set(re.findall(r'(?:_do|\.command)\("(\w+)"', source)) == frozenset().union(*COMMANDS.values())
 
 
 def test_commands_that_are_others_missing_or_too_many_are_told() -> None:

@@ -1,0 +1,219 @@
+"""The proxy of a part: what a mission asks and commands, told, recorded and permitted. Generated from its protocol.
+
+One class is made for each protocol, from the marks at its members (``drivers.api.marks``), as dataclasses are: its
+source is written and compiled. So a question without arguments is a look into the part's memo, without a call of ours,
+since that is what a tick does most; and a command is one method. Its order: tell, record, permit, device; what is told
+only if it was accepted, in the end.
+"""
+
+import linecache
+from collections.abc import Callable, Iterator, Mapping
+from enum import StrEnum
+from functools import cache, partial
+from inspect import Parameter
+from typing import Any, TypeVar
+
+from drivers.api import Device
+from drivers.api.marks import Command, Member, members
+from drivers.errors import DriverError
+from missions.executive.answers import Answers, Memo
+from missions.executive.told import TOLD, Tell
+
+T = TypeVar("T")
+
+Permit = Callable[[Device], None]
+"""Called with a device before that is set moving; raises DeviceFault where that is not to be."""
+
+
+def always(device: Device) -> None:
+    """Permit everything."""
+    del device
+
+
+class Proxy:
+    """What all proxies have in common: the ``device``, the ``memo`` of its answers, and whom to tell of commands.
+
+    ``tell`` is None where nobody is told: then it is no leaf of a mission who commands.
+    """
+
+    __slots__ = ("_answers", "_device", "_memo", "_permit", "_source", "_tell")
+
+    def __init__(self, device: Any, memo: Memo, permit: Permit = always) -> None:
+        self._device, self._memo, self._permit = device, memo, permit
+        self._answers = memo.answers
+        self._source = ""
+        self._tell: Tell | None = None
+
+    def for_leaf(self, source: str, tell: Tell) -> Any:
+        """Return a proxy of the same device and the same answers, whose commands are told as from ``source``."""
+        leafs = object.__new__(type(self))
+        for name in (*Proxy.__slots__, *self.__slots__):
+            setattr(leafs, name, getattr(self, name))
+        leafs._source, leafs._tell = source, tell
+        return leafs
+
+
+def proxied(part: str, protocol: type, device: T, answers: Answers, permit: Permit = always) -> T:
+    """Return a ``device`` with this protocol behind its proxy; in ``answers`` it goes by the name of its ``part``.
+
+    ``permit`` is asked before it is set moving.
+    """
+    known = members(protocol).values()
+    questions = {each.name: getattr(device, each.name) for each in known if each.kind == "reading"}
+    questions |= {each.name: partial(getattr, device, each.name) for each in known if each.kind == "property"}
+    memo = answers.memo(
+        part,
+        questions,
+        sampled=[each.name for each in known if each.sampled],
+        fixed=[each.name for each in known if each.fixed],
+    )
+    proxy: T = proxy_class(protocol)(device, memo, permit)
+    return proxy
+
+
+def for_leaf(part: T, source: str, tell: Tell) -> T:
+    """Return a part that is behind a proxy as a leaf sees it: what the leaf commands is told as from ``source``."""
+    if not isinstance(part, Proxy):
+        raise TypeError(f"{part!r} is behind no proxy: a leaf's robot is made from what `asked` returns")
+    leafs: T = part.for_leaf(source, tell)
+    return leafs
+
+
+@cache
+def proxy_class(protocol: type) -> type[Any]:
+    """Return the class of the proxies for a protocol. What it does is in its source, which tracebacks show."""
+    writer = _Writer(protocol)
+    source = "\n".join(writer.lines()) + "\n"
+    file = f"<proxy of {protocol.__module__}.{protocol.__qualname__}>"
+    linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file
+    exec(compile(source, file, "exec"), writer.names)  # noqa: S102 - the source is of our own writing
+    made: type[Any] = writer.names[f"{protocol.__name__}Proxy"]
+    return made
+
+
+class _Writer:
+    """Writes the source of a proxy class; ``names`` are those that it uses."""
+
+    def __init__(self, protocol: type) -> None:
+        self._protocol = protocol
+        self._members = members(protocol).values()
+        self.names: dict[str, Any] = {
+            "Proxy": Proxy,
+            "DriverError": DriverError,
+            "partial": partial,
+            "__name__": __name__,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the source."""
+        readings = [each.name for each in self._members if each.kind == "reading"]
+        own = [each.name for each in self._members if each.kind == "direct property"]
+        yield f"class {self._protocol.__name__}Proxy(Proxy):"
+        yield f"    __slots__ = {(*own, *readings)!r}"
+        yield "    def __init__(self, device, memo, permit):"
+        yield "        Proxy.__init__(self, device, memo, permit)"
+        for name in own:
+            yield f"        self.{name} = device.{name}"
+        for name in readings:
+            yield f"        self.{name} = partial(memo.__getitem__, {name!r})"
+        for member in self._members:
+            match member.kind:
+                case "property":
+                    yield "    @property"
+                    yield f"    def {member.name}(self):"
+                    yield f"        return self._memo[{member.name!r}]"
+                case "question":
+                    yield self._head(member)
+                    yield f"        ask = self._device.{member.name}"
+                    yield f"        return self._memo.ask({member.name!r}, ask, {_names(member)})"
+                case "direct method":
+                    yield self._head(member)
+                    yield f"        return self._device.{member.name}({_given(member)})"
+                case "command" if member.command is not None:
+                    yield self._head(member)
+                    yield from (f"        {line}" for line in self._body(member, member.command))
+
+    def _head(self, member: Member) -> str:
+        parameters, star = ["self"], False
+        for each in member.parameters:
+            if each.kind is Parameter.KEYWORD_ONLY and not star:
+                parameters.append("*")
+                star = True
+            default = ""
+            if each.default is not Parameter.empty:
+                default = f"={self._known(f'{member.name}_{each.name}_default', each.default)}"
+            parameters.append(each.name + default)
+        return f"    def {member.name}({', '.join(parameters)}):"
+
+    def _body(self, member: Member, command: Command) -> Iterator[str]:
+        name, arguments = member.name, f"({_names(member)}{',' if member.parameters else ''})"
+        yield "tell = self._tell"
+        yield from self._changed(member, command)
+        if command.told == "before":
+            yield from self._tell(member, command, arguments, "None")
+        yield "memo, answers = self._memo, self._answers"
+        yield "memo.clear()"
+        yield "if answers.refused:"
+        yield "    answers.forget(memo.part)"
+        yield "try:"
+        if command.moves is True:
+            yield "    self._permit(self._device)"
+        elif command.moves:
+            yield f"    if {self._known(f'{name}_moves', command.moves)}({_names(member)}):"
+            yield "        self._permit(self._device)"
+        yield f"    result = self._device.{name}({_given(member)})"
+        yield "except DriverError as error:"
+        yield f"    memo.say({name!r}, {arguments}, error)"
+        yield "    raise"
+        yield "if answers.kept and answers.open:"
+        yield f"    answers.said.append((memo.part, {name!r}, {arguments}, result))"
+        if command.told == "after":
+            yield from self._tell(member, command, arguments, "result")
+        yield "return result"
+
+    def _changed(self, member: Member, command: Command) -> Iterator[str]:
+        """Yield how arguments are changed before anything is done with them."""
+        if command.as_leaf:
+            yield "if tell is not None:"
+            for parameter, change in command.as_leaf.items():
+                yield f"    {parameter} = {self._known(f'{member.name}_{parameter}_as_leaf', change)}({parameter})"
+        for each in member.parameters:
+            if (keep := command.kept.get(each.name)) is not None:
+                kept = f"{self._known(f'{member.name}_{each.name}_kept', keep)}({each.name})"
+                absent = f"None if {each.name} is None else " if each.default is None else ""
+                yield f"{each.name} = {absent}{kept}"
+
+    def _tell(self, member: Member, command: Command, arguments: str, result: str) -> Iterator[str]:
+        if member.function in TOLD:
+            values = f"{self._known(f'{member.name}_told', TOLD[member.function])}({arguments}, {result})"
+        else:
+            keys = [member.name, *(each.name for each in member.parameters[1:])]
+            told = [_told(each, command.kept) for each in member.parameters] or ["True"]
+            values = f"{{{', '.join(f'{key!r}: {value}' for key, value in zip(keys, told, strict=True))}}}"
+        yield "if tell is not None:"
+        yield f"    tell(self.name, self._source, {values})"
+
+    def _known(self, name: str, value: object) -> str:
+        """Let the source use a value; return the name by which it does."""
+        self.names[f"_{name}"] = value
+        return f"_{name}"
+
+
+def _names(member: Member) -> str:
+    return ", ".join(each.name for each in member.parameters)
+
+
+def _given(member: Member) -> str:
+    """Return the arguments as the device is given them."""
+    named = Parameter.KEYWORD_ONLY
+    return ", ".join(f"{each.name}={each.name}" if each.kind is named else each.name for each in member.parameters)
+
+
+def _told(parameter: Parameter, kept: Mapping[str, Callable[[Any], object]]) -> str:
+    """Return an argument as it is told where nothing else is said of it: of the types that JSON has; True for None."""
+    name, kind = parameter.name, parameter.annotation
+    if kept.get(name) is tuple:
+        told = f"list({name})"
+    else:
+        told = f"str({name})" if isinstance(kind, type) and issubclass(kind, StrEnum) else name
+    return f"True if {name} is None else {told}" if parameter.default is None else told

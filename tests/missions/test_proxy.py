@@ -1,0 +1,321 @@
+"""What a generated proxy does with a command, a question and a property, and that it has all that its protocol has."""
+
+import inspect
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import pytest
+
+from behaviours.robot import Robot
+from behaviours.voice import Say
+from drivers.api import Coupling, Device, HeadPose, Lamp, Mood, Source, Tune, Velocity
+from drivers.api.marks import command, fixed, members
+from drivers.clock import ManualClock
+from drivers.errors import BadRequest, DeviceFault
+from missions.executive.answers import Answers
+from missions.executive.asked import COMMANDS, PROTOCOLS, asked, robot_for
+from missions.executive.proxy import for_leaf, proxied
+from missions.replay.answering import answering
+from missions.replay.memory import Memory
+from missions.testing.recorders.bench import Bench
+
+
+class Winch(Device, Protocol):
+    """A part that no robot of ours has."""
+
+    @property
+    @fixed
+    def rope(self) -> float: ...
+
+    @property
+    def jammed(self) -> bool: ...
+
+    @command(
+        "after",
+        moves=lambda length, hooks: length > 0.0,  # noqa: ARG005 - with whatever hooks
+        kept={"hooks": tuple},
+    )
+    def lift(self, length: float, *, hooks: tuple[str, ...] | None = None) -> float: ...
+
+    @command("before", as_leaf={"who": lambda _: "leaf"})
+    def drop(self, who: str = "") -> None: ...
+
+    def load(self) -> float: ...
+
+    def load_at(self, stamp: float) -> float: ...
+
+
+class Deck:
+    """A winch, and all that happens to it, to those who permit it, and to those who are told, in one row."""
+
+    name = "winch"
+    rope = 12.0
+    jammed = False
+
+    def __init__(self) -> None:
+        self.row: list[object] = []
+        self.trouble: Exception | None = None
+
+    def open(self) -> None:
+        self.row.append("open")
+
+    def close(self) -> None:
+        self.row.append("close")
+
+    def rest(self) -> None:
+        self.row.append("rest")
+
+    def health(self) -> Any:
+        return "well"
+
+    def lift(self, length: float, *, hooks: tuple[str, ...] | None = None) -> float:
+        self.row.append(("lift", length, hooks))
+        if self.trouble is not None:
+            raise self.trouble
+        return min(length, self.rope)
+
+    def drop(self, who: str = "") -> None:
+        self.row.append(("drop", who))
+
+    def load(self) -> float:
+        self.row.append("load")
+        return 3.0
+
+    def load_at(self, stamp: float) -> float:
+        self.row.append(("load_at", stamp))
+        return stamp
+
+    def permit(self, device: Device) -> None:
+        assert device is self
+        self.row.append("permit")
+
+    def tell(self, to: str, source: str, values: Mapping[str, object]) -> None:
+        assert (to, source) == ("winch", "hoist")
+        self.row.append(values)
+
+
+@pytest.fixture
+def deck() -> Deck:
+    return Deck()
+
+
+@pytest.fixture
+def answers() -> Answers:
+    answers = Answers()
+    answers.kept = answers.open = True
+    return answers
+
+
+def winches(deck: Deck, answers: Answers) -> tuple[Winch, Winch]:
+    """Return the winch of the executive, and that of a leaf."""
+    winch: Winch = proxied("winch", Winch, deck, answers, deck.permit)
+    return winch, for_leaf(winch, "hoist", deck.tell)
+
+
+def test_a_command_is_permitted_given_and_then_told(deck: Deck, answers: Answers) -> None:
+    _, leafs = winches(deck, answers)
+    assert leafs.lift(20.0, hooks=["left"]) == 12.0  # type: ignore[arg-type] # a list is kept as a tuple
+    told = {"lift": 20.0, "hooks": ["left"]}
+    assert deck.row == ["permit", ("lift", 20.0, ("left",)), told]
+    assert answers.take() == [("winch", "lift", (20.0, ("left",)), 12.0)]
+
+
+def test_a_command_of_rest_is_told_before_it_is_given_and_needs_no_permit(deck: Deck, answers: Answers) -> None:
+    _, leafs = winches(deck, answers)
+    leafs.rest()
+    assert deck.row == [{"rest": True}, "rest"]
+
+
+def test_a_command_that_moves_nothing_needs_no_permit(deck: Deck, answers: Answers) -> None:
+    winch, _ = winches(deck, answers)
+    winch.drop("crew")
+    winch.lift(0.0)
+    assert deck.row == [("drop", "crew"), ("lift", 0.0, None)]
+
+
+def test_what_is_refused_is_recorded_and_not_told(deck: Deck, answers: Answers) -> None:
+    _, leafs = winches(deck, answers)
+    deck.trouble = fault = DeviceFault("the rope is torn")
+    with pytest.raises(DeviceFault, match="torn"):
+        leafs.lift(1.0)
+    assert deck.row == ["permit", ("lift", 1.0, None)]
+    assert answers.take() == [("winch", "lift", (1.0, None), fault)]
+
+
+def test_what_a_leaf_may_not_say_is_changed_for_a_leaf_alone(deck: Deck, answers: Answers) -> None:
+    winch, leafs = winches(deck, answers)
+    winch.drop("crew")
+    leafs.drop("crew")
+    assert deck.row == [("drop", "crew"), {"drop": "leaf"}, ("drop", "leaf")]
+
+
+def test_a_leaf_cannot_drive_as_somebody_else_and_stops_the_base_for_nobody_else() -> None:
+    bench = Bench()
+    stops: list[Source | None] = []
+    bench.base.stop = lambda *, source=None: stops.append(source)  # type: ignore[method-assign]
+    robot = asked(bench.robot, Answers())
+    leafs = robot_for(bench.put(Say("say")), robot, lambda *_: None)
+    with pytest.raises(BadRequest, match="a mission's behaviour cannot drive as 'teleop'"):
+        leafs.base.drive(Velocity(0.1, 0.0), source=Source.TELEOP)
+    assert bench.base.commands == []
+    leafs.base.stop()
+    leafs.base.stop(source=Source.TELEOP)
+    robot.base.stop()
+    assert stops == [Source.MISSION, Source.MISSION, None]
+
+
+def test_commands_are_told_with_what_missions_know_them_by() -> None:
+    bench, told = Bench(), list[Mapping[str, object]]()
+    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers()), lambda *each: told.append(each[2]))
+    leafs.base.drive(Velocity(0.12345, 0.0))
+    bench.base.drive = lambda *_, **__: Velocity(0.1, 0.0)  # type: ignore[method-assign]
+    leafs.base.drive(Velocity(0.2, 0.0))
+    leafs.base.stop()
+    leafs.base.latch("enough")
+    leafs.base.enable()
+    leafs.base.play(Tune.ON)
+    leafs.base.tone(440.0, 0.1)
+    leafs.base.light(1, Lamp.RED)
+    leafs.head.look(HeadPose(2.0, 0.12345))
+    leafs.head.stop()
+    leafs.arm.follow([Coupling("elbow", "wrist")])
+    leafs.screen.mood(Mood.HAPPY)
+    leafs.screen.show("Hello")
+    leafs.screen.mouth(0.5)
+    assert told == [
+        {"linear": 0.1235, "angular": 0.0},
+        {"linear": 0.1, "angular": 0.0, "wanted_linear": 0.2, "wanted_angular": 0.0},
+        {"linear": 0.0, "angular": 0.0},
+        {"latch": "enough"},
+        {"enable": True},
+        {"tune": "on"},
+        {"tone": 440.0, "seconds": 0.1},
+        {"light": 1, "colour": "red"},
+        {"pan": 1.4, "tilt": 0.1235},
+        {"stop": True},
+        {"follow": {"wrist": "elbow"}},
+        {"mood": "happy"},
+        {"show": "Hello"},
+    ]
+
+
+def test_between_a_leaf_and_the_driver_there_is_one_call() -> None:
+    bench, depths = Bench(), list[int]()
+
+    def drive(velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        del source
+        depths.append(len(inspect.stack(0)))
+        return velocity
+
+    bench.base.drive = drive  # type: ignore[method-assign]
+    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers()), lambda *_: None)
+    drive(Velocity(0.1, 0.0))
+    leafs.base.drive(Velocity(0.1, 0.0))
+    assert depths[1] - depths[0] == 1
+
+
+def test_readings_are_looked_up_and_properties_too(deck: Deck, answers: Answers) -> None:
+    winch, leafs = winches(deck, answers)
+    calls: list[str] = []
+    assert (winch.load(), leafs.load(), winch.load_at(1.5), leafs.load_at(1.5)) == (3.0, 3.0, 1.5, 1.5)
+    assert deck.row == ["load", ("load_at", 1.5)]
+    sys.setprofile(lambda frame, event, _: calls.append(frame.f_code.co_name) if event == "call" else None)
+    try:
+        leafs.load()
+    finally:
+        sys.setprofile(None)
+    assert calls == []  # a second look within the moment costs no call of ours
+    assert (leafs.rope, leafs.jammed, leafs.name) == (12.0, False, "winch")
+
+
+def test_a_sample_asks_what_is_sampled_and_what_is_fixed_once(deck: Deck, answers: Answers) -> None:
+    winches(deck, answers)
+    for expected in (["rope", "load"], ["load"]):
+        answers.open = True
+        answers.sample()
+        assert [what for _, what, _, _ in answers.take()] == expected
+
+
+def test_opening_and_closing_are_the_devices_own(deck: Deck, answers: Answers) -> None:
+    winch, leafs = winches(deck, answers)
+    winch.open()
+    leafs.close()
+    assert (deck.row, answers.take()) == (["open", "close"], [])
+
+
+def test_a_leafs_robot_is_made_of_proxies_alone() -> None:
+    bench = Bench()
+    with pytest.raises(TypeError, match="behind no proxy"):
+        robot_for(bench.put(Say("say")), Robot(base_part=bench.base), lambda *_: None)
+
+
+def test_a_traceback_shows_the_source_of_a_proxy(deck: Deck, answers: Answers) -> None:
+    winch, _ = winches(deck, answers)
+    deck.trouble = DeviceFault("the rope is torn")
+    with pytest.raises(DeviceFault) as caught:
+        winch.lift(1.0)
+    assert "self._device.lift(length, hooks=hooks)" in "".join(traceback.format_exception(caught.value))
+
+
+# --- all parts --------------------------------------------------------------------------------------------------------
+
+
+def replayed() -> Robot:
+    memory = Memory(unheard=lambda _: None, otherwise=lambda *_: None)
+    parts = {"base", "head", "arm", "range", "voice", "camera", "microphone", "screen"}
+    return answering(parts, memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
+
+
+@pytest.mark.parametrize("make", [lambda: asked(Bench().robot, Answers()), replayed], ids=["proxy", "replay"])
+def test_each_part_has_the_methods_of_its_protocol(make: Callable[[], Robot]) -> None:
+    robot = make()
+    for part, protocol in PROTOCOLS.items():
+        device = getattr(robot, f"{part}_part")
+        for name, member in members(protocol).items():
+            if "property" not in member.kind:
+                assert callable(getattr(device, name)), f"{part}.{name}"
+
+
+def test_proxies_take_the_arguments_of_their_protocols() -> None:
+    robot = asked(Bench().robot, Answers())
+    for part, protocol in PROTOCOLS.items():
+        for name, member in members(protocol).items():
+            if member.kind in {"command", "question"}:
+                taken = inspect.signature(getattr(getattr(robot, f"{part}_part"), name)).parameters.values()
+                wanted = [(each.name, each.kind, each.default) for each in member.parameters]
+                assert [(each.name, each.kind, each.default) for each in taken] == wanted, f"{part}.{name}"
+
+
+def test_what_records_hold_as_commands_is_known_as_such() -> None:
+    """Records of every version are read by this: what leaves the list, or comes to it, is replayed otherwise."""
+    assert {
+        "base": {"drive", "stop", "latch", "enable", "play", "tone", "light", "rest"},
+        "head": {"look", "stop", "rest"},
+        "arm": {"move", "hold", "relax", "follow", "recover", "rest"},
+        "ranger": {"rest"},
+        "voice": {"say", "play", "cancel", "rest"},
+        "sight": set(),
+        "hearing": set(),
+        "screen": {"mood", "show", "mouth", "rest"},
+    } == COMMANDS
+
+
+# --- replay -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_changed_command_is_answered_within_the_limits_of_then() -> None:
+    bench = Bench()
+    changed: list[str] = []
+    memory = Memory(unheard=changed.append, otherwise=lambda _, __, now: changed.append(str(now)))
+    robot = answering({"base", "head", "arm"}, memory, ManualClock().now, eye=(0.0, 0.0, 1.0), groups={})
+    memory.begin(
+        [(part, "limits", (), getattr(bench.robot, f"{part}_part").limits) for part in ("base", "head", "arm")]
+    )
+    assert robot.base.drive(Velocity(2.0, -9.0), source=Source.MISSION) == Velocity(0.5, -bench.base.limits.turn)
+    assert robot.head.look(HeadPose(2.0, 0.1)) == HeadPose(1.4, 0.1)
+    assert robot.arm.move({"elbow": 3.0, "shoulder": 0.5}, speeds=None) == {"elbow": 2.2, "shoulder": 0.5}
+    assert robot.arm.recover() == ()
+    assert (robot.head.stop(), robot.base.latch("enough")) == (None, None)
+    assert len(changed) == 6
