@@ -7,11 +7,13 @@ import numpy as np
 
 from drivers.api import (
     STILL,
+    Base,
     BaseLimits,
     BaseState,
     Lamp,
     Pose2D,
     Quality,
+    Ranger,
     RangeScan,
     Reading,
     Source,
@@ -30,6 +32,8 @@ def drive(linear: float, angular: float) -> Velocity:
 
 class RecordedBase(Recorder):
     """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched`` and ``steers``: who has the wheels."""
+
+    protocol = Base
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("base", clock)
@@ -86,6 +90,8 @@ class RecordedBase(Recorder):
 
 class RecordedRanger(Recorder):
     """A ``drivers.api.Ranger`` in the middle of the base; the test sets ``reading``. Nothing is around it at first."""
+
+    protocol = Ranger
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("range", clock)

@@ -4,9 +4,11 @@ from collections.abc import Collection, Mapping, Sequence
 
 from drivers.api import (
     Coupling,
+    Head,
     HeadLimits,
     HeadPose,
     JointLimits,
+    Joints,
     JointState,
     Quality,
     Reading,
@@ -17,6 +19,8 @@ from missions.testing.recorders.recorder import HOLD, RECOVER, RELAX, STOP, Reco
 
 class RecordedHead(Recorder):
     """A ``drivers.api.Head``; the test sets ``reading`` and ``limits``."""
+
+    protocol = Head
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("head", clock)
@@ -46,6 +50,8 @@ class RecordedJoints(Recorder):
 
     It keeps moves as mappings of goals, whose speeds are in ``speeds``, and couplings as tuples.
     """
+
+    protocol = Joints
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("arm", clock)

@@ -1,12 +1,10 @@
 """What all recorders have in common, and the words in which a test says what they should have kept."""
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, ClassVar, TypeVar
 
-from drivers.api import (
-    Health,
-    Quality,
-    Reading,
-)
+from drivers.api import Device, Health, Quality, Reading
+from drivers.api.marks import members
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 
@@ -36,7 +34,14 @@ def none() -> Reading[T]:
 
 
 class Recorder:
-    """What all recorders have in common: ``trouble`` is raised by every command that may raise, which is not kept."""
+    """What all recorders have in common: ``trouble`` is raised by every command that may raise, which is not kept.
+
+    A command of the ``protocol`` that no method here is written for is kept as its name, or as a tuple of its name and
+    arguments: ``("chirp", 0.5)``. A question or property that none is written for raises NotConnected until the test
+    sets it.
+    """
+
+    protocol: ClassVar[type] = Device
 
     def __init__(self, name: str, clock: ManualClock) -> None:
         self.name = name
@@ -70,3 +75,25 @@ class Recorder:
     def health(self) -> Health:
         """Say that it is there, unless it is in trouble."""
         return Health(self.trouble is None, str(self.trouble or ""))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a member of the protocol for which there is no method."""
+        member = members(self.protocol).get(name)
+        if member is None:
+            raise AttributeError(f"{type(self).__name__} has no {name!r}")
+        if member.command is not None:
+            return lambda *given, **named: self._keep_call(name, *given, *named.values())
+        unknown = NotConnected(f"{self.name}: no test has set its {name}", hint=f"set bench.{self.name}.{name}")
+        if member.kind == "property":
+            raise unknown
+        return _raising(unknown)
+
+    def _keep_call(self, name: str, *arguments: object) -> None:
+        self.keep((name, *arguments) if arguments else name)
+
+
+def _raising(error: NotConnected) -> Callable[..., object]:
+    def ask(*_: object) -> object:
+        raise error
+
+    return ask

@@ -1,6 +1,6 @@
 """A screen that keeps what it was told."""
 
-from drivers.api import Mood, Shown
+from drivers.api import Mood, Screen, Shown
 from drivers.clock import ManualClock
 from missions.testing.recorders.recorder import Recorder
 
@@ -10,6 +10,8 @@ class RecordedScreen(Recorder):
 
     Like the real one it raises nothing in trouble. ``now`` is what it shows.
     """
+
+    protocol = Screen
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("screen", clock)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from drivers.api import AS_USUAL, Manner, MouthShape, Priority
+from drivers.api import AS_USUAL, Manner, MouthShape, Priority, Voice
 from drivers.clock import ManualClock
 from missions.testing.recorders.recorder import CANCEL, Recorder
 from perception.api import Box, Face, Marker, Scene, Thing, Words
@@ -35,6 +35,8 @@ class RecordedVoice(Recorder):
 
     Of a sound it keeps the path; the utterances are in ``said``.
     """
+
+    protocol = Voice
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__("voice", clock)
