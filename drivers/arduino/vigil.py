@@ -48,6 +48,7 @@ class Vigil:
         self.asked_at: float | None = None
         self.deaf: bool = before is not None and before.deaf
         self._proved_at = -inf  # when it was in step for sure
+        self._probed_at = -inf
         self._looked_at: float | None = None
         self._known_from = -inf  # what is read now has come since then
         self._own = False  # it has known us on this connection
@@ -84,7 +85,7 @@ class Vigil:
         """A probe was sent."""
         if not self.deaf:  # else its answer may have been garbled, but for these
             self._questions = 0
-        self.asked_at = now
+        self.asked_at = self._probed_at = now
         self._proved_at = -inf
         self._sent.clear()
 
@@ -110,7 +111,12 @@ class Vigil:
             self._proved_at = max(self._proved_at, self._sent.popleft())
 
     def questioned(self, now: float) -> bool:
-        """It has asked for the time; say whether one in step would not have, so that it has to be probed."""
+        """It has asked for the time; say whether one in step would not have, so that it has to be probed.
+
+        A question belongs to each answer to a probe. One that comes soon after a probe which has been answered may be
+        that of an answer which took too long: were it probed for that, so would it be for the next one, without end.
+        Then it is doubted, until something is to be sent, or it answers once more.
+        """
         self._questions += 1
         if self._late:
             self._waited += 1
@@ -118,6 +124,9 @@ class Vigil:
         again, self._questioned_at = now - self._questioned_at < TWICE, now
         if self.asked_at is None and not again:
             self.met, self._own = now + FORGETS, True
+        if self.asked_at is None and again and now - self._probed_at <= ANSWER:
+            self._proved_at, self._doubt = -inf, True
+            return False
         return self.asked_at is None and again
 
     def answered(self, now: float) -> Life:
