@@ -202,6 +202,8 @@ class Runner:
             with self._signals, line, logging_to(self._tell.logged), self.watchdog, self.ready():
                 self._context.beat()
                 self.watchdog.armed = True
+                if self._robot.eyes is not None:
+                    self._robot.eyes.may_rest = True
                 result = self.executive.loop()
         except Exception as error:
             reason = str(error) or type(error).__name__

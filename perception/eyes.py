@@ -14,6 +14,16 @@ from perception.senses import Senses
 WAIT = 0.1
 """Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""
 
+LINGER = 2.0
+"""Seconds for which eyes that may rest look on though nobody asks what they see."""
+
+OPENED = 3
+"""Pictures that they have searched after a rest once what they see counts: as at first, close faces and those farther
+away are looked for one after the other."""
+
+BLIND = 1.0
+"""Seconds for which nobody waits for that longer: the camera may be away."""
+
 PAUSE = 0.005
 """Seconds to rest when no frame came: a camera that is closed may say so at once."""
 
@@ -83,6 +93,7 @@ class Vision(NewestView):
     ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
     ``centre`` and ``distortion`` are the camera's, as ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
     to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
+    ``afresh`` is called before the first frame after a rest, which shows something else than the one before it.
     From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
     ``on_frame(frame, gaze)`` with that frame itself, ``changed`` after that, ``on_trouble`` for an error.
     """
@@ -101,12 +112,14 @@ class Vision(NewestView):
         on_view: Callable[[View], None] = unseen,
         on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
         on_trouble: Callable[[Exception], None] = unreported,
+        afresh: Callable[[], object] = unheard,
     ) -> None:
+        self.now = now
+        self.afresh = afresh
         self._gaze = gaze
         self._lens = field_of_view, centre, distortion
         self._senses = senses
         self._exposures = None if delay is None else Exposures(gaze, delay)
-        self._now = now
         self._changed = changed
         self._on_view = on_view
         self._on_frame = on_frame
@@ -139,7 +152,7 @@ class Vision(NewestView):
         return True
 
     def _search(self, frame: Frame) -> None:
-        began = self._now()
+        began = self.now()
         height, width = frame.image.shape[:2]
         camera, senses = Pinhole(width, height, *self._lens), self._senses
         if self._exposures is not None:
@@ -152,7 +165,7 @@ class Vision(NewestView):
             markers=() if senses.markers is None else senses.markers.sense(frame, camera, gaze),
             scene=measure(frame.image, stamp=frame.stamp) if senses.scene is None else senses.scene.measure(frame),
         )
-        spent = self._now() - began
+        spent = self.now() - began
         self._effort = Effort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
         self._view = view = replace(view, spent=spent)
         self._on_view(view)
@@ -172,10 +185,18 @@ class Vision(NewestView):
 
 
 class Eyes:
-    """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only."""
+    """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only.
+
+    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see.
+    """
 
     def __init__(self, source: FrameSource, vision: Vision) -> None:
         self.vision = vision
+        self.may_rest = False
+        self._asked_at = 0.0
+        self._opened = OPENED  # pictures searched since the last rest
+        self._opening_at = 0.0  # when somebody asked who ended it
+        self._wanted = Event()
         self._source = source
         self._ending = Event()
         self._thread: Thread | None = None
@@ -184,12 +205,14 @@ class Eyes:
         """Start looking; returns at once. Safe more than once."""
         if self._thread is None:
             self._ending.clear()
+            self._asked_at = self.vision.now()
             self._thread = Thread(target=self._run, name="eyes", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
         """End the thread and wait for it. Safe from any state, more than once, but not from a callback."""
         self._ending.set()
+        self._wanted.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
@@ -198,8 +221,32 @@ class Eyes:
         """The stamp of the newest frame that was searched, None before the first."""
         return self.vision.looked()
 
+    def ask(self) -> bool:
+        """Somebody asks what they see, which ends a rest; say whether that is known. From any thread, at once."""
+        before, self._asked_at = self._asked_at, self.vision.now()
+        self._wanted.set()
+        if self._opened >= OPENED:
+            return True
+        if self._asked_at - before > LINGER:
+            self._opening_at = self._asked_at
+        return self._asked_at - self._opening_at > BLIND
+
+    def _rest(self) -> None:
+        """Look at nothing until somebody asks."""
+        self._opened = 0
+        self._wanted.clear()
+        if self._idle and not self._ending.is_set():  # who asks meanwhile has said so before
+            self._wanted.wait()
+        self.vision.afresh()
+
+    @property
+    def _idle(self) -> bool:
+        return self.may_rest and self.vision.now() - self._asked_at > LINGER
+
     def _run(self) -> None:
         while not self._ending.is_set():
+            if self._idle:
+                self._rest()
             try:
                 frame = self._source.read(WAIT)
             except Exception as error:  # of the camera
@@ -208,5 +255,7 @@ class Eyes:
                 continue
             if frame is None:
                 self._ending.wait(PAUSE)
-            elif not self.vision.see(frame):
+            elif self.vision.see(frame):
+                self._opened += 1
+            else:
                 self._ending.wait(WAIT)

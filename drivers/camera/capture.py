@@ -1,6 +1,9 @@
 """One run of a camera, from its opening to its closing: the thread that always holds the newest picture ready."""
 
+from math import inf
 from threading import Condition, Event, Thread
+
+import numpy as np
 
 from drivers.api import CameraFrame, Health, Image, Notice, Report
 from drivers.camera.feed import Feed
@@ -9,14 +12,21 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 
-_GLANCE = 0.005
+_GLANCE = 0.1
 """Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
+
+_UNREAD = 1.0
+"""Seconds after which pictures that nobody reads go by without being decoded."""
 
 _SILENCE = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
 _PATIENCE = 1.0
 """Seconds that ``end`` waits for a thread that may be stuck in OpenCV."""
+
+
+_SKIPPED: Image = np.empty((0, 0, 3), np.uint8)
+"""Stands for a picture that was not decoded."""
 
 
 class Capture:
@@ -37,6 +47,8 @@ class Capture:
         self._arrived = Condition()
         self._frame: CameraFrame | None = None
         self._given = -1
+        self._came_at = 0.0  # the newest picture, decoded or not
+        self._read_at = inf  # since it was opened nobody has
         self._frames = self._dropped = self._starts = 0
         self._online = False
         self._trouble = NotConnected(f"{name}: {feed.what}: no picture yet", hint=feed.hint)
@@ -60,6 +72,7 @@ class Capture:
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
         with self._arrived:
+            self._read_at = self._clock.now()
             self._arrived.wait_for(lambda: self._ending.is_set() or self._newest() is not None, timeout)
             frame = None if self._ending.is_set() else self._newest()
             if frame is not None:
@@ -83,9 +96,9 @@ class Capture:
 
     def _silent(self) -> NotConnected | None:
         """Return what to say of a camera that counts as online, and yet gives nothing; None while it gives pictures."""
-        if not self._online or self._frame is None:
+        if not self._online:
             return None
-        silent = self._clock.now() - self._frame.stamp
+        silent = self._clock.now() - self._came_at
         if silent <= self._silence:
             return None
         return NotConnected(f"{self._name}: {self._feed.what}: no picture for {silent:.1f} s", hint=self._feed.hint)
@@ -112,9 +125,12 @@ class Capture:
         self._freshness.restart()
         before = self._frames
         self._silence = max(_SILENCE, 3 * (period or 0.0))
-        while (image := self._feed.grab()) is not None:
+        while (image := self._next()) is not None:
             if self._ending.is_set() or (period is not None and not self._paced(period)):
                 return None
+            if image is _SKIPPED:
+                self._let_go_by()
+                continue
             self._offer(image)
             if period is None:  # a recording may well hold still
                 self._freshness.take(image, self._clock.now())
@@ -129,6 +145,18 @@ class Capture:
         self._ending.wait()
         return None
 
+    def _next(self) -> Image | None:
+        """Return the next picture, ``_SKIPPED`` for one that nobody wants, None when there is no more."""
+        if self._clock.now() - self._read_at <= _UNREAD:
+            return self._feed.grab()
+        return _SKIPPED if self._feed.skip() else None
+
+    def _let_go_by(self) -> None:
+        """Take note of a picture that was not decoded: what is read next is none of before."""
+        self._freshness.restart()
+        with self._arrived:
+            self._came_at, self._frame = self._clock.now(), None
+
     def _paced(self, period: float) -> bool:
         """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
         while (left := self._due - self._clock.now()) > 1e-6:
@@ -139,7 +167,8 @@ class Capture:
 
     def _offer(self, image: Image) -> None:
         with self._arrived:
-            self._frame = CameraFrame(image, self._clock.now(), self._frames)
+            self._came_at = self._clock.now()
+            self._frame = CameraFrame(image, self._came_at, self._frames)
             self._frames += 1
             was_online, self._online = self._online, True
             self._arrived.notify_all()

@@ -105,6 +105,14 @@ def grab(video: cv2.VideoCapture) -> Image | None:
     return np.asarray(image, np.uint8)
 
 
+def skip(video: cv2.VideoCapture) -> bool:
+    """Let the next picture of an open video go by; False at its end, or when the device has gone."""
+    try:
+        return video.grab()
+    except cv2.error:
+        return False
+
+
 def _number(video: cv2.VideoCapture, key: int) -> int:
     return max(0, int(video.get(key)))
 

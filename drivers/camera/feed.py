@@ -29,6 +29,10 @@ class Feed(Protocol):
         """Return the next picture, waiting for it if it is live; None when there is no more."""
         ...
 
+    def skip(self) -> bool:
+        """Let the next picture go by without decoding it, as ``grab`` waits for it; False when there is no more."""
+        ...
+
     def stop(self) -> None:
         """Release it. Safe from any state, more than once."""
         ...

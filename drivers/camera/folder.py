@@ -65,6 +65,10 @@ class FolderFeed:
             raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
         return None
 
+    def skip(self) -> bool:
+        """Let the next picture go by; False after the last."""
+        return next(self._left, None) is not None
+
     def stop(self) -> None:
         """Forget the list."""
         self._left = iter(())

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image, Report, unreported
-from drivers.camera.decode import grab, opened
+from drivers.camera.decode import grab, opened, skip
 from drivers.camera.source import Kind, Source, is_number, kind_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
@@ -63,6 +63,10 @@ class VideoFeed:
     def grab(self) -> Image | None:
         """Return the next picture, None when there is no more."""
         return None if self._video is None else grab(self._video)
+
+    def skip(self) -> bool:
+        """Let the next picture go by; False when there is no more."""
+        return self._video is not None and skip(self._video)
 
     def stop(self) -> None:
         """Release the source."""

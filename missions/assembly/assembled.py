@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 class Looking(Protocol):
     """Eyes, as far as a run opens and closes them: ``perception.eyes.Eyes``, or those of simulated time."""
 
+    may_rest: bool
+    """Whether they look at nothing while nobody asks; those of simulated time never do."""
+
     @property
     def looked(self) -> Callable[[], float | None]:
         """Tells the stamp of the newest frame that was searched, None before the first."""

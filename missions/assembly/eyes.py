@@ -14,6 +14,7 @@ from missions.assembly.detectors import face_detector
 from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
+from missions.assembly.watchful import WatchfulSight
 from perception.api import Face, Frame, Gaze, View
 from perception.change import MotionSense
 from perception.delay import Delay
@@ -55,8 +56,8 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
         ),
         delay=place.lags.delay,
     )
-    place.eyes = Eyes(camera, sight)
-    return camera, sight
+    place.eyes = eyes = Eyes(camera, sight)
+    return camera, WatchfulSight(sight, eyes.ask)
 
 
 def _camera(place: "Place", section: Section) -> Camera:
@@ -91,7 +92,8 @@ def vision(
     ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces. ``delay``
     is how late it stamps its pictures, to be learnt.
     """
-    faces: Sense[Face] = FaceSense(FaceFinder(detector), Tracker())
+    finder = FaceFinder(detector)
+    faces: Sense[Face] = FaceSense(finder, Tracker())
     senses = Senses(
         faces=(faces if recogniser is None else NamedFaces(faces, recogniser)) if interests.faces else None,
         things=ThingSense(interests.wanted, COLOURS) if interests.wanted else None,
@@ -106,6 +108,7 @@ def vision(
         senses=senses,
         now=clock.now,
         delay=delay,
+        afresh=finder.reset,
         on_view=seen,
         on_frame=watched,
         on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),

@@ -46,6 +46,7 @@ class SteppedEyes(Generic[T]):
         delay: float,
     ) -> None:
         self.looked = looked
+        self.may_rest = False
         self._timeline = timeline
         self._take = take
         self._see = see

@@ -45,6 +45,9 @@ class Cable:
         Event().wait(PERIOD)
         return picture(self._clock.now()) if self.plugged else None
 
+    def skip(self) -> bool:
+        return self.grab() is not None
+
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
 

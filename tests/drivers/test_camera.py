@@ -183,6 +183,9 @@ class Webcam:
     def grab(self) -> Image | None:
         return self.pictures.get()
 
+    def skip(self) -> bool:
+        return self.grab() is not None
+
     def stop(self) -> None:
         self.stopped.set()
 

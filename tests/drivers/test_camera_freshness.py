@@ -119,6 +119,9 @@ class Live:
     def grab(self) -> Image | None:
         return self.pictures.get()
 
+    def skip(self) -> bool:
+        return self.grab() is not None
+
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
 
@@ -189,4 +192,45 @@ def test_a_recording_may_hold_still(tmp_path: Path) -> None:
         assert stamps[-1] > FROZEN + 1
         assert [notice.kind for notice in notices] == ["online"]
     finally:
+        camera.close()
+
+
+class Counting(Live):
+    """A live feed that counts what is decoded and what goes by."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.decoded = self.gone_by = 0
+
+    def grab(self) -> Image | None:
+        self.decoded += 1
+        return super().grab()
+
+    def skip(self) -> bool:
+        self.gone_by += 1
+        return super().grab() is not None
+
+
+def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online() -> None:
+    feed, clock = Counting(), ManualClock()
+    camera = opened(feed, clock, lambda _: None)
+    try:
+        feed.pictures.put(STILL)
+        wait_until(lambda: camera.read(0.1) is not None)
+        clock.advance(5.0)
+        feed.pictures.put(STILL)  # the one that it waited for to decode meanwhile
+        wait_until(lambda: feed.gone_by == 1)
+        decoded = feed.decoded
+        for _ in range(3):
+            feed.pictures.put(STILL)
+        wait_until(lambda: feed.gone_by == 4)
+        assert feed.decoded == decoded
+        assert camera.health().online
+        assert camera.read(0.0) is None  # none of before
+        feed.pictures.put(STILL)
+        feed.pictures.put(STILL)
+        wait_until(lambda: camera.read(0.1) is not None)
+    finally:
+        feed.pictures.put(None)
+        feed.pictures.put(None)
         camera.close()

@@ -1,0 +1,47 @@
+"""A mission whose eyes have rested waits for pictures, and is told of nothing that nobody looked for."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from behaviours.leaf import FAILURE, RUNNING
+from behaviours.sight import FaceSeen
+from drivers.errors import NotConnected
+from missions.assembly.watchful import WatchfulSight
+from missions.testing.recorders.bench import Bench
+from perception.api import Sight
+
+QUESTIONS: list[Callable[[Sight], object]] = [
+    lambda sight: sight.faces(),
+    lambda sight: sight.things(),
+    lambda sight: sight.markers(),
+    lambda sight: sight.looked(),
+    lambda sight: sight.scene(),
+]
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=["faces", "things", "markers", "looked", "scene"])
+def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable[[Sight], object]) -> None:
+    bench, asked, awake = Bench(), [], [False]
+
+    def ask() -> bool:
+        asked.append(True)
+        return awake[0]
+
+    sight = WatchfulSight(bench.sight, ask)
+    with pytest.raises(NotConnected, match="not searched for a while"):
+        question(sight)
+    awake[0] = True
+    assert question(sight) == question(bench.sight)
+    assert len(asked) == 2
+
+
+def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() -> None:
+    bench, awake = Bench(), [False]
+    leaf = bench.put(FaceSeen("face_seen"))
+    leaf.robot = replace(bench.robot, sight_part=WatchfulSight(bench.sight, lambda: awake[0]))
+    assert bench.tick(leaf) is RUNNING
+    assert "camera: its pictures were not searched" in leaf.feedback_message
+    awake[0] = True
+    assert bench.tick(leaf) is FAILURE

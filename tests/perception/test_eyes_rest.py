@@ -1,0 +1,129 @@
+"""Eyes that nobody asks rest, and what they say next is of pictures that they have searched since."""
+
+from collections.abc import Iterator
+from math import radians
+from threading import Event
+
+import numpy as np
+import pytest
+
+from drivers.clock import ManualClock
+from perception.api import Gaze, Image
+from perception.eyes import BLIND, LINGER, OPENED, Eyes, Vision
+from perception.senses import FaceSense, Senses
+from perception.sighting import Sighting
+from perception.tracks import Tracker
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+class Picture:
+    def __init__(self, stamp: float) -> None:
+        self.stamp = stamp
+        self.image: Image = np.zeros((48, 64, 3), np.uint8)
+
+
+class Camera:
+    """Gives a picture whenever it is asked, as long as it is ``there``; counts them."""
+
+    def __init__(self) -> None:
+        self.read_so_far = 0
+        self.there = True
+
+    def read(self, timeout: float) -> Picture | None:
+        Event().wait(min(timeout, 0.001))
+        if not self.there:
+            return None
+        self.read_so_far += 1
+        return Picture(float(self.read_so_far))
+
+
+class Nobody:
+    def find(self, image: Image) -> list[Sighting]:
+        del image
+        return []
+
+
+class Robot:
+    """Eyes that may rest, on a clock of their own."""
+
+    def __init__(self) -> None:
+        self.clock, self.camera, self.begun_afresh = ManualClock(100.0), Camera(), 0
+        senses = Senses(faces=FaceSense(Nobody(), Tracker()))
+        vision = Vision(
+            lambda _: Gaze(0.0, 0.0),
+            field_of_view=radians(60),
+            senses=senses,
+            now=self.clock.now,
+            afresh=self.begin_afresh,
+        )
+        self.eyes = Eyes(self.camera, vision)
+        self.eyes.may_rest = True
+
+    def begin_afresh(self) -> None:
+        self.begun_afresh += 1
+
+    def fall_asleep(self) -> None:
+        self.clock.advance(LINGER + 0.1)
+        wait_until(lambda: self.eyes._opened == 0)
+
+    def until_searched(self, more: int) -> None:
+        before = self.searched()
+        wait_until(lambda: self.searched() >= before + more)
+
+    def searched(self) -> int:
+        return self.eyes.vision.effort.frames
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    robot = Robot()
+    robot.eyes.open()
+    yield robot
+    robot.eyes.close()
+
+
+def test_eyes_that_somebody_asks_go_on_looking(robot: Robot) -> None:
+    for _ in range(3):
+        robot.clock.advance(0.9 * LINGER)
+        assert robot.eyes.ask()
+        robot.until_searched(4)
+    assert robot.begun_afresh == 0
+
+
+def test_eyes_that_nobody_asks_read_no_pictures_until_somebody_does(robot: Robot) -> None:
+    robot.until_searched(4)
+    robot.fall_asleep()
+    read = robot.camera.read_so_far
+    robot.clock.advance(60.0)
+    Event().wait(0.05)  # in which they would read fifty
+    assert robot.camera.read_so_far == read
+    assert not robot.eyes.ask()
+    before = robot.searched()
+    wait_until(robot.eyes.ask)
+    assert robot.searched() >= before + OPENED
+    assert robot.begun_afresh == 1
+
+
+def test_nobody_waits_for_long_for_eyes_without_pictures(robot: Robot) -> None:
+    robot.until_searched(4)
+    robot.fall_asleep()
+    robot.camera.there = False
+    assert not robot.eyes.ask()
+    robot.clock.advance(BLIND / 2)
+    assert not robot.eyes.ask()
+    robot.clock.advance(BLIND)
+    assert robot.eyes.ask()
+
+
+def test_eyes_at_rest_are_closed_at_once(robot: Robot) -> None:
+    robot.fall_asleep()
+    robot.eyes.close()
+
+
+def test_eyes_that_may_not_rest_never_do(robot: Robot) -> None:
+    robot.eyes.may_rest = False
+    robot.clock.advance(10 * LINGER)
+    robot.until_searched(4)
+    assert robot.eyes.ask()
