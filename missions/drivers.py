@@ -7,8 +7,8 @@ that the house does not have, or where all are told; what is wrong with one conc
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from config import robot
 from config.faults import Source
@@ -17,6 +17,10 @@ from drivers.api.driver import BrokenDriver, Driver, resolved
 from drivers.api.keys import declared
 from drivers.api.kinds import KINDS
 from drivers.table import HOUSE
+from missions.offers import offered
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = "missiontree.drivers"
 """The entry points by which distributions offer drivers."""
@@ -26,10 +30,10 @@ class Table:
     """The drivers that there are, by kind and name: a ``drivers.api.driver.Drivers``."""
 
     @cached_property
-    def _points(self) -> Mapping[str, Sequence[EntryPoint]]:
+    def _points(self) -> Mapping[str, Sequence["EntryPoint"]]:
         """The entry points of other distributions by their names, ``base.rover``."""
         found: dict[str, list[EntryPoint]] = {}
-        for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
+        for point in offered(GROUP):
             found.setdefault(point.name, []).append(point)
         return found
 
@@ -71,7 +75,7 @@ class Table:
                 yield kind, own, BrokenDriver(f"{_told(points[0])} is not used: MissionTree has a {kind}.{own} itself")
 
 
-def _loaded(points: Sequence[EntryPoint]) -> Driver:
+def _loaded(points: Sequence["EntryPoint"]) -> Driver:
     """Return what an entry point declares. Raises BrokenDriver."""
     point, *others = points
     told = _told(point)
@@ -107,12 +111,12 @@ def _problem(name: str, driver: Driver) -> str:
     return ""
 
 
-def _told(point: EntryPoint) -> str:
+def _told(point: "EntryPoint") -> str:
     owner = _owner(point)
     return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")
 
 
-def _owner(point: EntryPoint) -> str:
+def _owner(point: "EntryPoint") -> str:
     return point.dist.name if point.dist is not None else ""
 
 

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from missions.assembly.assemble import Place
 
 
-def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, Vision]:
-    """Return the camera of a robot, or what renders the world for it, and what searches its pictures."""
+def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, WatchfulSight]:
+    """Return the camera of a robot, or what renders the world for it, and what tells of its pictures."""
     keys: CameraKeys = section.keys
     wishes, audience = place.wishes, place.audience
     camera = _camera(place, section)

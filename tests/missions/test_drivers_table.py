@@ -62,7 +62,7 @@ def test_the_drivers_of_the_house_are_found_without_looking_for_others(monkeypat
     def looked(group: str) -> None:
         raise AssertionError(f"looked for {group}")
 
-    monkeypatch.setattr("missions.drivers.entry_points", looked)
+    monkeypatch.setattr("missions.drivers.offered", looked)
     assert Table().find("base", "kobuki").name == "kobuki"
 
 

@@ -52,7 +52,7 @@ WITHOUT = (
     "rich",
     "serial",
     "perception.hearing.engines",
-    "drivers.voice",
+    "drivers.voice.engines",
     "missions.moves.sheet",
     "behaviours.wander",
 )
