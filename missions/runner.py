@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from math import inf
+from typing import TYPE_CHECKING
 
 from behaviours.node import Node
 from behaviours.robot import Robot
@@ -13,14 +14,11 @@ from config.robot import RobotConfig
 from drivers.api import Latching, Notice
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
-from drivers.sim.timeline import Timeline
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.interests import interests_of
 from missions.assembly.target import target_of
 from missions.assembly.together import Audience, Wishes
-from missions.assembly.twinning import twin_robot
-from missions.assembly.twins import Twins
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
@@ -41,6 +39,10 @@ from missions.order import Order
 from missions.vocabulary import vocabulary
 from perception.api import Frame, Gaze, View
 from perception.eyes import unseen, unwatched
+
+if TYPE_CHECKING:
+    from drivers.sim.timeline import Timeline
+    from missions.assembly.twins import Twins
 
 CONNECT_TIME = 6.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
@@ -92,6 +94,8 @@ class Runner:
         self._give_up = give_up
         self.twins: Twins | None = None
         if order.simulation == "fast":
+            from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
+
             timeline = Timeline()
             self._context = Run(timeline.clock, seed=order.seed, wall=SystemClock())
             self._tell = Teller(self._context, self.stream)
@@ -141,7 +145,9 @@ class Runner:
         wishes = Wishes(world, order.camera, order.ports, order.seed, interests, order.pad)
         return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._audience)
 
-    def _twins(self, config: RobotConfig, order: Order, timeline: Timeline) -> tuple[Twins, Assembled]:
+    def _twins(self, config: RobotConfig, order: Order, timeline: "Timeline") -> "tuple[Twins, Assembled]":
+        from missions.assembly.twinning import twin_robot  # noqa: PLC0415 - the metal imports no simulation
+
         return twin_robot(
             config,
             self.plan.tree.parts,

@@ -11,7 +11,6 @@ from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
 from drivers.clock import Clock
 from missions.assembly.detectors import face_detector
-from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
 from missions.assembly.watchful import WatchfulSight
@@ -48,16 +47,26 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
         report=audience.report,
         seen=audience.seen,
         watched=audience.watched,
-        recogniser=recogniser(
-            wishes.interests,
-            audience.report,
-            camera=keys if world is None or wishes.camera is not None else None,
-            drawn=() if world is None else world.people,
-        ),
+        recogniser=_recogniser(place, keys),
         delay=place.lags.delay,
     )
     place.eyes = eyes = Eyes(camera, sight)
     return camera, WatchfulSight(sight, eyes.ask)
+
+
+def _recogniser(place: "Place", keys: CameraKeys) -> Recogniser | None:
+    """Return what knows the people whom the robot sees, for a mission that asks for names."""
+    wishes, world = place.wishes, place.wishes.world
+    if not wishes.interests.names:
+        return None
+    from missions.assembly.gallery import recogniser  # noqa: PLC0415 - most missions ask for no names
+
+    return recogniser(
+        wishes.interests,
+        place.audience.report,
+        camera=keys if world is None or wishes.camera is not None else None,
+        drawn=() if world is None else world.people,
+    )
 
 
 def _camera(place: "Place", section: Section) -> Camera:

@@ -6,14 +6,13 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import click
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from config.units import written
-from missions.cli.film import Film
 from missions.cli.heeded import GONE, heeded
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
@@ -31,6 +30,9 @@ from missions.order import Order
 from missions.recording.outputs import open_private
 from missions.runner import Runner, end_process
 from missions.view.terminal import unviewable
+
+if TYPE_CHECKING:
+    from missions.cli.film import Film
 
 LAST_WORDS_TIME = 3.0
 """Seconds in which a run that hangs for good may say how it ended: a view needs half a second to leave."""
@@ -128,6 +130,8 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
         runner.stream.listeners.append(JsonLines(file))
         read.append(file)
     if outputs.film is not None and runner.twins is not None:
+        from missions.cli.film import Film  # noqa: PLC0415 - the metal imports no simulation
+
         film = Film(outputs.film, runner.twins)
         closing.callback(_tell_trouble, film)
         closing.enter_context(film)
@@ -135,7 +139,7 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
         closing.enter_context(heeded(read, runner.executive.stop))
 
 
-def _tell_trouble(film: Film) -> None:
+def _tell_trouble(film: "Film") -> None:
     """Say what became of a film that could not be written to its end; the run's result is another thing."""
     if film.trouble:
         with suppress(OSError):

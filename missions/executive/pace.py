@@ -3,10 +3,13 @@
 from collections.abc import Callable
 from math import inf
 from threading import Event
+from typing import TYPE_CHECKING
 
 from behaviours.run import Run
 from drivers.clock import Clock
-from drivers.sim.timeline import Timeline
+
+if TYPE_CHECKING:
+    from drivers.sim.timeline import Timeline
 
 
 class Pace:
@@ -17,7 +20,7 @@ class Pace:
     """
 
     def __init__(
-        self, run: Run, timeline: Timeline, *, speed: float = inf, wait: Callable[[float], object] | None = None
+        self, run: Run, timeline: "Timeline", *, speed: float = inf, wait: Callable[[float], object] | None = None
     ) -> None:
         self._timeline = timeline
         self._woken = run.woken

@@ -1,6 +1,8 @@
 """The table of kinds and drivers: every dotted name leads somewhere, and takes what it is given."""
 
 import inspect
+import subprocess
+import sys
 from typing import get_type_hints
 
 import pytest
@@ -76,3 +78,26 @@ def test_the_defaults_of_keys_are_within_their_bounds() -> None:
 
 def test_a_declaration_of_the_house_is_never_broken() -> None:
     assert not [found for *_, found in Table().all() if isinstance(found, BrokenDriver)]
+
+
+METAL = """
+import sys
+from missions.cli import run
+from missions.order import Order
+from missions.runner import Runner
+runner = Runner(Order("square_3m", robot="turtlebot2"))
+assert runner.assembled.robot.base_part is not None
+print("\\n".join(sys.modules))
+"""
+
+
+def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_not_use() -> None:
+    done = subprocess.run([sys.executable, "-c", METAL], capture_output=True, text=True, check=True)
+    imported = done.stdout.split()
+    assert "drivers.kobuki.driver" in imported
+    unused = ("sim", "virtual", "arduino", "dynamixel", "rplidar", "camera.opencv", "microphone", "voice", "screen")
+    names = tuple(f"drivers.{name}" for name in unused)
+    declarations = (".declared", ".models")
+    loaded = [name for name in imported if name.startswith(names) and name.count(".") > 1]
+    assert not [name for name in loaded if not name.endswith(declarations)]
+    assert not [name for name in imported if name.startswith(("missions.assembly.simul", "missions.assembly.twin"))]

@@ -10,7 +10,8 @@ import pytest
 from config.library import find
 from config.world import WorldConfig, load_world
 from drivers.api import Notice
-from missions.assembly.gallery import drawn_gallery, gallery, recogniser
+from missions.assembly.drawn import drawn_gallery
+from missions.assembly.gallery import gallery, recogniser
 from missions.assembly.interests import Interests, interests_of
 from missions.assembly.truth_names import TrueNames
 from missions.drivers import load_robot
