@@ -1,0 +1,22 @@
+"""Twins for simulated time."""
+
+from drivers.sim.stage import Stage
+from drivers.sim.twins import making
+from drivers.sim.twins.base import BaseTwin
+from drivers.sim.twins.neck import NeckTwin
+from sample_robot.declared import PeriscopeKeys, RoverKeys
+from sample_robot.periscope import axes
+
+
+def rover(keys: RoverKeys, stage: Stage) -> BaseTwin:
+    """Return the twin of the rover: that of any base on two wheels."""
+    return making.base(keys, stage)
+
+
+def periscope(keys: PeriscopeKeys, stage: Stage) -> NeckTwin:
+    """Return the twin of the periscope, over the arm's."""
+    arm = stage.parts["arm"]
+    pan, tilt = axes(keys, arm)
+    return NeckTwin(
+        arm, stage.clock, pan=pan, tilt=tilt, speed=keys.speed, acceleration=keys.acceleration, report=stage.report
+    )
