@@ -9,38 +9,36 @@ Arguments are those of the protocol in its order, with what may be left out.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from types import MappingProxyType
+from functools import cache
 from typing import Any
 
 from behaviours.node import Node
 from behaviours.robot import Robot
-from drivers.api import Base, Head, Joints, Ranger, Screen, Utterance, Voice
+from drivers.api import Utterance
+from drivers.api.driver import resolved
+from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from missions.executive.answers import Answers
 from missions.executive.proxy import Permit, always, for_leaf, proxied
 from missions.executive.speaking import voice_proxy
 from missions.executive.told import Tell
-from perception.api import Hearing, Sight
 
-PROTOCOLS: Mapping[str, type] = MappingProxyType(
-    {
-        "base": Base,
-        "head": Head,
-        "arm": Joints,
-        "ranger": Ranger,
-        "voice": Voice,
-        "sight": Sight,
-        "hearing": Hearing,
-        "screen": Screen,
-    }
-)
-"""The protocol of each part, by its name in answers."""
+FIELDS = tuple(kind.field for kind in KINDS.values())
+"""The parts by their names in answers."""
 
-COMMANDS: Mapping[str, frozenset[str]] = MappingProxyType(
-    {part: commands(protocol) for part, protocol in PROTOCOLS.items()}
-    | {"voice": commands(Voice) | commands(Utterance)}
-)
-"""What each part is told; the rest it is asked."""
+
+@cache
+def protocol_of(part: str) -> type:
+    """Return the protocol of what leaves see of a part, by its name in answers."""
+    kind = next(kind for kind in KINDS.values() if kind.field == part)
+    protocol: type = resolved(kind.seen or kind.device)
+    return protocol
+
+
+@cache
+def commands_of(part: str) -> frozenset[str]:
+    """Return what a part is told; the rest it is asked. A voice is told to cancel what it says, by its number."""
+    return commands(protocol_of(part)) | (commands(Utterance) if part == "voice" else frozenset())
 
 
 def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
@@ -50,7 +48,7 @@ def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
         {
             part: voice_proxy(device, answers)
             if part == "voice"
-            else proxied(part, PROTOCOLS[part], device, answers, permit)
+            else proxied(part, protocol_of(part), device, answers, permit)
             for part, device in _parts(robot)
         },
     )
@@ -59,11 +57,11 @@ def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
 def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
     """Return a ``robot`` that ``asked`` has made as ``node`` sees it: each command that it gives is told."""
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-    return _with(robot, {part: for_leaf(proxy, source, tell) for part, proxy in _parts(robot) if COMMANDS[part]})
+    return _with(robot, {part: for_leaf(proxy, source, tell) for part, proxy in _parts(robot) if commands_of(part)})
 
 
 def _parts(robot: Robot) -> Iterator[tuple[str, Any]]:
-    for part in PROTOCOLS:
+    for part in FIELDS:
         device = getattr(robot, f"{part}_part")
         if device is not None:
             yield part, device

@@ -8,21 +8,17 @@ from typing import Any
 from behaviours.robot import Robot
 from drivers.api import (
     AS_USUAL,
-    Base,
     Device,
-    Head,
-    Joints,
     Manner,
     MouthShape,
     Priority,
-    Ranger,
-    Screen,
     Utterance,
 )
+from drivers.api.kinds import KINDS
 from drivers.api.marks import members, no_answer
+from missions.executive.asked import protocol_of
 from missions.executive.speaking import unusual
 from missions.replay.memory import Memory
-from perception.api import Hearing, Sight
 
 LETTER_TIME = 0.06
 """Seconds that a letter takes to say, where nobody knows how long it took."""
@@ -40,34 +36,25 @@ def answering(
     groups: Mapping[str, tuple[str, ...]],
 ) -> Robot:
     """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record."""
-
-    def part(name: str, protocol: type, field: str = "") -> Any:
-        return Answering(name, protocol, memory, field) if name in parts else None
-
-    return Robot(
-        base_part=part("base", Base),
-        head_part=part("head", Head),
-        arm_part=part("arm", Joints),
-        ranger_part=part("range", Ranger, "ranger"),
-        voice_part=AnsweringVoice(memory, now) if "voice" in parts else None,
-        sight_part=part("camera", Sight, "sight"),
-        hearing_part=part("microphone", Hearing, "hearing"),
-        screen_part=part("screen", Screen),
-        eye=eye,
-        groups=groups,
-    )
+    fields: dict[str, Any] = {}
+    for kind in KINDS.values():
+        if kind.name == "voice" and kind.name in parts:
+            fields["voice_part"] = AnsweringVoice(memory, now)
+        elif kind.name in parts:
+            fields[f"{kind.field}_part"] = Answering(kind.name, protocol_of(kind.field), memory, kind.field)
+    return Robot(**fields, eye=eye, groups=groups)
 
 
 class Answering:
     """A part with any ``protocol`` that answers out of ``memory``, behind its proxy; see ``drivers.api.marks``.
 
     A command that is not as it was then is answered as its mark says: of a velocity, with what is within the limits.
-    ``part`` is what the executive calls it, where that is not its ``name``.
+    ``part`` is its name in answers.
     """
 
-    def __init__(self, name: str, protocol: type, memory: Memory, part: str = "") -> None:
+    def __init__(self, name: str, protocol: type, memory: Memory, part: str) -> None:
         self.name = name
-        self._part = part or name
+        self._part = part
         self._memory = memory
         self._properties = {each.name for each in members(protocol).values() if each.kind == "property"}
         for each in members(protocol).values():
@@ -99,7 +86,7 @@ class AnsweringVoice(Answering):
     """A voice that is as long about its words as it was then."""
 
     def __init__(self, memory: Memory, now: Callable[[], float]) -> None:
-        super().__init__("voice", Device, memory)
+        super().__init__("voice", Device, memory, "voice")
         self._now = now
 
     def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:

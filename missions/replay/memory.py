@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.errors import DriverError
-from missions.executive.asked import COMMANDS
+from missions.executive.asked import FIELDS, commands_of
 from missions.executive.moment import Answer, Question
 
 
@@ -51,7 +51,7 @@ class Memory:
         """Begin a moment."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
-            if what in COMMANDS.get(part, ()):
+            if part in FIELDS and what in commands_of(part):
                 self._commands[part].append(Told(what, arguments, value))
             else:
                 self._answers[part, what, arguments].append(value)

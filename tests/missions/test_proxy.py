@@ -15,7 +15,7 @@ from drivers.api.marks import command, fixed, members
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault
 from missions.executive.answers import Answers
-from missions.executive.asked import COMMANDS, PROTOCOLS, asked, robot_for
+from missions.executive.asked import FIELDS, asked, commands_of, protocol_of, robot_for
 from missions.executive.proxy import for_leaf, proxied
 from missions.replay.answering import answering
 from missions.replay.memory import Memory
@@ -271,17 +271,17 @@ def replayed() -> Robot:
 @pytest.mark.parametrize("make", [lambda: asked(Bench().robot, Answers()), replayed], ids=["proxy", "replay"])
 def test_each_part_has_the_methods_of_its_protocol(make: Callable[[], Robot]) -> None:
     robot = make()
-    for part, protocol in PROTOCOLS.items():
+    for part in FIELDS:
         device = getattr(robot, f"{part}_part")
-        for name, member in members(protocol).items():
+        for name, member in members(protocol_of(part)).items():
             if "property" not in member.kind:
                 assert callable(getattr(device, name)), f"{part}.{name}"
 
 
 def test_proxies_take_the_arguments_of_their_protocols() -> None:
     robot = asked(Bench().robot, Answers())
-    for part, protocol in PROTOCOLS.items():
-        for name, member in members(protocol).items():
+    for part in FIELDS:
+        for name, member in members(protocol_of(part)).items():
             if member.kind in {"command", "question"}:
                 taken = inspect.signature(getattr(getattr(robot, f"{part}_part"), name)).parameters.values()
                 wanted = [(each.name, each.kind, each.default) for each in member.parameters]
@@ -299,7 +299,7 @@ def test_what_records_hold_as_commands_is_known_as_such() -> None:
         "sight": set(),
         "hearing": set(),
         "screen": {"mood", "show", "mouth", "rest"},
-    } == COMMANDS
+    } == {part: commands_of(part) for part in FIELDS}
 
 
 # --- replay -----------------------------------------------------------------------------------------------------------
