@@ -1,7 +1,7 @@
 """Whose face it is: many looks at one face make a name, or leave it unknown. Nobody is forced to a name."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -18,10 +18,10 @@ MOST = 3
 LOOKS = 8
 """Looks at a face that count: the newest."""
 
-ENOUGH, LATEST = 3, 6
+ENOUGH, LATEST = 3, 5
 """Looks from which on a name is decided where they are clear, and where they are not."""
 
-CLEAR = 0.15
+CLEAR = 0.4
 """Mean margin, either way, that is clear."""
 
 CONTRARY = 5
@@ -32,8 +32,8 @@ CONTRARY = 5
 class Look:
     """What one look at a face says: the ``name`` of the nearest person, empty where there are none.
 
-    ``margin`` is above zero for somebody who is near enough to be that person, below for a stranger: standard
-    deviations from the threshold (``perception.fisher``).
+    ``margin`` is above zero for somebody who is near enough to be that person, below for a stranger: how far that is
+    from the threshold, in standard deviations of looks at strangers.
     """
 
     name: str
@@ -43,6 +43,16 @@ class Look:
     def verdict(self) -> str:
         """What it would be if it were the only look."""
         return self.name if self.margin > 0 else UNKNOWN
+
+
+def agreed(looks: Collection[Look]) -> Look:
+    """Return what looks at one face say together, one at least: the name that was nearest most often.
+
+    The margin is the mean of theirs, where a look at somebody else speaks against.
+    """
+    name = Counter(look.name for look in looks).most_common(1)[0][0]
+    margins = [look.margin if look.name == name else -abs(look.margin) for look in looks]
+    return Look(name, sum(margins) / len(margins))
 
 
 class Recogniser(Protocol):
@@ -74,26 +84,16 @@ class _Ballot:
     def vote(self, look: Look) -> None:
         self._looks.append(look)
         if not self.name:
-            mean = self._mean()[1]
-            if len(self._looks) >= LATEST or (len(self._looks) >= ENOUGH and abs(mean) > CLEAR):
-                self.name = self._verdict()
+            found = agreed(self._looks)
+            if len(self._looks) >= LATEST or (len(self._looks) >= ENOUGH and abs(found.margin) > CLEAR):
+                self.name = found.verdict
         elif look.verdict == self.name:
             self._contrary = 0
         else:
             self._contrary += 1
             if self._contrary >= CONTRARY:
                 self._looks = deque(list(self._looks)[-CONTRARY:], maxlen=LOOKS)
-                self.name, self._contrary = self._verdict(), 0
-
-    def _verdict(self) -> str:
-        name, mean = self._mean()
-        return name if mean > 0 else UNKNOWN
-
-    def _mean(self) -> tuple[str, float]:
-        """Return the name that was nearest most often, and its mean margin: a look at somebody else speaks against."""
-        name = Counter(look.name for look in self._looks).most_common(1)[0][0]
-        margins = [look.margin if look.name == name else -abs(look.margin) for look in self._looks]
-        return name, sum(margins) / len(margins)
+                self.name, self._contrary = agreed(self._looks).verdict, 0
 
 
 class Votes:

@@ -5,19 +5,25 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from perception.api import Box, Image
-from perception.crops import crop, face_in, portrait, variants
+from perception.crops import crop, face_in, portrait
+from perception.elastic import Gallery, Picture
 from perception.finder import FaceDetector
-from perception.fisher import Calibration, Fisher, Vectors, calibrate
 from perception.identity import Look
-from perception.lbp import describe
-from perception.pupils import EyeFinder
+from perception.patches import describe
 
 FEWEST = 3
 """Pictures of a person that teach something."""
 
-MOST, TOGETHER = 60, 240
-"""Pictures of one person, and of all together, that are learnt from: time grows with the third power, and so many take
-8 s on a laptop and a quarter of a gigabyte."""
+MOST, TOGETHER = 24, 240
+"""Pictures of one person, and of all together, that are learnt from."""
+
+TEMPLATES = 360
+"""Pictures and variants of all together that are compared: 113 kB each, and what a look costs is in proportion."""
+
+VARIANTS = ((False, 0.0, 1.0), (True, 0.0, 1.0), (False, 0.0, 0.93), (False, 0.0, 1.08), (False, 6.0, 1.0),
+            (False, -6.0, 1.0), (False, 0.0, 0.87), (False, 0.0, 1.16))  # fmt: skip
+"""How a picture is shown: in the mirror, turned by degrees, how large. The first is as it is; the mirror shows a head
+that is turned the other way, and lit from the other side; the others are how detectors frame a face."""
 
 
 class NotOneFace(ValueError):
@@ -37,36 +43,43 @@ def enrol(image: Image, detector: FaceDetector) -> Image:
     return portrait(image, faces[0].box)
 
 
-class FisherPeople:
-    """Knows people by Fisher's distance between local binary patterns: a ``perception.identity.Recogniser``."""
+class KnownPeople:
+    """Knows people by the patches of their faces: a ``perception.identity.Recogniser``.
 
-    def __init__(self, fisher: Fisher, calibration: Calibration) -> None:
-        self.calibration = calibration
-        self._fisher = fisher
-        self._eyes = EyeFinder()
+    Learns from their ``portraits`` (``enrol``); ``cohort`` are those of others who are strangers for sure.
+    Raises ValueError for nobody, or somebody without a portrait.
+    """
+
+    def __init__(self, portraits: Mapping[str, Sequence[Image]], cohort: Sequence[Sequence[Image]] = ()) -> None:
+        share = min(MOST, TEMPLATES // max(1, len(portraits) + len(cohort)))
+        people = {name: described(pictures, share) for name, pictures in portraits.items()}
+        gallery = Gallery(people, [described(pictures, share) for pictures in cohort])
+        self.calibration = gallery.calibration
+        self._gallery = gallery
 
     def look(self, image: Image, face: Box) -> Look | None:
         """Return who is nearest, and by how much within the threshold; None for a box without pixels."""
         try:
-            shown = crop(image, face, self._eyes.find(image, face))
+            shown = crop(image, face)
         except ValueError:
             return None
-        distances = self._fisher.distances(describe(shown))
-        name = min(distances, key=distances.__getitem__)
-        return Look(name, self._fisher.threshold - distances[name])
+        return self._gallery.look(describe(shown))
 
 
-def fisher_people(portraits: Mapping[str, Sequence[Image]]) -> FisherPeople:
-    """Learn people from their portraits (``enrol``). Raises ValueError for nobody, or somebody without a portrait."""
-    eyes = EyeFinder()
-    samples = {name: [described(each, eyes) for each in pictures] for name, pictures in portraits.items()}
-    fisher = Fisher.fit({name: np.concatenate(each) if each else np.empty((0, 0), np.float32)
-                         for name, each in samples.items()})  # fmt: skip
-    return FisherPeople(fisher, calibrate(fisher, samples))
+def described(portraits: Sequence[Image], share: int) -> list[Picture]:
+    """Return the descriptions of a person's portraits and of their variants: about ``share`` in all.
+
+    Of more portraits some are taken, spread over all of them.
+    """
+    count = min(len(portraits), share)
+    taken = [portraits[place * len(portraits) // count] for place in range(count)]
+    return [_shown(picture, share // count) for picture in taken]
 
 
-def described(picture: Image, eyes: EyeFinder) -> Vectors:
-    """Return the descriptions of a portrait and of its variants, which are the same each time."""
-    face = face_in(picture)
-    shown = crop(picture, face, eyes.find(picture, face))
-    return np.stack([describe(each) for each in variants(shown, np.random.default_rng(0))])
+def _shown(portrait: Image, count: int) -> Picture:
+    """Return how a portrait is described, and as many of its variants as make ``count``."""
+    found = []
+    for mirrored, roll, zoom in VARIANTS[:count]:
+        shown = crop(portrait, face_in(portrait), roll=roll, zoom=zoom)
+        found.append(describe(np.ascontiguousarray(shown[:, ::-1]) if mirrored else shown))
+    return found

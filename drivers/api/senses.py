@@ -72,7 +72,9 @@ class IdentityKeys:
 
     people: str = key(default="", help="The folder of their pictures; else that of the user.")
     method: str = key(
-        default="fisher", among=("fisher", "sface"), help="What ships with OpenCV, or a network whose file you give."
+        default="patches",
+        among=("patches", "sface", "dlib"),
+        help="What is built in, a network whose file you give, or one that `missiontree[people]` brings.",
     )
     model: str = key(default="", help="The file of the network, for `sface`.")
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from config.people import PersonConfig
 from drivers.api import Notice, Report
+from drivers.sim.looks import LOOKS
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole as Lens
@@ -18,9 +19,9 @@ from drivers.sim.world import World
 from perception.api import Image
 from perception.faces import HaarFaces
 from perception.identity import Nobody, Recogniser
-from perception.people import NotOneFace, enrol, fisher_people
+from perception.people import KnownPeople, NotOneFace, enrol
 
-PICTURES = 8
+PICTURES = 5
 """Pictures that are drawn of each person."""
 
 AWAY = (1.0, 1.5)
@@ -33,7 +34,10 @@ LENS = Lens(640, 480, 1.0471975512)
 
 
 def drawn_gallery(people: Sequence[PersonConfig], report: Report) -> Recogniser:
-    """Return what knows the people of a world, each as they are drawn: all but those who are not ``known``."""
+    """Return what knows the people of a world, each as they are drawn: all but those who are not ``known``.
+
+    All looks that none of them has are strangers for sure.
+    """
     known = [person for person in people if person.known]
     alike = defaultdict[str, list[str]](list)
     for person in known:
@@ -44,7 +48,8 @@ def drawn_gallery(people: Sequence[PersonConfig], report: Report) -> Recogniser:
             report(Notice("camera", "fault", f"{' and '.join(names)} look alike", hint))
     if not known:
         return Nobody()
-    return fisher_people({person.name: _drawn(person.look) for person in known})
+    others = [_drawn(look) for look in LOOKS if look not in alike]
+    return KnownPeople({person.name: _drawn(person.look) for person in known}, [each for each in others if each])
 
 
 @cache

@@ -10,8 +10,9 @@ from missions.assembly.detectors import yunet_file
 from missions.assembly.interests import Interests
 from missions.people import People, PeopleError, folder
 from perception.api import Box, Image
+from perception.dlib_people import DlibDescriber, DlibPeople
 from perception.identity import Look, Nobody, Recogniser
-from perception.people import fisher_people
+from perception.people import KnownPeople
 from perception.sface import SFacePeople
 from perception.yunet import YuNetFaces
 
@@ -79,4 +80,6 @@ def gallery(camera: CameraKeys, report: Report) -> Recogniser:
     if camera.identity.method == "sface":
         model = Path(camera.identity.model).expanduser()
         return SFacePeople(model, YuNetFaces(yunet_file(camera)), portraits)
-    return fisher_people(portraits)
+    if camera.identity.method == "dlib":
+        return DlibPeople(portraits, DlibDescriber())
+    return KnownPeople(portraits)

@@ -15,12 +15,13 @@ def camera(identity: str) -> CameraKeys:
 
 
 def test_people_are_recognised_without_a_section() -> None:
-    assert camera("").identity == IdentityKeys(people="", method="fisher", model="")
+    assert camera("").identity == IdentityKeys(people="", method="patches", model="")
 
 
 def test_folder_method_and_model_are_read() -> None:
     found = camera("  identity: {people: ~/them, method: sface, model: ~/sface.onnx}\n").identity
     assert found == IdentityKeys(people="~/them", method="sface", model="~/sface.onnx")
+    assert camera("  identity: {method: dlib}\n").identity == IdentityKeys(people="", method="dlib", model="")
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from missions.people import People
 from missions.runner import Runner
 from perception.api import UNKNOWN, Box, Detection
 from perception.identity import Look, Nobody
-from perception.people import FisherPeople
+from perception.people import KnownPeople
 from perception.sighting import Sighting
 from tests.perception.people_drawn import pictures
 
@@ -161,10 +161,10 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     notices.clear()
     people = People(tmp_path / "people")
     people.add("Anna", [picture[40:440, 120:520] for picture in pictures("anna", (1.2,), each=4)])
-    assert isinstance(gallery(own, notices.append), FisherPeople)
+    assert isinstance(gallery(own, notices.append), KnownPeople)
     assert notices == []
     (people.where / "Anna/001.png").write_bytes(b"broken")
-    assert isinstance(gallery(own, notices.append), FisherPeople), "the other pictures are enough"
+    assert isinstance(gallery(own, notices.append), KnownPeople), "the other pictures are enough"
     assert [notice.what for notice in notices] == [f"{people.where}/Anna/001.png: is no portrait, and is left out"]
     assert notices[0].hint == f"rm {people.where}/Anna/001.png"
 

@@ -167,7 +167,7 @@ def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None
     assert taking.guide == GUIDE[0]
     assert taking.offer(NOBODY, 0.0) == "there is no face in it"
     assert taking.offer(crowd("anna", "ben"), 0.1) == "there are 2 faces in it"
-    blurred = np.asarray(cv2.GaussianBlur(good, (0, 0), 3.5), np.uint8)
+    blurred = np.asarray(cv2.GaussianBlur(good, (0, 0), 5), np.uint8)
     assert "blurred" in taking.offer(blurred, 0.2)
     assert taking.offer(good, 0.3) == ""
     assert taking.offer(good, 0.3 + EVERY / 2) == TOO_SOON

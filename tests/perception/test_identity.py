@@ -30,7 +30,7 @@ def test_a_clear_name_is_decided_after_three_looks(look: Look, name: str) -> Non
     assert names(*[look] * 4) == ["", "", name, name]
 
 
-def test_a_faint_one_is_decided_after_six() -> None:
+def test_a_faint_one_is_decided_after_five() -> None:
     assert names(*[FAINT] * LATEST) == [""] * (LATEST - 1) + ["Anna"]
 
 

@@ -21,7 +21,7 @@ from missions.people import People, PeopleError, proper_name
 from perception.api import Image
 from perception.crops import face_in
 from perception.finder import FaceDetector
-from perception.people import FEWEST, MOST, NotOneFace, enrol, fisher_people
+from perception.people import FEWEST, MOST, KnownPeople, NotOneFace, enrol
 
 PATIENCE = 5.0
 """Seconds in which a camera must show something."""
@@ -131,7 +131,7 @@ def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:
     others = {other: theirs for other, theirs in people.portraits(tell).items() if other != own}
     if not others:
         return ""
-    gallery = fisher_people(others)
+    gallery = KnownPeople(others)
     looks = [look for each in portraits if (look := gallery.look(each, face_in(each))) is not None]
     taken = [look.name for look in looks if look.margin > 0]
     return max(set(taken), key=taken.count) if 2 * len(taken) > len(looks) else ""

@@ -9,8 +9,8 @@ from missions.cli.person.asked import people_for, robot_option, saying_why, tell
 from missions.cli.root import SUCCESS
 from missions.columns import in_columns
 from missions.people import Known
-from perception.fisher import Calibration
-from perception.people import fisher_people
+from perception.elastic import Calibration
+from perception.people import KnownPeople
 
 
 @click.command("list")
@@ -22,7 +22,7 @@ def list_people(as_json: bool, robot: str | None) -> int:
     people = people_for(robot)
     known = people.known()
     portraits = people.portraits(tell)
-    calibration = fisher_people(portraits).calibration if portraits else None
+    calibration = KnownPeople(portraits).calibration if portraits else None
     if as_json:
         click.echo(json.dumps(_data(known, calibration)))
         return SUCCESS

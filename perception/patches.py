@@ -1,0 +1,85 @@
+"""What a face is made of, patch by patch: which way its edges run, whatever the light.
+
+The light is taken out first (Tan and Triggs: Enhanced local texture feature sets for face recognition under difficult
+lighting conditions, 2010): a root brings dark parts forward, the surroundings of each pixel are taken from it, and the
+contrast is made the same everywhere. What is left is described as by dense SIFT (Lowe, 2004), with the directions of
+edges but not their signs: beside a lamp what was dark becomes bright. Square roots make the cosine of two patches
+Hellinger's (Arandjelović and Zisserman, 2012).
+"""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.crops import SIDE
+from perception.light import Grey
+
+Patches = npt.NDArray[np.float32]
+"""The patches of a face: shape (CELLS, CELLS, DEPTH), float32, each of length 1 (or 0 where there is no edge)."""
+
+STEP = 3
+"""Pixels of a crop from one patch to the next."""
+
+DIRECTIONS = 4
+"""Directions of edges that are told apart, over half a turn."""
+
+PARTS, APART = 4, 4
+"""Points along each side of a patch at which its edges are taken, and pixels between them."""
+
+BLUR = 1.5
+"""Pixels (sigma) around such a point over which edges are gathered."""
+
+DEPTH = PARTS * PARTS * DIRECTIONS
+
+_REACH = APART * (PARTS - 1) // 2  # pixels from the middle of a patch to its outermost points
+CELLS = (SIDE - 2 * _REACH) // STEP
+
+FINE, WIDE = 1.0, 4.5
+"""Pixels (sigma) by which a crop is smoothed, and over which the surroundings of a pixel reach."""
+
+ROOT, SHARE, MOST = 0.2, 0.1, 10.0
+"""Tan and Triggs' own: the root that is taken of the light, the power by which contrast is averaged, and its bound."""
+
+
+def describe(crop: Grey) -> Patches:
+    """Return the patches of a face's crop: (CELLS, CELLS, DEPTH), float32."""
+    even = cv2.GaussianBlur(lit_evenly(crop), (0, 0), FINE)
+    across, down = (cv2.Sobel(even, cv2.CV_32F, *order, ksize=1) for order in ((1, 0), (0, 1)))
+    strength, angle = cv2.cartToPolar(across, down)
+    turned = angle % np.pi * (DIRECTIONS / np.pi)
+    edges = np.empty((*crop.shape, DIRECTIONS), np.float32)
+    for direction in range(DIRECTIONS):
+        off = np.abs(turned - direction)
+        near = np.maximum(1 - np.minimum(off, DIRECTIONS - off), 0)
+        edges[:, :, direction] = cv2.GaussianBlur(strength * near, (0, 0), BLUR)
+    points = _points()
+    parts = edges[points[:, None, :, None], points[None, :, None, :]]
+    found = _unit(parts.reshape(CELLS, CELLS, DEPTH))
+    return _unit(np.sqrt(found))
+
+
+def lit_evenly(crop: Grey) -> npt.NDArray[np.float32]:
+    """Return a crop without its light: (height, width), float32, -MOST..MOST."""
+    light = (crop.astype(np.float32) / 255 + 0.01) ** ROOT
+    light -= cv2.GaussianBlur(light, (0, 0), WIDE)
+    light /= _mean(np.abs(light))
+    light /= _mean(np.minimum(np.abs(light), MOST))
+    return np.asarray(MOST * np.tanh(light / MOST), np.float32)
+
+
+def _mean(contrast: npt.NDArray[np.float32]) -> float:
+    """Return the mean contrast, in which strong edges count little."""
+    return float(np.mean(contrast**SHARE) ** (1 / SHARE)) + 1e-9
+
+
+def _unit(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Return patches of length 1; one without an edge stays without."""
+    return np.asarray(patches / (np.linalg.norm(patches, axis=-1, keepdims=True) + 1e-6), np.float32)
+
+
+@cache
+def _points() -> npt.NDArray[np.int64]:
+    """Return in which rows, and so columns, of a crop the points of each patch are: (CELLS, PARTS)."""
+    return np.arange(CELLS)[:, None] * STEP + np.arange(PARTS)[None] * APART

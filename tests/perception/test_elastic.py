@@ -1,0 +1,92 @@
+"""A gallery of people, on patches made up by chance that stand for faces: who is nearest, and from where on."""
+
+import numpy as np
+import pytest
+
+from perception.api import UNKNOWN
+from perception.elastic import ABOVE, DEVIATION, MEAN, WINDOW, Calibration, Gallery, Picture
+from perception.patches import CELLS, DEPTH, Patches
+
+
+class People:
+    """Persons whose pictures all have something in common, as faces do; ``apart`` is what is a person's own."""
+
+    def __init__(self, count: int, *, apart: float = 1.0, seed: int = 0) -> None:
+        self.random = np.random.default_rng(seed)
+        self.common = self.random.uniform(1.0, 2.0, (CELLS, CELLS, DEPTH))
+        self.own = [apart * self.random.uniform(0.0, 1.0, self.common.shape) for _ in range(count)]
+
+    def picture(self, person: int, *, noise: float = 0.3, aside: int = 0) -> Patches:
+        found = np.roll(self.common + self.own[person], aside, axis=1)
+        found = found + noise * self.random.uniform(0.0, 1.0, found.shape)
+        return np.asarray(found / np.linalg.norm(found, axis=2, keepdims=True), np.float32)
+
+    def pictures(self, person: int, count: int = 3) -> list[Picture]:
+        return [[self.picture(person)] for _ in range(count)]
+
+    def gallery(self, *persons: int) -> Gallery:
+        return Gallery({f"p{person}": self.pictures(person) for person in persons})
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count: int) -> None:
+    people = People(count + 1)
+    gallery = people.gallery(*range(count))
+    stranger = gallery.look(people.picture(count))
+    for person in range(count):
+        look = gallery.look(people.picture(person))
+        assert look.name == f"p{person}"
+        assert look.margin > stranger.margin + 0.5
+
+
+def test_a_face_that_lies_a_cell_aside_is_found_and_one_that_lies_farther_is_not() -> None:
+    people = People(3)
+    gallery = people.gallery(0, 1)
+    margins = [gallery.look(people.picture(0, aside=aside)).margin for aside in (0, WINDOW // 2, -(WINDOW // 2), 4)]
+    assert margins[1:3] == pytest.approx([margins[0]] * 2, abs=0.3 * (margins[0] - margins[3]))
+
+
+def test_parts_of_a_face_may_be_found_in_different_pictures() -> None:
+    people = People(3)
+    left, right = people.picture(0), people.picture(1)
+    mixed = np.concatenate([left[:, :10], right[:, 10:]], axis=1)
+    whole = Gallery({"both": [[left], [right]], "other": people.pictures(2)}).look(mixed)
+    half = Gallery({"both": [[left]], "other": people.pictures(2)}).look(mixed)
+    assert whole.name == half.name == "both"
+    assert whole.margin > half.margin
+
+
+def test_the_threshold_is_made_from_the_people_who_are_known_where_there_are_two() -> None:
+    people = People(5)
+    alone = people.gallery(0).calibration
+    assert alone == Calibration(MEAN + ABOVE * DEVIATION, alone.refused, None, 3)
+    many = people.gallery(0, 1, 2, 3).calibration
+    assert many.accepted is not None
+    own = Gallery({name: people.pictures(person, 12) for person, name in enumerate("abcd")}).calibration
+    assert abs(own.threshold - many.threshold) < abs(own.threshold - alone.threshold), "more looks count more"
+
+
+def test_people_who_are_alike_are_told_to_be_so() -> None:
+    far, near = (People(4, apart=apart).gallery(*range(4)).calibration for apart in (4.0, 0.0))
+    assert far.refused == 0
+    assert near.refused is not None
+    assert near.refused > 0.5
+
+
+def test_who_is_more_like_one_of_the_cohort_is_a_stranger() -> None:
+    people = People(2)
+    gallery = Gallery({"p0": people.pictures(0)}, [people.pictures(1)])
+    assert gallery.look(people.picture(0)).name == "p0"
+    assert gallery.look(people.picture(1)).verdict == UNKNOWN
+
+
+def test_of_one_picture_nothing_is_known() -> None:
+    found = Gallery({"p0": People(1).pictures(0, 1)}).calibration
+    assert (found.refused, found.accepted, found.looks) == (None, None, 0)
+
+
+def test_nobody_and_somebody_without_a_picture_are_refused() -> None:
+    nobody: list[dict[str, list[Picture]]] = [{}, {"p0": []}]
+    for people in nobody:
+        with pytest.raises(ValueError, match="without a picture"):
+            Gallery(people)
