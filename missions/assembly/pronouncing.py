@@ -9,6 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Espeak
+from perception.hearing.confusion import confusable
 from perception.hearing.engines import Sphinx
 from perception.hearing.lexicon import Lexicon, english
 from perception.hearing.mnemonics import phones_of
@@ -24,6 +25,12 @@ def unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[st
         return ()
     says = find_spec("espeakng_loader") is not None
     return [word for word in lexicon.unknown(words) if not (says and _english(word))]
+
+
+def confusable_for(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
+    """Return the pairs of normalised phrases that the robot easily takes for each other, as far as that is known."""
+    lexicon = english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
+    return () if lexicon is None else confusable(phrases, lexicon)
 
 
 def lexicon_for(config: MicrophoneKeys, words: Sequence[str], clock: Clock) -> Lexicon:

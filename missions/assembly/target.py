@@ -16,7 +16,8 @@ def target_of(robot: RobotConfig) -> Target:
         reach = Reach(robot.arm.limits, robot.arm.groups)
     if robot.microphone is None:
         return Target(robot.name, robot.parts, reach)
-    return Target(robot.name, robot.parts, reach, partial(_unpronounceable, robot.microphone))
+    ears = robot.microphone
+    return Target(robot.name, robot.parts, reach, partial(_unpronounceable, ears), partial(_confusable, ears))
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
@@ -24,3 +25,10 @@ def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[s
     from missions.assembly.pronouncing import unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
     return unpronounceable(config, words)
+
+
+def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
+    """Return the pairs of phrases that are easily taken for each other; for a mission that listens for several."""
+    from missions.assembly.pronouncing import confusable_for  # noqa: PLC0415 - ears, a voice, and numpy
+
+    return confusable_for(config, phrases)

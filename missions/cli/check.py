@@ -10,7 +10,8 @@ from behaviours.leaf import Leaf
 from config.faults import Fault, InvalidFileError, Mark, Source
 from config.library import UnknownNameError
 from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
-from missions.cli.usual_robot import load_for, robot_option, robots_for
+from missions.cli.usual_robot import load_for, robot_option, robots_for, target
+from missions.language.phrases import confusions
 from missions.library import TESTS, shipped_missions
 
 
@@ -27,13 +28,18 @@ def command(
     robots = robots_for(robot)
     leaves = leaves_for(files)
     found: list[Fault] = []
+    hints: list[Fault] = []
     for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
-        said, faults = _checked(name, params, robots, leaves, files)
+        said, faults, advice = _checked(name, params, robots, leaves, files)
         found += faults
+        hints += advice
         if not as_json:
             click.echo(said, err=bool(faults))
+            for hint in advice:
+                click.echo(f"hint: {hint}", err=True)
     if as_json:
-        click.echo(json.dumps([_as_dict(fault) for fault in found], indent=2, ensure_ascii=False))
+        told = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
+        click.echo(json.dumps(told, indent=2, ensure_ascii=False))
     elif found:
         click.echo(f"{len(found)} mistake{'s' if len(found) > 1 else ''}", err=True)
     return 2 if found else 0
@@ -45,26 +51,30 @@ def _checked(
     robots: Sequence[Path],
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     files: Sequence[Path],
-) -> tuple[str, Sequence[Fault]]:
-    """Check one mission for the first of ``robots``, or one file of tests; return what to tell, and its mistakes."""
+) -> tuple[str, Sequence[Fault], Sequence[Fault]]:
+    """Check one mission for the first of ``robots``, or one file of tests.
+
+    Return what to tell, its mistakes, and hints about what is no mistake.
+    """
     try:
         if Path(name).name.endswith(TESTS):
             from missions.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
 
             cases = len(load_suite(Path(name), files))
-            return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", []
+            return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", [], []
         plan, able = load_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
-        return str(error), error.faults
+        return str(error), error.faults, []
     except UnknownNameError as error:
-        return f"mission: {error}", [Fault(Source(name, ""), Mark(), str(error))]
+        return f"mission: {error}", [Fault(Source(name, ""), Mark(), str(error))], []
     count = sum(1 for _ in plan.tree.walk())
-    other = f", for robot '{able}'" if able else ""
-    return f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})", []
+    other = "" if able == robots[0] else f", for robot '{able.stem}'"
+    said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
+    return said, [], confusions(plan.tree, target(able))
 
 
-def _as_dict(fault: Fault) -> dict[str, object]:
-    """Return a mistake as an editor takes it; line and column count from 1."""
+def _as_dict(fault: Fault, severity: str) -> dict[str, object]:
+    """Return a mistake or a hint as an editor takes it; line and column count from 1."""
     return {
         "file": fault.source.name,
         "line": fault.mark.line,
@@ -72,4 +82,5 @@ def _as_dict(fault: Fault) -> dict[str, object]:
         "length": fault.mark.length,
         "message": fault.message,
         "suggestion": fault.suggestion,
+        "severity": severity,
     }

@@ -19,6 +19,7 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.hearing import Hearing, hearing
+from missions.assembly.pronouncing import confusable_for
 from missions.assembly.together import made_by
 from missions.cli.numbers import Real
 from missions.cli.options import behaviours_option, leaves_for, params_option
@@ -29,10 +30,8 @@ from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
 from perception.api import Words
-from perception.hearing.confusion import confusable
 from perception.hearing.engines import Sphinx, Vosk
 from perception.hearing.grammar import Grammar, fault_of
-from perception.hearing.lexicon import english
 
 PAUSE = 0.05
 """Seconds between two looks at what was heard."""
@@ -84,8 +83,7 @@ def command(
     if threshold is not None:
         config = replace(config, threshold=threshold)
     click.echo(f"listening for: {', '.join(wanted)}")
-    lexicon = english(config.pronunciations)
-    for one, other in [] if lexicon is None else confusable(Grammar.of(wanted).phrases, lexicon):
+    for one, other in confusable_for(config, Grammar.of(wanted).phrases):
         click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
     if wav is None:
         _listen(replace(section, keys=config), wanted)

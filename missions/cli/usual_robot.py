@@ -42,28 +42,28 @@ def robots_for(robot: str | None) -> list[Path]:
 
 def load_for(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
-) -> tuple[Plan, str]:
-    """Return a mission read for the first of ``robots``, and no name.
+) -> tuple[Plan, Path]:
+    """Return a mission read for the first of ``robots``, and that robot's file.
 
-    What ships is good where one of the other robots can do it, whose name is returned then. Raises InvalidFileError,
+    What ships is good where one of the other robots can do it, whose file is returned then. Raises InvalidFileError,
     NotForThisRobotError or UnknownNameError.
     """
     try:
-        return load_mission(name, params=params, robot=_target(robots[0]), leaves=leaves), ""
+        return load_mission(name, params=params, robot=target(robots[0]), leaves=leaves), robots[0]
     except InvalidFileError as error:
         found = _otherwise(name, params, robots[1:], leaves)
         if found is None:
             raise
         plan, able = found
-        if not able or plan.source.name not in map(str, shipped_missions().values()):
-            raise NotForThisRobotError(error.faults, name, able) from None
-        return found
+        if able is None or plan.source.name not in map(str, shipped_missions().values()):
+            raise NotForThisRobotError(error.faults, name, "" if able is None else able.stem) from None
+        return plan, able
 
 
 def _otherwise(
     name: str, params: Mapping[str, str], robots: Sequence[Path], leaves: Mapping[str, type[Leaf]]
-) -> tuple[Plan, str] | None:
-    """Return the plan with the robot among ``robots`` that can do it; no name for one that is right but for the robot.
+) -> tuple[Plan, Path | None] | None:
+    """Return the plan with the robot among ``robots`` that can do it; None for one that is right but for the robot.
 
     None where it is wrong whatever the robot, or where there is no other robot.
     """
@@ -73,11 +73,12 @@ def _otherwise(
         plan = load_mission(name, params=params, leaves=leaves)
         for path in robots:
             with suppress(InvalidFileError):
-                return load_mission(name, params=params, robot=_target(path), leaves=leaves), path.stem
-        return plan, ""
+                return load_mission(name, params=params, robot=target(path), leaves=leaves), path
+        return plan, None
     return None
 
 
 @cache
-def _target(robot: Path) -> Target:
+def target(robot: Path) -> Target:
+    """Return what the checker must know of the robot of a file. Raises InvalidFileError."""
     return target_of(load_robot(robot))

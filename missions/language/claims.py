@@ -12,22 +12,24 @@ from missions.language.notes import Notes
 from missions.language.plan import Step
 
 
-def none_of(words: Sequence[str]) -> Sequence[str]:
-    """Return nothing: ears that know every word."""
-    del words
+def none_of(texts: Sequence[str]) -> tuple[()]:
+    """Return nothing: ears that know every word, and confuse none."""
+    del texts
     return ()
 
 
 class Target(NamedTuple):
     """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known.
 
-    ``unpronounceable`` returns those of some words that its ears cannot listen for.
+    ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
+    phrases that they easily take for each other.
     """
 
     name: str
     parts: frozenset[str]
     reach: Reach | None = None
     unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
+    confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
 
 
 def check_claims(notes: Notes, tree: Step) -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from string import punctuation
 
 from behaviours.leaf import Leaf
+from config.faults import Fault
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.claims import Target
@@ -93,6 +94,23 @@ def check_phrases(notes: Notes, tree: Step, robot: Target) -> None:
                 f"'{step.kind}' cannot listen for {seen(_written(word, own[phrase]))}: no dictionary has it",
                 f"pronunciations: {{{word}: ...}} in the section 'microphone' of robot '{robot.name}' (docs/speech.md)",
             )
+
+
+def confusions(tree: Step, robot: Target) -> list[Fault]:
+    """Return a hint for each two phrases that the robot's ears easily take for each other, where the second stands."""
+    places: dict[str, tuple[Step, str]] = {}
+    for step in tree.walk():
+        for phrase, written in own_phrases(step).items():
+            places.setdefault(phrase, (step, written))
+    found = robot.confusable(tuple(places)) if len(places) > 1 else ()
+    return [_confused(places[one], places[other]) for one, other in found]
+
+
+def _confused(one: tuple[Step, str], other: tuple[Step, str]) -> Fault:
+    (first, earlier), (step, written) = one, other
+    where = "" if first is step else f" (line {first.mark.line})"
+    message = f"{seen(written)} is easily confused with {seen(earlier)}{where}"
+    return Fault(step.source, step.mark, message, "try another or a longer phrase (docs/speech.md)")
 
 
 def _written(word: str, phrase: str) -> str:

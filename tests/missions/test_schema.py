@@ -458,6 +458,7 @@ def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outco
             "length": 9,
             "message": "unknown behaviour 'trak_face'",
             "suggestion": "did you mean 'track_face'?",
+            "severity": "error",
         },
         {
             "file": "bad.yaml",
@@ -466,6 +467,7 @@ def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outco
             "length": 1,
             "message": "'wait' needs a duration such as '2 s': '3' has no unit (units: s, ms, min, h)",
             "suggestion": "",
+            "severity": "error",
         },
     ]
 
@@ -473,3 +475,32 @@ def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outco
 def test_check_of_good_missions_tells_editors_an_empty_list(run: Callable[..., Outcome]) -> None:
     outcome = run("check", "--json")
     assert (outcome.code, json.loads(outcome.out)) == (0, [])
+
+
+CONFUSABLE = """mission: ask
+tree:
+  sequence:
+    - listen: {for: [go, "yes", hello robot], timeout: 3 s}
+    - listen: {for: ["No!", hello, GO], timeout: 3 s}
+"""
+
+
+def test_check_hints_at_phrases_that_are_easily_confused(run: Callable[..., Outcome]) -> None:
+    pytest.importorskip("pocketsphinx")
+    Path("ask.yaml").write_text(CONFUSABLE, encoding="utf-8")
+    outcome = run("check", "ask.yaml")
+    assert (outcome.code, outcome.out) == (0, "ask.yaml: good (ask, 3 nodes)\n")
+    first, *_, last = outcome.err.splitlines()
+    assert first == "hint: ask.yaml:5:7: 'No!' is easily confused with 'go' (line 4)"
+    assert last == "  try another or a longer phrase (docs/speech.md)"
+    (hint,) = json.loads(run("check", "--json", "ask.yaml").out)
+    assert (hint["line"], hint["severity"]) == (5, "hint")
+
+
+def test_check_hints_at_nothing_that_the_ears_of_the_robot_are_not_known_to_confuse(
+    run: Callable[..., Outcome],
+) -> None:
+    Path("ask.yaml").write_text(CONFUSABLE, encoding="utf-8")
+    for ears in ("recogniser: vosk, model: m", "pronunciations: {go: K AE T}"):
+        Path("r.yaml").write_text(f"robot: r\nmicrophone: {{{ears}}}\n", encoding="utf-8")
+        assert run("check", "ask.yaml", "--robot", "r.yaml") == Outcome(0, "ask.yaml: good (ask, 3 nodes)\n", "")
