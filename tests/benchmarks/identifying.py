@@ -95,9 +95,9 @@ def rates(asked: Sequence[Asked], threshold: float = 0.0) -> Rates:
 
 
 def strict(asked: Sequence[Asked], share: float = FALSE) -> float:
-    """Return the threshold above which that share of the looks at strangers is, at most."""
+    """Return the threshold above which that share of the looks at strangers is, at most; 0 without any."""
     margins = sorted((look.margin for each in asked if not each.name for look in each.looks), reverse=True)
-    return margins[int(share * len(margins))]
+    return margins[int(share * len(margins))] if margins else 0.0
 
 
 def ask(make: Make, taught: Portraits, asked: Portraits, known: Sequence[str]) -> list[Asked]:
