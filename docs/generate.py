@@ -7,7 +7,7 @@
 import inspect
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
@@ -15,8 +15,6 @@ from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from config.units import EXAMPLES, UNITS
 from docs import dumps
-from drivers.api.keys import declared
-from drivers.api.kinds import KINDS
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
 from missions.catalogue import bounds, details, kind_of, shown_default, summary
@@ -25,8 +23,7 @@ from missions.executive.state import state_of
 from missions.language.nodes import COMPOSITES, COUNTS, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
-from missions.schema.keys import bounds_told, takes
-from missions.schema.keys import shown_default as shown_key_default
+from missions.schema.reference import code, robot_reference, table
 
 HERE = Path(__file__).parent
 
@@ -102,31 +99,8 @@ def entry(leaf: type[Leaf]) -> str:
 
 
 def robot_keys() -> str:
-    """Return the keys of every driver of the house, by kind of part, with the sections inside."""
-    parts = []
-    for kind in KINDS.values():
-        parts += [f"## {kind.name}", kind.about + (f" `driver` may be left out: `{kind.usual}`." if kind.usual else "")]
-        drivers: dict[type, list[str]] = {}
-        for name in HOUSE[kind.name]:
-            drivers.setdefault(Table().find(kind.name, name).keys, []).append(name)
-        for cls, names in drivers.items():
-            told = (f"`driver: {name}`: {Table().find(kind.name, name).about}" for name in names)
-            parts += ["\n".join(f"- {each}" for each in told), keys_table(cls)]
-    return "\n\n".join(parts)
-
-
-def keys_table(cls: type, within: str = "") -> str:
-    """Return the table of the keys of a class, those of its sections below them as ``section.key``."""
-    return table(("key", "takes", "bounds", "default", "what it does"), key_rows(cls, within))
-
-
-def key_rows(cls: type, within: str) -> Iterable[tuple[str, ...]]:
-    """Yield a row for each key."""
-    for key in declared(cls):
-        default = "must be given" if key.required else code(shown) if (shown := shown_key_default(key)) else ""
-        yield code(within + key.word), takes(key), bounds_told(key), default, key.help
-        if key.of is not None:
-            yield from key_rows(key.of, f"{within}{key.word}." + ("NAME." if key.form == "named" else ""))
+    """Return the keys of every driver of the house, by kind of part."""
+    return robot_reference(Table(), frozenset((kind, name) for kind, names in HOUSE.items() for name in names))
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
@@ -151,17 +125,6 @@ def renewed(page: str) -> str:
         page,
         flags=re.DOTALL,
     )
-
-
-def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """Return a table in Markdown."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
-
-
-def code(text: str) -> str:
-    """Set ``text`` as code."""
-    return f"`{text}`"
 
 
 def first_line(documented: object) -> str:

@@ -7,9 +7,11 @@ import click
 
 from missions.cli.options import behaviours_option, own_files
 from missions.cli.outputs import writing
+from missions.drivers import Table
 from missions.pictures import tree_json
 from missions.schema.files import KINDS, file_schema
 from missions.schema.mission import known_things, mission_schema
+from missions.schema.reference import robot_reference
 from missions.vocabulary import vocabulary
 
 
@@ -17,8 +19,9 @@ from missions.vocabulary import vocabulary
 @click.argument("kind", type=click.Choice(["missions", *KINDS]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
+@click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
 @behaviours_option
-def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree: bool) -> None:
+def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree: bool, reference: bool) -> None:
     """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
     Or that of tests, robots or worlds. In VS Code, with the YAML extension, after
@@ -26,13 +29,22 @@ def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree:
 
     # yaml-language-server: $schema=mission.schema.json
     """
+    if reference:
+        if kind != "robots":
+            raise click.UsageError("--reference is for robots: mission schema robots --reference")
+        _write(robot_reference(Table()), output)
+        return
     if of_tree:
         schema = tree_json.schema()
     elif kind in KINDS:
         schema = file_schema(kind)
     else:
         schema = mission_schema(vocabulary(own_files(files)), known_things())
-    text = json.dumps(schema, indent=1, ensure_ascii=False)
+    _write(json.dumps(schema, indent=1, ensure_ascii=False), output)
+
+
+def _write(text: str, output: Path | None) -> None:
+    """Write a text into a file, or print it."""
     if output is None:
         click.echo(text)
         return

@@ -61,6 +61,9 @@ def test_they_are_listed_with_whose_they_are_and_in_the_schema(site: Path) -> No
     assert "base.rover" in listed.stdout
     assert "A rover that talks in lines of text. (of sample-robot)" in listed.stdout
     assert "base.kobuki" in listed.stdout
+    reference = mission(site, "schema", "robots", "--reference").stdout
+    assert "- `driver: rover`: A rover that talks in lines of text." in reference
+    assert "| `max_speed` | a speed | 0.05 m/s to 2 m/s | `0.4 m/s` | The highest speed. |" in reference
     schema = json.loads(mission(site, "schema", "robots").stdout)
     assert schema["properties"]["base"]["properties"]["driver"]["enum"] == ["kobuki", "rover"]
     robot = yaml.safe_load((SAMPLE / "sample.yaml").read_text(encoding="utf-8"))

@@ -1,0 +1,49 @@
+"""The keys of files as tables in Markdown, from the classes that declare them."""
+
+from collections.abc import Collection, Iterable
+
+from drivers.api.driver import BrokenDriver, Driver
+from drivers.api.keys import declared
+from drivers.api.kinds import KINDS
+from missions.drivers import Table
+from missions.schema.keys import bounds_told, shown_default, takes
+
+HEAD = ("key", "takes", "bounds", "default", "what it does")
+
+
+def robot_reference(table: Table, among: Collection[tuple[str, str]] | None = None) -> str:
+    """Return the keys of every driver of a table, by kind of part; or of those ``among`` (kind, name)."""
+    parts = []
+    for kind in KINDS.values():
+        drivers: dict[type, list[Driver]] = {}
+        for of, name, driver in table.all():
+            if of == kind.name and not isinstance(driver, BrokenDriver) and (among is None or (of, name) in among):
+                drivers.setdefault(driver.keys, []).append(driver)
+        parts += [f"## {kind.name}", kind.about + (f" `driver` may be left out: `{kind.usual}`." if kind.usual else "")]
+        for cls, those in drivers.items():
+            parts += ["\n".join(f"- `driver: {each.name}`: {each.about}" for each in those), keys_table(cls)]
+    return "\n\n".join(parts)
+
+
+def keys_table(cls: type) -> str:
+    """Return the table of the keys of a class; those of its sections stand below them as ``section.key``."""
+    return table(HEAD, _rows(cls, ""))
+
+
+def _rows(cls: type, within: str) -> Iterable[tuple[str, ...]]:
+    for key in declared(cls):
+        default = "must be given" if key.required else code(shown) if (shown := shown_default(key)) else ""
+        yield code(within + key.word), takes(key), bounds_told(key), default, key.help
+        if key.of is not None:
+            yield from _rows(key.of, f"{within}{key.word}." + ("NAME." if key.form == "named" else ""))
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
+
+
+def code(text: str) -> str:
+    """Set ``text`` as code."""
+    return f"`{text}`"
