@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config import marked
+from config.declared import read_keys
 from config.faults import InvalidFileError, Mark, Source
 from config.fields import Fields, fields_of
 from config.marked import Listing, Node, Scalar, compose, read_source
 from config.units import quantity
+from drivers.api.keys import key, keys
 
 ABOUT = ("controller", "summary")
 """The keys that say what a file is; the others are what its rules are made of."""
@@ -19,6 +21,15 @@ FIXED = "most"
 """The one number of a rule base that is a limit, and not to be tuned."""
 
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
+
+
+@keys
+class ControllerKeys:
+    """The keys of a controller file."""
+
+    controller: str = key(help="What it is called.")
+    summary: str = key(default="", help="What it is, in a line.")
+    bases: Mapping[str, object] = key(rest=True, help="A rule base: its variables, their sets, and its rules.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +59,12 @@ def load_controller(path: Path) -> ControllerConfig:
 def parse_controller(source: Source) -> ControllerConfig:
     """Read the text of a controller file. Raises as ``load_controller``."""
     fields = fields_of(source, what="a controller file")
-    name, summary = fields.text("controller"), fields.text("summary", "")
+    told = read_keys(fields, ControllerKeys)
     values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in ABOUT}
     _check_tables(fields, fields.node)
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return ControllerConfig(name, summary, values)
+    return ControllerConfig(told.controller, told.summary, values)
 
 
 def figures(source: Source) -> list[Figure]:
@@ -76,8 +87,8 @@ def rewritten(source: Source, changes: Mapping[Mark, str]) -> str:
 def renamed(source: Source, name: str, summary: str) -> dict[Mark, str]:
     """Return the changes that give the controller of a file another name and summary, where they fill no more lines."""
     top, changes = compose(source), dict[Mark, str]()
-    for key, text in zip(ABOUT, (name, summary), strict=True):
-        node = top.get(key) if isinstance(top, marked.Mapping) else None
+    for word, text in zip(ABOUT, (name, summary), strict=True):
+        node = top.get(word) if isinstance(top, marked.Mapping) else None
         if isinstance(node, Scalar) and node.mark.length >= len(node.text):
             changes[node.mark] = json.dumps(text, ensure_ascii=False)  # a text in quotes is the same in YAML
     return changes
@@ -108,8 +119,8 @@ def _check_tables(fields: Fields, node: Node) -> None:
     """Note every row of a rule table that is longer or shorter than the table's first row, which names the columns."""
     if not isinstance(node, marked.Mapping):
         return
-    for key, value in node.entries:
-        if key.text == "rules" and isinstance(value, marked.Mapping):
+    for name, value in node.entries:
+        if name.text == "rules" and isinstance(value, marked.Mapping):
             _check_rows(fields, value)
         elif not isinstance(value, Scalar):
             _check_tables(fields, value)

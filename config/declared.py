@@ -43,6 +43,9 @@ def _read(fields: Fields, cls: type[K]) -> K:
     """Read the keys, and keep in ``fields.wrong`` where those are that are wrong by themselves."""
     values: dict[str, Any] = {}
     for each in declared(cls):
+        if each.form == "rest":
+            values[each.field] = _rest(fields, each, {other.word for other in declared(cls)})
+            continue
         inside: list[Path] = []
         before = len(fields.faults)
         values[each.field] = _value(fields, each, inside)
@@ -55,6 +58,8 @@ def _value(fields: Fields, key: Key, inside: list[Path]) -> object:
     """Read one key; ``inside`` takes where something is wrong in a section below it."""
     if key.form in ("section", "named", "texts", "lists"):
         return _section(fields, key, inside)
+    if key.form == "items":
+        return _items(fields, key, inside)
     if not key.required and fields.node_of(key.word) is None:
         return key.default
     if key.form in ("number", "integer", "quantity"):
@@ -103,6 +108,34 @@ def _section(fields: Fields, key: Key, inside: list[Path]) -> object:
     if key.form == "lists":
         return {name.text: _texts(node) for name, node in section.entries()}
     return {name.text: _text(section, name.text, node) for name, node in section.entries()}
+
+
+def _items(fields: Fields, key: Key, inside: list[Path]) -> tuple[object, ...]:
+    """Read a list of sections."""
+    cls, nodes = key.of, fields.items(key.word, required=key.required)
+    if cls is None or (not nodes and not key.required):
+        return ()
+    found = []
+    for place, node in enumerate(nodes):
+        one = Fields(fields.source, node, fields.faults, what=key.each)
+        if not isinstance(node, MarkedMapping):  # which was told just now
+            inside.append((place,))
+        found.append(_whole(one, cls, inside, (place,)))
+    return tuple(found)
+
+
+def _rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
+    """Read what stands beside the other keys; values in a form of their own are for whoever knows that."""
+    others = [(name, node) for name, node in fields.entries() if name.text not in words]
+    if not key.dimension:
+        return {}
+    found = {}
+    for name, node in others:
+        before = len(fields.faults)
+        found[name.text] = fields.measure(node, name.text, key.dimension)
+        if len(fields.faults) > before:
+            fields.wrong.append((name.text,))
+    return found
 
 
 def _whole(section: Fields, cls: type, inside: list[Path], at: Path) -> object:

@@ -13,20 +13,66 @@ A joint that a keyframe does not name stays where the one before had it. With ``
 that is where the movement begins.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from config.faults import InvalidFileError, Source, one_of
-from config.fields import Fields, fields_of
-from config.marked import Listing, Node, Scalar, read_source
+from config.declared import note_mistakes, read_keys
+from config.faults import InvalidFileError, Source
+from config.fields import fields_of
+from config.marked import read_source
 from config.units import written
+from drivers.api.keys import Mistake, key, keys
 
 Interpolation = Literal["minimum_jerk", "cubic"]
 
 Reaches = Mapping[str, tuple[float, float]]
 """The lower and the upper limit (rad) of every joint that there is."""
+
+
+@keys
+class KeyframeKeys:
+    """A keyframe: where some joints are at a time."""
+
+    at: float = key("duration", low=0.0, help="When, from the beginning of the gesture.")
+    joints: Mapping[str, float] = key("angle", rest=True, help="Where a joint is then, by its name.")
+
+
+@keys
+class GestureKeys:
+    """The keys of a gesture file."""
+
+    gesture: str = key(help="What it is called.")
+    summary: str = key(default="", help="What it is, in a line.")
+    interpolation: Interpolation = key(
+        default="minimum_jerk", help="`minimum_jerk` rests at every keyframe, `cubic` goes through them."
+    )
+    keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Where it goes, one after another.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield keyframes that do not follow one another."""
+        if not self.keyframes:
+            message, hint = "'keyframes' needs at least one keyframe", "such as {at: 1 s, elbow: 90 deg}"
+            yield Mistake(message, ("keyframes",), hint=hint)
+        before = -1.0 if self.interpolation == "cubic" else 0.0
+        for place, frame in enumerate(self.keyframes):
+            if frame.at <= before:
+                at = ("keyframes", place, "at")
+                message = f"'at' must be later than {before:g} s, as keyframes follow one another"
+                yield Mistake(message, at, about=(at,))
+            before = frame.at
+
+    def beyond(self, reaches: Reaches) -> Iterator[Mistake]:
+        """Yield angles that the joints of an arm do not have, and joints that it lacks."""
+        for place, frame in enumerate(self.keyframes):
+            for joint, angle in frame.joints.items():
+                at = ("keyframes", place, joint)
+                if joint not in reaches:
+                    message = f"there is no joint '{joint}'"
+                    yield Mistake(message, at, named=True, seen=joint, known=reaches, about=(at,))
+                elif problem := beyond(joint, angle, reaches[joint]):
+                    yield Mistake(problem, at, about=(at,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +98,13 @@ def load_gesture(path: Path, reaches: Reaches | None = None) -> GestureConfig:
 def gesture_of(source: Source, reaches: Reaches | None = None) -> GestureConfig:
     """Read the text of a gesture file. Raises as ``load_gesture`` does."""
     fields = fields_of(source, what="a gesture file")
-    name, summary = fields.text("gesture"), fields.text("summary", "")
-    cubic = fields.choice("interpolation", ["minimum_jerk", "cubic"], "minimum_jerk") == "cubic"
-    keyframes: list[tuple[float, Mapping[str, float]]] = []
-    for node in fields.items("keyframes", required=True):
-        before = keyframes[-1][0] if keyframes else -1.0 if cubic else 0.0
-        keyframe = Fields(fields.source, node, fields.faults, what="a keyframe")
-        keyframes.append((_time(keyframe, before), _angles(keyframe, reaches)))
-    listed = fields.node_of("keyframes")
-    if isinstance(listed, Listing) and not keyframes:
-        fields.fault(listed.mark, "'keyframes' needs at least one keyframe", "such as {at: 1 s, elbow: 90 deg}")
-    fields.done()
+    found = read_keys(fields, GestureKeys)
+    if reaches is not None:
+        note_mistakes(fields, found.beyond(reaches))
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return GestureConfig(name, summary, tuple(keyframes), "cubic" if cubic else "minimum_jerk")
+    keyframes = tuple((frame.at, frame.joints) for frame in found.keyframes)
+    return GestureConfig(found.gesture, found.summary, keyframes, found.interpolation)
 
 
 def beyond(joint: str, angle: float, limits: tuple[float, float]) -> str:
@@ -74,31 +113,3 @@ def beyond(joint: str, angle: float, limits: tuple[float, float]) -> str:
         return ""
     lower, upper = (written(end, "angle") for end in limits)
     return f"'{joint}' at {written(angle, 'angle')} is outside its limits, {lower} to {upper}"
-
-
-def _time(fields: Fields, before: float) -> float:
-    """Read when a keyframe is, which must be later than ``before``."""
-    mistakes = len(fields.faults)
-    time = fields.quantity("at", "duration", low=0.0)
-    place = fields.node_of("at")
-    if place is not None and time <= before and len(fields.faults) == mistakes:
-        fields.fault(place.mark, f"'at' must be later than {before:g} s, as keyframes follow one another")
-    return time
-
-
-def _angles(fields: Fields, reaches: Reaches | None) -> dict[str, float]:
-    """Read the angles of a keyframe."""
-    entries = [(key, node) for key, node in fields.entries() if key.text != "at"]
-    return {key.text: _angle(fields, key, node, reaches) for key, node in entries}
-
-
-def _angle(fields: Fields, joint: Scalar, node: Node, reaches: Reaches | None) -> float:
-    mistakes = len(fields.faults)
-    angle = fields.measure(node, joint.text, "angle")
-    if reaches is None or len(fields.faults) > mistakes:
-        return angle
-    if joint.text not in reaches:
-        fields.fault(joint.mark, f"there is no joint '{joint.text}'", one_of(joint.text, reaches))
-    elif problem := beyond(joint.text, angle, reaches[joint.text]):
-        fields.fault(node.mark, problem)
-    return angle

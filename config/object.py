@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from config.colours import COLOURS
+from config.declared import read_keys
 from config.faults import InvalidFileError, did_you_mean
 from config.fields import read_fields
 from config.units import seen, written
+from drivers.api.keys import key, keys
 
 HUES = ("red", "orange", "yellow", "green", "blue", "purple", "pink")
 """The colours by which things can be told from a room. Brown is that of wood and skin, the rest that of walls."""
@@ -31,6 +33,17 @@ SIZES = {"small": 0.1, "big": 0.3}
 EXAMPLE = "such as 'red ball', 'big blue box' or 'yellow round object'"
 
 
+@keys
+class ObjectKeys:
+    """The keys of an object file."""
+
+    object: str = key(help="What it is called.")
+    summary: str = key(default="", help="What it is, in a line.")
+    colour: str = key(among=HUES, help="Its colour.")
+    shape: str = key(default="thing", among=("ball", "box", "thing"), help="Its shape; `thing` is either.")
+    size: float | None = key("length", default=None, low=0.02, high=2.0, help="Across, where that is known.")
+
+
 @dataclass(frozen=True, slots=True)
 class ObjectConfig:
     """What to look for: ``shape`` is "ball", "box" or "thing" (either); ``size`` metres across, None if not known."""
@@ -45,17 +58,10 @@ class ObjectConfig:
 def load_object(path: Path) -> ObjectConfig:
     """Read an object file. Raises InvalidFileError with every mistake in it."""
     fields = read_fields(path, what="an object file")
-    found = ObjectConfig(
-        name=fields.text("object"),
-        summary=fields.text("summary", ""),
-        colour=fields.choice("colour", HUES),
-        shape=fields.choice("shape", ("ball", "box", "thing"), "thing"),
-        size=None if fields.node_of("size") is None else fields.quantity("size", "length", low=0.02, high=2.0),
-    )
-    fields.done()
+    found = read_keys(fields, ObjectKeys)
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return found
+    return ObjectConfig(found.object, found.summary, found.colour, found.shape, found.size)
 
 
 def read_phrase(text: str) -> ObjectConfig:

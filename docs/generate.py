@@ -8,11 +8,15 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
+from config.controller import ControllerKeys
+from config.gesture import GestureKeys
+from config.object import ObjectKeys
 from config.units import EXAMPLES, UNITS
 from docs import dumps
 from drivers.clock import ManualClock
@@ -23,7 +27,7 @@ from missions.executive.state import state_of
 from missions.language.nodes import COMPOSITES, COUNTS, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
-from missions.schema.reference import code, robot_reference, table
+from missions.schema.reference import code, keys_table, robot_reference, table
 
 HERE = Path(__file__).parent
 
@@ -112,6 +116,9 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "words": words,
     "leaves": leaves,
     "robot_keys": robot_keys,
+    "gesture_keys": partial(keys_table, GestureKeys),
+    "controller_keys": partial(keys_table, ControllerKeys),
+    "object_keys": partial(keys_table, ObjectKeys),
     "gallery": dumps.gallery,
 }
 """What is written, by the name in its markers."""

@@ -36,8 +36,11 @@ Form = Literal[
     "named",
     "texts",
     "lists",
+    "items",
+    "rest",
 ]
-"""What a key takes. ``texts`` and ``lists`` are sections whose keys are names: of a text, of a list of texts."""
+"""What a key takes. ``texts`` and ``lists`` are sections whose keys are names: of a text, of a list of texts. ``items``
+are a list of sections. ``rest`` is no key of the file: it takes all that the section has besides."""
 
 PERCENT = "percent"
 """The dimension of a share that counts to 100 in the program."""
@@ -104,6 +107,7 @@ def key(
     among: Iterable[str] = (),
     word: str = "",
     each: str = "",
+    rest: bool = False,
 ) -> T: ...
 @overloaded
 def key(
@@ -115,6 +119,7 @@ def key(
     among: Iterable[str] = (),
     word: str = "",
     each: str = "",
+    rest: bool = False,
 ) -> Any: ...
 def key(
     dimension: str = "",
@@ -126,11 +131,14 @@ def key(
     among: Iterable[str] = (),
     word: str = "",
     each: str = "",
+    rest: bool = False,
 ) -> Any:
     """Declare a key. Without a ``default`` the file must have it; one of None is for a key that may be missing.
 
     ``low`` and ``high`` are bounds in SI units, ``among`` the words that are possible, ``word`` what the file calls it
-    where that is not the name of the field, and ``each`` what messages call a section under a name.
+    where that is not the name of the field, and ``each`` what messages call a section under a name or in a list. With
+    ``rest`` it takes all other keys of the section: names of the file's own, each with a quantity of the dimension; or,
+    without one, with values in a form that its reader looks at itself.
     """
     told = {
         "dimension": dimension,
@@ -140,6 +148,7 @@ def key(
         "among": tuple(among),
         "word": word,
         "each": each,
+        "rest": rest,
     }
     if isinstance(default, Mapping):
         return field(default_factory=lambda: default, metadata={"key": told})
@@ -167,6 +176,7 @@ def _declared(cls: Any) -> tuple[Key, ...]:
             continue
         default = each.default_factory() if each.default_factory is not MISSING else each.default
         form, of, among = _form(hints[each.name], told["dimension"], told["among"])
+        form, of = ("rest", None) if told["rest"] else (form, of)
         if form is None:
             raise TypeError(f"{cls.__qualname__}.{each.name}: no key can hold {hints[each.name]}")
         found.append(
@@ -180,7 +190,7 @@ def _declared(cls: Any) -> tuple[Key, ...]:
                 told["high"],
                 among,
                 of,
-                default is MISSING,
+                default is MISSING and not told["rest"],
                 None if default is MISSING else default,
                 told["each"],
             )
@@ -206,6 +216,8 @@ def _form(hint: Any, dimension: str, among: tuple[str, ...]) -> tuple[Form | Non
     if origin is tuple:
         forms: Mapping[Any, Form] = {(float, float): "span", (float, float, float): "triple"}
         listed: Form | None = "spans" if inside[1:] == (...,) else None
+        if listed and hasattr(inside[0], "__dataclass_fields__"):
+            return "items", inside[0], ()
         return forms.get(inside, listed), None, ()
     if isinstance(origin, type) and issubclass(origin, Mapping):
         value = inside[1]

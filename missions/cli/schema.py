@@ -9,14 +9,14 @@ from missions.cli.options import behaviours_option, own_files
 from missions.cli.outputs import writing
 from missions.drivers import Table
 from missions.pictures import tree_json
-from missions.schema.files import KINDS, file_schema
+from missions.schema.files import DECLARED, KINDS, file_schema
 from missions.schema.mission import known_things, mission_schema
 from missions.schema.reference import robot_reference
 from missions.vocabulary import vocabulary
 
 
 @click.command()
-@click.argument("kind", type=click.Choice(["missions", *KINDS]), default="missions")
+@click.argument("kind", type=click.Choice(["missions", *KINDS, *DECLARED]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
 @click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
@@ -24,7 +24,7 @@ from missions.vocabulary import vocabulary
 def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree: bool, reference: bool) -> None:
     """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
-    Or that of tests, robots or worlds. In VS Code, with the YAML extension, after
+    Or that of tests, robots, worlds, gestures, controllers or objects. In VS Code, with the YAML extension, after
     `mission schema -o mission.schema.json`, begin a mission in that folder with the line
 
     # yaml-language-server: $schema=mission.schema.json
@@ -36,7 +36,7 @@ def command(kind: str, output: Path | None, files: tuple[Path, ...], *, of_tree:
         return
     if of_tree:
         schema = tree_json.schema()
-    elif kind in KINDS:
+    elif kind != "missions":
         schema = file_schema(kind)
     else:
         schema = mission_schema(vocabulary(own_files(files)), known_things())

@@ -8,14 +8,18 @@ from contextlib import suppress
 from pathlib import Path
 
 from config.asked import Asked, Key, keys_asked
+from config.controller import ControllerKeys
 from config.faults import InvalidFileError, Source
 from config.fields import fields_of
+from config.gesture import GestureKeys
 from config.marked import Listing, Node, Scalar
 from config.marked import Mapping as Marked
+from config.object import ObjectKeys
 from config.units import written
 from config.world import read_world
 from missions.drivers import Table, robot_of
 from missions.schema.examples import ROBOTS, TESTS, WORLDS
+from missions.schema.keys import keys_schema
 from missions.schema.robots import part_schemas
 from missions.schema.values import HOLE, SCALAR, Schema, quantity
 from missions.testing.suite import read_suite
@@ -30,15 +34,28 @@ KINDS: Mapping[str, tuple[str, Sequence[str], Callable[[Source], object]]] = {
     "robots": ("A robot: its parts, where they are plugged in, how far and fast they may go.", ROBOTS, robot_of),
     "worlds": ("A simulated world: a room, and what is in it.", WORLDS, read_world),
 }
-"""Each kind of file that has a schema besides missions: what it is, its examples, and its reader."""
+"""The kinds of files whose schema is made of examples: what each is, its examples, and its reader."""
 
+DECLARED: Mapping[str, tuple[str, type]] = {
+    "gestures": ("A gesture: where joints are, moment after moment.", GestureKeys),
+    "controllers": ("A controller: the rules by which a behaviour tracks.", ControllerKeys),
+    "objects": ("An object to look for.", ObjectKeys),
+}
+"""The kinds of files whose keys are declared: what each is, and the class of its keys."""
+
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+"""Which JSON Schema it is."""
 
 ANYTHING: Schema = {"$comment": "in a form of its own"}
 """What is known of a value that the examples have, and of which nobody asked more."""
 
 
 def file_schema(kind: str) -> Schema:
-    """Return the JSON Schema (draft-07) of the files of a kind, one of ``KINDS``."""
+    """Return the JSON Schema (draft-07) of the files of a kind, one of ``KINDS`` or ``DECLARED``."""
+    if kind in DECLARED:
+        told, cls = DECLARED[kind]
+        return {"$schema": DRAFT, "description": told, **keys_schema(cls)}
     about, examples, read = KINDS[kind]
     found: Schema = {}
     for example in examples:
@@ -50,7 +67,7 @@ def file_schema(kind: str) -> Schema:
     if kind == "tests":  # what all cases have in common is of a case
         shared = found["properties"]["cases"]["items"]
         found["properties"]["with"] = {key: value for key, value in shared.items() if key != "required"}
-    return {"$schema": "http://json-schema.org/draft-07/schema#", "description": about, **found}
+    return {"$schema": DRAFT, "description": about, **found}
 
 
 def _mapping(asked: Mapping[int, Asked], node: Node) -> Schema:

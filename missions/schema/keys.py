@@ -8,10 +8,11 @@ from missions.schema.values import HOLE, SCALAR, Schema, quantity
 def keys_schema(cls: type) -> Schema:
     """Return the schema of a section with the keys of a class."""
     found = declared(cls)
+    rest = next((key for key in found if key.form == "rest"), None)
     return {
         "type": "object",
-        "properties": {key.word: described(key) for key in found},
-        "additionalProperties": False,
+        "properties": {key.word: described(key) for key in found if key is not rest},
+        "additionalProperties": False if rest is None else _quantity(rest) if rest.dimension else True,
         "required": [key.word for key in found if key.required],
     }
 
@@ -34,7 +35,7 @@ def default_told(key: Key) -> str:
 def shown_default(key: Key) -> str:
     """Return the default of a key as a file would have it; empty where there is none, or where it is a section's."""
     value = key.default
-    if value is None or value in ("", ()) or key.form in ("section", "named", "texts", "lists"):
+    if value is None or value in ("", ()) or key.of is not None or key.form in ("texts", "lists", "rest"):
         return ""
     if isinstance(value, bool):
         return str(value).lower()
@@ -69,6 +70,8 @@ def takes(key: Key) -> str:
         "named": "sections, each under a name",
         "texts": "texts, each under a name",
         "lists": "lists of texts, each under a name",
+        "items": "a list of sections",
+        "rest": f"{unit}, under any name" if unit else "in a form of its own, under any name",
     }[key.form]
 
 
@@ -84,6 +87,8 @@ _TEXT: Schema = {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a text
 def _value(key: Key) -> Schema:
     if key.of is not None:
         inside = keys_schema(key.of)
+        if key.form == "items":
+            return {"type": "array", "items": inside, "minItems": 1 if key.required else 0}
         return inside if key.form == "section" else {"type": "object", "additionalProperties": inside}
     if key.form in ("span", "triple", "spans"):
         count = 3 if key.form == "triple" else 2

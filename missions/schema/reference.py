@@ -32,10 +32,11 @@ def keys_table(cls: type) -> str:
 
 def _rows(cls: type, within: str) -> Iterable[tuple[str, ...]]:
     for key in declared(cls):
+        word = "*NAME*" if key.form == "rest" else key.word
         default = "must be given" if key.required else code(shown) if (shown := shown_default(key)) else ""
-        yield code(within + key.word), takes(key), bounds_told(key), default, key.help
+        yield code(within + word), takes(key), bounds_told(key), default, key.help
         if key.of is not None:
-            yield from _rows(key.of, f"{within}{key.word}." + ("NAME." if key.form == "named" else ""))
+            yield from _rows(key.of, f"{within}{key.word}." + {"named": "NAME.", "items": "N."}.get(key.form, ""))
 
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
