@@ -12,8 +12,8 @@ from drivers.api.keys import Mistake, key, keys
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
 """The families of markers."""
 
-RECOGNISERS = ("pocketsphinx", "vosk")
-"""What understands speech."""
+RECOGNISERS = ("pocketsphinx", "vosk", "sherpa")
+"""What understands speech; all but the first need a model of the user's."""
 
 PHONES = (
     "AA", "AE", "AH", "AO", "AW", "AY", "B", "CH", "D", "DH", "EH", "ER", "EY", "F", "G", "HH", "IH", "IY", "JH", "K",
@@ -136,7 +136,7 @@ class MicrophoneKeys:
 
     source: str = key(default="", help="A part of the sound card's name, or the path of a WAV file.")
     recogniser: str = key(default="pocketsphinx", among=RECOGNISERS, help="What understands speech.")
-    model: str = key(default="", help="The folder of a model for `vosk`.")
+    model: str = key(default="", help="The folder of a model for `vosk` or `sherpa`.")
     threshold: float = key(
         default=0.0, low=-MOST_SURE, high=MOST_SURE, help="What scores less is not accepted; more is stricter."
     )
@@ -153,9 +153,9 @@ class MicrophoneKeys:
 
     def mistakes(self) -> Iterator[Mistake]:
         """Yield what the recogniser lacks, and words and phones that are none."""
-        if self.recogniser == "vosk" and not self.model:
-            message = "a microphone with 'recogniser: vosk' needs 'model'"
-            yield Mistake(message, hint="model: vosk-model-small-en-us-0.15")
+        if self.recogniser != RECOGNISERS[0] and not self.model:
+            message = f"a microphone with 'recogniser: {self.recogniser}' needs 'model'"
+            yield Mistake(message, hint="model: FOLDER, where its model is unpacked (docs/speech.md)")
         for word, phones in self.said.items():
             at = ("pronunciations", word)
             if _WORD.fullmatch(_plain(word)) is None:

@@ -16,7 +16,7 @@ from perception.api import Hearing as Heard
 from perception.api import Words
 from perception.hearing.acceptance import learned
 from perception.hearing.ears import Ears
-from perception.hearing.engines import Sphinx, Vosk
+from perception.hearing.engines import MODELLED, Modelled, Sphinx
 from perception.hearing.grammar import Grammar
 from perception.hearing.listener import Listener, never, unheard
 
@@ -126,7 +126,7 @@ def hearing(
     )
 
 
-def _engine(config: MicrophoneKeys, grammar: Grammar, clock: Clock) -> Sphinx | Vosk:
-    if config.recogniser == "vosk":
-        return Vosk(grammar, Path(config.model).expanduser().absolute())
+def _engine(config: MicrophoneKeys, grammar: Grammar, clock: Clock) -> Sphinx | Modelled:
+    if (kind := MODELLED.get(config.recogniser)) is not None:
+        return kind(grammar, Path(config.model).expanduser().absolute())
     return Sphinx(grammar, lexicon_for(config, grammar.words, clock), learned())

@@ -21,7 +21,7 @@ PLAINLY = Manner("en-us", 150.0)
 def unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for, as far as that is known without a try."""
     lexicon = english(config.pronunciations) if config.recogniser == "pocketsphinx" else None
-    if lexicon is None:  # Vosk knows what it knows, and who is not installed is asked when it is needed
+    if lexicon is None:  # others know what they know, and who is not installed is asked when it is needed
         return ()
     says = find_spec("espeakng_loader") is not None
     return [word for word in lexicon.unknown(words) if not (says and _english(word))]

@@ -30,7 +30,7 @@ from missions.language.phrases import phrases_of
 from missions.library import load_mission
 from missions.runner import CONNECT_TIME
 from perception.api import Words
-from perception.hearing.engines import Sphinx, Vosk
+from perception.hearing.engines import MODELLED, Sphinx
 from perception.hearing.grammar import Grammar, fault_of
 
 PAUSE = 0.05
@@ -151,7 +151,7 @@ def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
     seconds = len(load("microphone", wav)) / SOUND_RATE + REST
     source = WavMicrophone(wav, clock)
     ears = hearing(config, source, phrases, clock, report=_complain)
-    hint = Vosk.hint if config.recogniser == "vosk" else Sphinx.hint
+    hint = MODELLED.get(config.recogniser, Sphinx).hint
     with closing(ears):
         ears.open()
         _wait(lambda: ears.listener.ready, ears, hint)

@@ -9,7 +9,7 @@ from perception.hearing.acceptance import Acceptance
 from perception.hearing.denoise import clarified
 from perception.hearing.endpoint import Clip
 from perception.hearing.features import Decoding, features
-from perception.hearing.grammar import Grammar
+from perception.hearing.grammar import Grammar, normalised
 from perception.hearing.lexicon import Lexicon
 
 Judgement = tuple[str, float]
@@ -57,11 +57,11 @@ class Sphinx:
         return said.phrase, weighed(self._acceptance.score(features(said, clip)), answer.get("margin"))
 
 
-class Vosk:
-    """Vosk with the model in a folder of the user's. It has an "unknown" of its own, and says how sure it is."""
+class Modelled:
+    """A recogniser that takes the model in a folder of the user's, has its own dictionary, and says how sure it is."""
 
-    program = Path(__file__).with_name("vosk_worker.py")
-    hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
+    program: Path
+    hint: str
 
     def __init__(self, grammar: Grammar, model: Path) -> None:
         self._grammar = grammar
@@ -76,9 +76,27 @@ class Vosk:
         return clip.samples.tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:  # noqa: ARG002 - the answer says it all
-        """Return what an answer means: a phrase is as sure as its least sure word; others beside it are refused."""
-        phrase, words = str(answer.get("phrase", "")), answer.get("sure", ())
-        if phrase not in self._grammar.phrases or not words:
+        """Return what an answer means: a phrase is as sure as its least sure part; others beside it are refused."""
+        phrase, parts = normalised(str(answer.get("phrase", ""))), answer.get("sure", ())
+        if phrase not in self._grammar.phrases or not parts:
             return NOTHING
-        sure = min(max(min(words), 0.001), 0.999)
+        sure = min(max(min(parts), 0.001), 0.999)
         return phrase, log(sure / (1 - sure))
+
+
+class Vosk(Modelled):
+    """Vosk. It looks for the phrases alone, and has an "unknown" of its own for all else."""
+
+    program = Path(__file__).with_name("vosk_worker.py")
+    hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
+
+
+class Sherpa(Modelled):
+    """Sherpa-onnx with a streaming transducer. It writes down whatever was said, of which only the phrases count."""
+
+    program = Path(__file__).with_name("sherpa_worker.py")
+    hint = "`pip install 'missiontree[sherpa]'` installs sherpa-onnx; its documentation has streaming transducers"
+
+
+MODELLED: Mapping[str, type[Modelled]] = {"vosk": Vosk, "sherpa": Sherpa}
+"""Those that need a model of the user's, by what robot files call them."""

@@ -48,7 +48,8 @@ def test_all_of_them_is_read() -> None:
     ("text", "said"),
     [
         ("microphone: {driver: file}", "needs 'source'"),
-        ("microphone: {recogniser: vosk}", "needs 'model'"),
+        ("microphone: {recogniser: vosk}", "'recogniser: vosk' needs 'model'"),
+        ("microphone: {recogniser: sherpa}", "'recogniser: sherpa' needs 'model'"),
         ("microphone: {recogniser: voks}", "did you mean 'vosk'?"),
         ("microphone: {threshold: 11}", "'threshold' must be at most 10"),
         ("microphone: {pronunciations: {rodney: R AA D N IX}}", "'rodney': no phone is called 'IX'"),

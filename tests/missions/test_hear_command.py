@@ -80,15 +80,16 @@ def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_pa
     assert '--param word="..."' in str(error)
 
 
+@pytest.mark.parametrize("recogniser", ["vosk", "sherpa"])
 def test_without_its_recogniser_it_says_how_to_get_that_one(
-    wav: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recogniser: str, wav: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("missions.cli.hear.PATIENCE", 0.5)
     robot = tmp_path / "r.yaml"
-    robot.write_text("robot: r\nmicrophone: {recogniser: vosk, model: none}\n", encoding="utf-8")
+    robot.write_text(f"robot: r\nmicrophone: {{recogniser: {recogniser}, model: none}}\n", encoding="utf-8")
     error = hear("--for", "yes", "--robot", str(robot), "--wav", str(wav)).exception
     assert isinstance(error, NoReply)
-    assert "missiontree[vosk]" in error.hint
+    assert f"missiontree[{recogniser}]" in error.hint
 
 
 def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:

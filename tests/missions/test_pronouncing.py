@@ -15,7 +15,7 @@ from drivers.microphone.make import recording, sound_card
 from drivers.microphone.wav import WavMicrophone
 from missions.assembly import pronouncing
 from missions.assembly.hearing import hearing
-from missions.assembly.pronouncing import lexicon_for, unpronounceable
+from missions.assembly.pronouncing import confusable_for, lexicon_for, unpronounceable
 
 pytest.importorskip("pocketsphinx")
 
@@ -59,8 +59,10 @@ def test_letters_beyond_english_are_left_to_the_robot_file_by_the_checker_and_th
     assert lexicon_for(said, ["schön"], SystemClock()).pronunciations("schön") == [("SH", "EH", "N")]
 
 
-def test_vosk_knows_its_own_words() -> None:
-    assert unpronounceable(MicrophoneKeys(recogniser="vosk", model="m"), ["wheatleyon"]) == ()
+@pytest.mark.parametrize("recogniser", ["vosk", "sherpa"])
+def test_recognisers_with_a_model_of_the_users_know_their_own_words(recogniser: str) -> None:
+    keys = MicrophoneKeys(recogniser=recogniser, model="m")
+    assert (unpronounceable(keys, ["wheatleyon"]), confusable_for(keys, ["go", "no"])) == ((), ())
 
 
 def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +88,9 @@ def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looke
     assert source.health().detail == f"microphone: {tmp_path / 'a.wav'}: no such file"
 
 
-@pytest.mark.parametrize("config", [MicrophoneKeys(), MicrophoneKeys(recogniser="vosk", model="m")])
+@pytest.mark.parametrize(
+    "config", [MicrophoneKeys(), *(MicrophoneKeys(recogniser=other, model="m") for other in ("vosk", "sherpa"))]
+)
 def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneKeys, tmp_path: Path) -> None:
     clock = ManualClock()
     source = WavMicrophone(tmp_path / "none.wav", clock)

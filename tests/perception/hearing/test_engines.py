@@ -1,9 +1,11 @@
 """The programs that recognise speech: how they are asked, and what their answers mean."""
 
+import re
 import sys
 from collections.abc import Mapping
 from math import log
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from drivers.clock import SystemClock
 from drivers.pipe import Worker
 from perception.hearing.acceptance import learned
 from perception.hearing.endpoint import Clip
-from perception.hearing.engines import BEATEN, NOTHING, Sphinx, Vosk, weighed
+from perception.hearing.engines import BEATEN, NOTHING, Modelled, Sherpa, Sphinx, Vosk, weighed
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import Lexicon, english
 from tests.waiting import wait_until
@@ -65,13 +67,60 @@ def clip(count: int) -> Clip:
     return Clip(1.0, 2.0, 0.3, np.zeros(count, np.int16), np.zeros(0, np.int16))
 
 
+SHERPA = '''
+"""Stands in for sherpa-onnx: it understands a sound by how long it is, as models of English write: in capitals."""
+import math
+from pathlib import Path
+
+class Stream:
+    def __init__(self):
+        self.count, self.over, self.left = 0, False, 2
+    def accept_waveform(self, rate, samples):
+        assert rate == 16000 and samples.dtype == "float32" and not self.over
+        self.count += len(samples)
+    def input_finished(self):
+        self.over = True
+
+class OnlineRecognizer:
+    @classmethod
+    def from_transducer(cls, tokens, encoder, decoder, joiner, num_threads, decoding_method):
+        assert decoding_method == "modified_beam_search" and num_threads == 1
+        assert [Path(each).name for each in (tokens, encoder, decoder, joiner)] == [
+            "tokens.txt", "encoder-1.int8.onnx", "decoder-1.onnx", "joiner-1.onnx"]
+        return cls()
+    def create_stream(self):
+        return Stream()
+    def is_ready(self, stream):
+        return stream.over and stream.left > 0
+    def decode_stream(self, stream):
+        stream.left -= 1
+    def get_result(self, stream):
+        assert stream.left == 0
+        return ["YES", " THANK YOU", "NO THANK YOU"][(stream.count - 9600) // 1000]
+    def ys_probs(self, stream):
+        return [math.log(0.75)] * len(self.get_result(stream).split())
+'''
+FILES = ("tokens.txt", "encoder-1.onnx", "encoder-1.int8.onnx", "decoder-1.onnx", "joiner-1.onnx")
+
+
+def isolated(engine: Modelled, beside: Path) -> Worker:
+    """The program of an engine, which finds its library in the folder ``beside``."""
+    code = f"import sys, runpy; sys.path.insert(0, {str(beside)!r}); runpy.run_path(sys.argv[1], None, '__main__')"
+    return Worker("ears", engine.program, SystemClock(), command=(sys.executable, "-I", "-c", code))
+
+
 @pytest.mark.real_time
-def test_vosk_is_given_the_phrases_and_the_users_model(tmp_path: Path) -> None:
-    (tmp_path / "vosk.py").write_text(VOSK)
-    engine = Vosk(Grammar.of(["yes", "thank you"]), tmp_path / "model")
-    code = f"import sys, runpy; sys.path.insert(0, {str(tmp_path)!r}); runpy.run_path(sys.argv[1], None, '__main__')"
-    worker = Worker("ears", engine.program, SystemClock(), command=(sys.executable, "-I", "-c", code))
-    ear = Ear()
+@pytest.mark.parametrize(("kind", "library", "stand_in"), [(Vosk, "vosk", VOSK), (Sherpa, "sherpa_onnx", SHERPA)])
+def test_an_engine_is_given_the_phrases_and_the_users_model(
+    kind: type[Modelled], library: str, stand_in: str, tmp_path: Path
+) -> None:
+    (tmp_path / f"{library}.py").write_text(stand_in)
+    model = tmp_path / "model"
+    model.mkdir()
+    for name in FILES:
+        (model / name).touch()
+    engine = kind(Grammar.of(["yes", "thank you"]), model)
+    worker, ear = isolated(engine, tmp_path), Ear()
     worker.open(ear)
     try:
         wait_until(lambda: ear.starts)
@@ -90,17 +139,49 @@ def test_vosk_is_given_the_phrases_and_the_users_model(tmp_path: Path) -> None:
     assert engine.judge(clip(2000), answers[2]) == NOTHING
 
 
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("files", "complaint"),
+    [((), "there is no tokens.txt"), (FILES[:1], r"there is no encoder\*.onnx"), (FILES[:3], "there is no decoder")],
+)
+def test_a_folder_without_a_transducer_is_told(files: tuple[str, ...], complaint: str, tmp_path: Path) -> None:
+    (tmp_path / "sherpa_onnx.py").write_text(SHERPA)
+    for name in files:
+        (tmp_path / name).touch()
+    engine = Sherpa(Grammar.of(["yes"]), tmp_path)
+    worker, lost = isolated(engine, tmp_path), Event()
+    told: list[str] = []
+
+    class Lost(Ear):
+        def lost(self, why: str) -> None:
+            told.append(why)
+            lost.set()
+
+    ear = Lost()
+    worker.open(ear)
+    try:
+        wait_until(lambda: ear.starts)
+        worker.send(engine.instructions())
+        assert lost.wait(20)
+    finally:
+        worker.close()
+    assert re.search(complaint, told[0])
+
+
+@pytest.mark.parametrize("kind", [Vosk, Sherpa])
 @pytest.mark.parametrize(
     ("answer", "judged"),
     [
         ({"phrase": "", "sure": []}, NOTHING),
         ({"phrase": "yes [unk]", "sure": [0.9, 0.9]}, NOTHING),
         ({"phrase": "thank you", "sure": [0.9, 0.5]}, ("thank you", 0.0)),
+        ({"phrase": " Thank you.", "sure": [0.9, 0.9, 0.5]}, ("thank you", 0.0)),
+        ({"phrase": "yes", "sure": []}, NOTHING),
         ({"phrase": "yes", "sure": [1.0]}, ("yes", pytest.approx(log(999)))),
     ],
 )
-def test_an_answer_of_vosk_is_as_sure_as_its_least_sure_word(answer: dict[str, Any], judged: Any) -> None:
-    assert Vosk(Grammar.of(["yes", "thank you"]), Path("model")).judge(clip(0), answer) == judged
+def test_an_answer_is_as_sure_as_its_least_sure_part(kind: type[Modelled], answer: dict[str, Any], judged: Any) -> None:
+    assert kind(Grammar.of(["yes", "thank you"]), Path("model")).judge(clip(0), answer) == judged
 
 
 def test_words_that_nobody_can_say_are_told_before_anything_runs() -> None:

@@ -1,0 +1,77 @@
+"""The program that recognises speech with sherpa-onnx and a model of the user's, in a process of its own.
+
+The model is a folder with a streaming transducer: ``tokens.txt``, and ``encoder*.onnx``, ``decoder*.onnx`` and
+``joiner*.onnx``, of which those of 8 bits (``*.int8.onnx``) are taken where there are any. Messages are those of
+``vosk_worker.py``, but that ``sure`` is for each token, of which a word may have several. It imports nothing of ours.
+"""
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sherpa_onnx
+
+RATE = 16_000
+"""Samples a second."""
+
+SILENCE = np.zeros(int(0.6 * RATE), np.float32)
+"""Behind a sound: a streaming model looks ahead, and would keep the last word back."""
+
+
+def part(model: Path, name: str) -> str:
+    """Return the file of a part of the model. Ends the program where there is none."""
+    found = [*sorted(model.glob(f"{name}*.int8.onnx")), *sorted(model.glob(f"{name}*.onnx"))]
+    if not found:
+        sys.exit(f"{model}: there is no {name}*.onnx: a streaming transducer has encoder, decoder, joiner, tokens.txt")
+    return str(found[0])
+
+
+def recogniser_of(model: Path) -> "sherpa_onnx.OnlineRecognizer":
+    """Return a recogniser of one thread with the model in a folder."""
+    if not (model / "tokens.txt").is_file():
+        sys.exit(f"{model}: there is no tokens.txt: unpack a streaming transducer of sherpa-onnx there")
+    return sherpa_onnx.OnlineRecognizer.from_transducer(
+        tokens=str(model / "tokens.txt"),
+        encoder=part(model, "encoder"),
+        decoder=part(model, "decoder"),
+        joiner=part(model, "joiner"),
+        num_threads=1,
+        decoding_method="modified_beam_search",  # which alone says how likely each token is
+    )
+
+
+def decode(recogniser: "sherpa_onnx.OnlineRecognizer", sound: bytes) -> dict[str, Any]:
+    """Return what was said."""
+    stream = recogniser.create_stream()
+    stream.accept_waveform(RATE, np.frombuffer(sound, "<i2").astype(np.float32) / 32768)
+    stream.accept_waveform(RATE, SILENCE)
+    stream.input_finished()
+    while recogniser.is_ready(stream):
+        recogniser.decode_stream(stream)
+    likely = recogniser.ys_probs(stream)
+    return {"phrase": recogniser.get_result(stream), "sure": [math.exp(min(each, 0.0)) for each in likely]}
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    recogniser = None
+    for line in sys.stdin.buffer:
+        message = json.loads(line)
+        sound = sys.stdin.buffer.read(message.get("bytes", 0))
+        if "model" in message:
+            recogniser = recogniser_of(Path(message["model"]))
+            answer: dict[str, Any] = {"ready": True}
+        else:
+            began = time.process_time()
+            found = {"phrase": ""} if recogniser is None else decode(recogniser, sound)
+            answer = {"decoded": message["decode"], **found, "spent": time.process_time() - began}
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
