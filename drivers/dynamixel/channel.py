@@ -8,10 +8,10 @@ from threading import RLock
 from drivers.clock import Clock
 from drivers.delays import Delays
 from drivers.dynamixel.adapter import Dial, Line, open_line
-from drivers.dynamixel.codec import CODECS, Codec, Reply
+from drivers.dynamixel.codec import Codec, Reply, codecs
 from drivers.dynamixel.exchange import Exchange
 from drivers.dynamixel.overdue import Overdue, Wanted
-from drivers.dynamixel.units import RETURN_DELAY_STEP
+from drivers.dynamixel.units import RETURN_DELAY_STEP, Framing
 from drivers.dynamixel.wire import REFUSAL, Fault, Packet
 from drivers.errors import BadRequest, NotConnected
 
@@ -41,7 +41,7 @@ class Channel:
 
     ``patience`` (seconds) is what a reply may take beyond its bytes and the longest return delay; the timer of a slow
     USB adapter is added to it. A transport error closes the port; ``open`` may be called again. ``dial`` opens the
-    line, ``codecs`` make packets and find them.
+    line; ``framing`` says whose code makes packets and finds them.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Channel:
         name: str = "servos",
         patience: float = 0.004,
         dial: Dial = open_line,
-        codecs: Mapping[int, Codec] = CODECS,
+        framing: Framing = "own",
     ) -> None:
         self.port = port
         self.name = name
@@ -65,8 +65,8 @@ class Channel:
         self._lock = RLock()
         self._line: Line | None = None
         self._trouble = NotConnected(f"{name}: {port}: not opened yet")
-        self._codecs = codecs
-        self._parsers = {protocol: codec.parser() for protocol, codec in codecs.items()}
+        self._codecs = codecs(framing)
+        self._parsers = {protocol: codec.parser() for protocol, codec in self._codecs.items()}
         self._overdue = Overdue()
         self._sent: deque[Packet] = deque(maxlen=4)  # what an echo may repeat
         self._tallies: defaultdict[int, Tally] = defaultdict(Tally)

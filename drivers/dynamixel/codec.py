@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 
 from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.register import Block
+from drivers.dynamixel.units import Framing
 from drivers.dynamixel.wire import BROADCAST, Fault, Packet, Parser
 from drivers.dynamixel.wire2 import Instruction
 from drivers.errors import BadRequest
@@ -122,3 +123,12 @@ CODECS: Mapping[int, Codec] = MappingProxyType(
     }
 )
 """The protocols by number."""
+
+
+def codecs(framing: Framing) -> Mapping[int, Codec]:
+    """Return the protocols by number, framed by our code or by the vendor's."""
+    if framing == "own":
+        return CODECS
+    from drivers.dynamixel.sdk import SDK_CODECS  # noqa: PLC0415 - few ask for it
+
+    return SDK_CODECS

@@ -19,6 +19,7 @@ from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
 from drivers.dynamixel.models import MODELS, Model
+from drivers.dynamixel.units import Framing
 
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
 """Names of models that are the same to a program."""
@@ -143,6 +144,9 @@ class DynamixelKeys(ArmKeys, Wired):
     """The ``arm`` section of a robot with Dynamixel servos on one bus."""
 
     baud: int = key(default=1_000_000, low=1, help="The rate of the bus, in bits per second.")
+    framing: Framing = key(
+        default="own", help="Who makes packets of bytes: this project, or `sdk`, the vendor's own code, to compare."
+    )
     at_end: Literal["hold", "relax"] = key(default="hold", help="At its end it stays stiff, or goes limp.")
     joints: Mapping[str, JointKeys] = key(help="The servos, each under the name of its joint.", each="joint")
     rate: float = key(

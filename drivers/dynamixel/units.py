@@ -15,6 +15,9 @@ RETURN_DELAY_STEP = 2e-6
 
 Protocol = Literal[1, 2]
 
+Framing = Literal["own", "sdk"]
+"""Whose code makes packets of bytes: this project's, or that of ROBOTIS' ``dynamixel-sdk``."""
+
 _TOLERANCE = 0.03
 """How far, as a share, two rates may be apart and still understand each other."""
 

@@ -10,12 +10,11 @@ import pytest
 
 from drivers.api import Away, Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.codec import CODECS
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
 from drivers.dynamixel.following import NEAR, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.sdk import SDK_CODECS
+from drivers.dynamixel.units import Framing
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.sim.twins.joints import JointsTwin
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
@@ -88,7 +87,7 @@ PATIENT = Away(decide=30.0, latch=60.0)
 
 
 class WireJoints(InSimulatedTime, JointsRig):
-    codecs = CODECS
+    framing: Framing = "own"
 
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
@@ -97,7 +96,7 @@ class WireJoints(InSimulatedTime, JointsRig):
         self.line = DirectLine(self.chain, self.timeline.clock)
         self.timeline.every(PERIOD, self.line.poll)
         self.device = DynamixelJoints(
-            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial, codecs=self.codecs),
+            Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial, framing=self.framing),
             SPECS,
             self.clock,
             at_rest=at_rest,
@@ -138,7 +137,7 @@ class WireJoints(InSimulatedTime, JointsRig):
 class SdkJoints(WireJoints):
     """The same driver with the vendor's packet code."""
 
-    codecs = SDK_CODECS
+    framing: Framing = "sdk"
 
 
 class TwinJoints(InSimulatedTime, JointsRig):

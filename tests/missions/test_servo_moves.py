@@ -41,7 +41,7 @@ def fonts() -> None:
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("missions.assembly.assemble.PATIENCE", 0.1)  # driver and servos share one interpreter here
+    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", 0.1)  # driver and servos share one interpreter here
     (tmp_path / "nod.yaml").write_text(NOD)
     with three(Path("three.yaml")) as found:
         yield found

@@ -23,8 +23,8 @@ IDS = ("--ids", "1-4")
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
     # Driver and servos share one interpreter here: a reply takes longer than on a wire.
-    for module in ("missions.cli.servo.bench", "missions.assembly.assemble"):
-        monkeypatch.setattr(f"{module}.PATIENCE", 0.1)
+    for constant in ("missions.cli.servo.bench.PATIENCE", "drivers.dynamixel.make.REPLY_TIMEOUT"):
+        monkeypatch.setattr(constant, 0.1)
     with three(Path("three.yaml")) as found:
         yield found
 
@@ -43,9 +43,12 @@ def servo(robot: Three, capsys: pytest.CaptureFixture[str]) -> Servo:
 
 
 @pytest.mark.real_time
-def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(servo: Servo, robot: Three) -> None:
+@pytest.mark.parametrize("framing", [(), ("--framing", "sdk")], ids=["ours", "the vendor's"])
+def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(
+    servo: Servo, robot: Three, framing: tuple[str, ...]
+) -> None:
     robot.elbow.temperature, robot.wrist.voltage = 52.0, 11.1
-    outcome = servo("scan", *IDS, "--baud", "1000000")
+    outcome = servo("scan", *IDS, "--baud", "1000000", *framing)
     assert outcome.code == 0, outcome.err
     rows = [line.split() for line in outcome.out.splitlines()]
     assert rows[0] == ["id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors"]

@@ -22,6 +22,7 @@ from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS, Model, model_of
+from drivers.dynamixel.units import Framing
 from drivers.errors import DeviceFault, NoReply, NotConnected
 from missions.assembly.assemble import assemble
 from missions.assembly.simulation import Simulation
@@ -112,10 +113,13 @@ class Bench:
 
 
 @contextmanager
-def opened_bus(target: Target, *, patience: float = VIRTUAL_REPLY_TIMEOUT) -> Iterator[Bench]:
+def opened_bus(
+    target: Target, *, patience: float = VIRTUAL_REPLY_TIMEOUT, framing: Framing | None = None
+) -> Iterator[Bench]:
     """Open the bus; close it at the end, whatever comes. Nothing is written to a servo by that.
 
-    ``patience`` is how long (s) a virtual servo may take. Raises NotConnected.
+    ``patience`` is how long (s) a virtual servo may take, ``framing`` whose packet code is used: else what the robot
+    file says. Raises NotConnected.
     """
     clock = SystemClock()
     with ExitStack() as closings:
@@ -123,7 +127,8 @@ def opened_bus(target: Target, *, patience: float = VIRTUAL_REPLY_TIMEOUT) -> It
         joints: Mapping[str, Joint] = {}
         groups: Mapping[str, tuple[str, ...]] = {}
         if target.robot is None and not target.virtual:
-            bus = Bus(str(target.port), clock, baud=target.baud or DEFAULT_BAUD, patience=PATIENCE)
+            baud = target.baud or DEFAULT_BAUD
+            bus = Bus(str(target.port), clock, baud=baud, patience=PATIENCE, framing=framing or "own")
         else:
             config = target.config()
             arm = _arm(config)
@@ -134,7 +139,8 @@ def opened_bus(target: Target, *, patience: float = VIRTUAL_REPLY_TIMEOUT) -> It
                 simulation = closings.enter_context(closing(Simulation(config, frozenset({"arm"}), clock)))
                 simulation.open()
                 port = simulation.ports["arm"]
-            bus = Bus(port, clock, baud=arm.baud, patience=patience if target.virtual else PATIENCE)
+            waits = patience if target.virtual else PATIENCE
+            bus = Bus(port, clock, baud=arm.baud, patience=waits, framing=framing or arm.framing)
         closings.enter_context(closing(bus))
         bus.open()
         target.tell_if_simulated()

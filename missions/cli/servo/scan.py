@@ -4,12 +4,13 @@ import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from math import degrees
+from typing import get_args
 
 import click
 
 from drivers.dynamixel.census import Found, census
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.units import Protocol
+from drivers.dynamixel.units import Framing, Protocol
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import opened_bus
 from missions.cli.servo.target import Target, target_options
@@ -45,8 +46,11 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
 @click.option("--ids", default="0-252", show_default=True, callback=_ids, metavar="1-20,30", help="Which to look for.")
 @click.option("--protocol", type=click.Choice(["1", "2"]), help="Look for this one alone.")
 @click.option("--all-bauds", is_flag=True, help="Try all usual rates, which takes a while.")
+@click.option("--framing", type=click.Choice(get_args(Framing)), help="Whose packet code: ours, or the vendor's.")
 @click.option("--json", "as_json", is_flag=True, help="A line of JSON for each servo; angles in radians.")
-def scan(target: Target, ids: list[int], protocol: str | None, all_bauds: bool, as_json: bool) -> int:
+def scan(
+    target: Target, ids: list[int], protocol: str | None, all_bauds: bool, framing: Framing | None, as_json: bool
+) -> int:
     """Find all servos on a bus.
 
     They are compared with the robot file, where one is named. Only reads.
@@ -55,7 +59,7 @@ def scan(target: Target, ids: list[int], protocol: str | None, all_bauds: bool, 
     or one of the file is missing.
     """
     protocols: tuple[Protocol, ...] = (1, 2) if protocol is None else (1,) if protocol == "1" else (2,)
-    with opened_bus(target, patience=VIRTUAL_PATIENCE) as bench:
+    with opened_bus(target, patience=VIRTUAL_PATIENCE, framing=framing) as bench:
         bus, joints = bench.bus, bench.joints
         wanted, names = bus.baud, {joint.spec.id: joint.name for joint in joints.values()}
         bauds = _bauds(wanted, fixed=target.virtual or target.baud is not None, all_bauds=all_bauds)
