@@ -19,6 +19,7 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run
 from drivers.api import Reflexes
+from drivers.api.kinds import KINDS
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.assembled import Assembled
@@ -227,13 +228,4 @@ def _texts(params: Params | None) -> dict[str, str]:
 
 
 def _devices(robot: Robot) -> dict[str, object | None]:
-    return {
-        "base": robot.base_part,
-        "head": robot.head_part,
-        "arm": robot.arm_part,
-        "range": robot.ranger_part,
-        "voice": robot.voice_part,
-        "camera": robot.sight_part,
-        "microphone": robot.hearing_part,
-        "screen": robot.screen_part,
-    }
+    return {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()}
