@@ -25,8 +25,11 @@ WIDE = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
 NARROW = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
 """The same for the loop over phones, which has no end of paths."""
 
-ALIKE = {"compallsen": True, "ds": 2}
-"""Scores are relative to the best sound that a search looks for: only with all sounds in view two searches compare."""
+ALIKE = {"beam": 1e-40, "wbeam": 1e-30, "pbeam": 1e-40, "compallsen": True, "topn": 8}
+"""Scores are relative to the best sound that a search looks for: only with all sounds in view two searches compare.
+
+Twice as many Gaussians as usual count for a sound, and every frame has its own (``ds`` is 1): words are short.
+"""
 
 COMMON, SHORT = 1000, 6
 """How many of the commonest words may be decoys, and how many phones those have at most."""
@@ -93,7 +96,7 @@ class Recogniser:
 
     def __init__(self) -> None:
         self.grammar: pocketsphinx.Decoder | None = None
-        self.scales = decoder(**WIDE, **ALIKE)
+        self.scales = decoder(**ALIKE)
         self.alone: dict[str, list[str]] = {}
         self.loop = decoder(**NARROW)
         self.loop.add_allphone_file("phones", pocketsphinx.get_model_path("en-us/en-us-phone.lm.bin"))
@@ -104,7 +107,7 @@ class Recogniser:
         self.grammar = decoder(**WIDE)
         search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.alone = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
-        self.scales = decoder(**WIDE, **ALIKE)
+        self.scales = decoder(**ALIKE)
         if self.alone:
             for word, ways in self.alone.items():
                 search(self.scales, f"only {word}", {word: ways}, [(0, 1, 1.0, word)])
