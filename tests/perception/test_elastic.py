@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.api import UNKNOWN
-from perception.elastic import ABOVE, DEVIATION, MEAN, WINDOW, Calibration, Gallery, Picture
+from perception.elastic import ABOVE, ABOVE_FEW, DEVIATION, FEW, MEAN, WINDOW, Calibration, Gallery, Picture
 from perception.patches import CELLS, DEPTH, Patches
 
 
@@ -59,11 +59,21 @@ def test_parts_of_a_face_may_be_found_in_different_pictures() -> None:
 def test_the_threshold_is_made_from_the_people_who_are_known_where_there_are_two() -> None:
     people = People(5)
     alone = people.gallery(0).calibration
-    assert alone == Calibration(MEAN + ABOVE * DEVIATION, alone.refused, None, 3)
+    assert alone == Calibration(MEAN + ABOVE_FEW * DEVIATION, alone.refused, None, 3)
     many = people.gallery(0, 1, 2, 3).calibration
     assert many.accepted is not None
     own = Gallery({name: people.pictures(person, 12) for person, name in enumerate("abcd")}).calibration
     assert abs(own.threshold - many.threshold) < abs(own.threshold - alone.threshold), "more looks count more"
+
+
+def test_a_name_takes_more_where_few_persons_are_compared() -> None:
+    people = People(FEW)
+    known = {"p0": people.pictures(0)}  # alone, it has no looks at strangers: the same mean and deviation each time
+    few, enough = (Gallery(known, [people.pictures(1 + each) for each in range(count)]) for count in (FEW - 2, FEW - 1))
+    assert few.calibration.threshold == MEAN + ABOVE_FEW * DEVIATION
+    assert enough.calibration.threshold == MEAN + ABOVE * DEVIATION
+    face = people.picture(0)
+    assert few.look(face).margin < enough.look(face).margin
 
 
 def test_people_who_are_alike_are_told_to_be_so() -> None:

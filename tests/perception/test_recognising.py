@@ -78,7 +78,7 @@ def test_people_in_films_are_recognised_a_second_later(footage: Path) -> None:
     people = clips(footage, step=8)
     for count in (1, 2):
         found = measured(people, count, cohort=False)
-        assert share(found.accepted) <= 0.3
+        assert share(found.accepted) <= 0.05
         assert found.wrong[0] == 0
         assert share(found.refused) <= 0.25
 
