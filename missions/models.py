@@ -6,11 +6,8 @@ import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from http.client import HTTPException
 from pathlib import Path
 from typing import BinaryIO
-from urllib.error import HTTPError, URLError
-from urllib.request import urlopen
 
 from missions.folders import data_folder
 
@@ -97,6 +94,11 @@ def fetch(model: Model, where: Path, *, url: str | None = None, told: Callable[[
 
 def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], None]) -> None:
     """Write what the server sends into ``file``, as long as it can be the model; raise FetchError if it is not."""
+    # What speaks to servers takes a while to import, and a run only asks where models are kept.
+    from http.client import HTTPException  # noqa: PLC0415
+    from urllib.error import HTTPError, URLError  # noqa: PLC0415
+    from urllib.request import urlopen  # noqa: PLC0415
+
     who, sum256, size = f"{model.name}: {source}", hashlib.sha256(), 0
     elsewhere = f"curl -LO {source}  (does it work elsewhere? then copy it to {folder()})"
     try:

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from behaviours.robot import Robot
 from config.robot import RobotConfig, Section
-from config.world import WorldConfig
 from drivers.api import Base, Device, Head, Report, Steered, unsteered
 from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS
@@ -14,6 +13,9 @@ from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
 from missions.assembly.order import making_order
 from perception.api import Frame, Gaze, View
+
+if TYPE_CHECKING:
+    from config.world import WorldConfig
 
 
 def unwatched(frame: Frame, gaze: Gaze | None) -> None:
@@ -29,7 +31,7 @@ class Wishes:
     what the mission looks for. ``pad`` is the node of a game pad that goes before the mission.
     """
 
-    world: WorldConfig | None = None
+    world: "WorldConfig | None" = None
     camera: str | None = None
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0

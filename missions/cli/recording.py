@@ -19,7 +19,6 @@ from missions.cli.options import SIZE
 from missions.executive.events import FaultRaised, Listener
 from missions.executive.executive import Result
 from missions.order import Order
-from missions.recording.gather import contents_of
 from missions.recording.outlet import CannotRecordError
 from missions.recording.recorder import FRAMES, LIMIT, Recorder
 from missions.runner import Runner
@@ -114,6 +113,8 @@ class Recording:
         recorder.watch(self.runner.root)
 
     def __enter__(self) -> Self:
+        from missions.recording.gather import contents_of  # noqa: PLC0415 - a run without a record needs none of it
+
         wish, runner = self._wish, self.runner
         if wish.path.resolve() in self._files:
             raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")

@@ -20,7 +20,6 @@ from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
-from missions.cli.viewing import LiveView
 from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
@@ -33,6 +32,7 @@ from missions.view.terminal import unviewable
 
 if TYPE_CHECKING:
     from missions.cli.film import Film
+    from missions.cli.viewing import LiveView
 
 LAST_WORDS_TIME = 3.0
 """Seconds in which a run that hangs for good may say how it ended: a view needs half a second to leave."""
@@ -99,7 +99,7 @@ def run(
         if recording is not None:
             closing.enter_context(recording)
         if outputs.view:
-            shown = LiveView(runner, watcher)
+            shown = _view(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
         with shown, leashed(outputs.leash, runner.executive, runner.stream):
             result = runner.run()
@@ -107,6 +107,12 @@ def run(
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
+
+
+def _view(runner: Runner, watcher: Watcher) -> "LiveView":
+    from missions.cli.viewing import LiveView  # noqa: PLC0415 - a run that nobody views needs none of it
+
+    return LiveView(runner, watcher)
 
 
 def _end(runner: Runner, time: float) -> None:

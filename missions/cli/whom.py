@@ -7,10 +7,8 @@ import click
 
 from behaviours.sight import Faces
 from config.faults import did_you_mean
-from missions.assembly.gallery import people_of
 from missions.language.plan import Plan, Step
 from missions.order import Order
-from missions.people import PeopleError
 from perception.api import UNKNOWN
 
 
@@ -48,6 +46,10 @@ def _names(tree: Step) -> Iterator[str]:
 
 def _kept(order: Order) -> list[str]:
     """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
+    # What looks at people is imported where a mission looks for somebody by name.
+    from missions.assembly.gallery import people_of  # noqa: PLC0415
+    from missions.people import PeopleError  # noqa: PLC0415
+
     camera = order.robot_file().camera
     if camera is None:
         return []
