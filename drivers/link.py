@@ -14,7 +14,7 @@ from drivers.loop import MakeLoop, ThreadLoop
 from drivers.ports import SerialPort, explain, open_port
 
 PULSE = 0.02
-"""Seconds that a read waits at most: how often ``pulse`` is called when nothing arrives."""
+"""Seconds for which bytes are waited for at most: how often ``pulse`` is called when nothing arrives."""
 
 
 class Talker(Protocol):
@@ -44,13 +44,8 @@ class Talker(Protocol):
 class Port(Protocol):
     """What a link needs of an open serial port. All but ``close`` raise OSError when it has gone."""
 
-    @property
-    def in_waiting(self) -> int:
-        """How many bytes have arrived."""
-        ...
-
-    def read(self, size: int) -> bytes:
-        """Return so many bytes, or fewer after ``PULSE`` seconds."""
+    def arrived(self, patience: float) -> bytes:
+        """Return what has arrived; wait up to ``patience`` seconds for the first byte of it."""
         ...
 
     def write(self, data: bytes) -> object:
@@ -71,7 +66,7 @@ Dial = Callable[[str, str, int], Port]
 
 
 def dial(who: str, port: str, baud: int) -> SerialPort:
-    """Open a serial port whose reads wait ``PULSE`` seconds at most. Raises NotConnected, with what to try."""
+    """Open a serial port for a link. Raises NotConnected, with what to try."""
     return open_port(who, port, baud, timeout=PULSE)
 
 
@@ -202,8 +197,7 @@ class Link:
 
     def _serve(self, talker: Talker, port: Port) -> float:
         try:
-            waiting = port.in_waiting
-            data = self._gathered + port.read(waiting if self._gathered else max(1, waiting))
+            data = self._gathered + port.arrived(0.0 if self._gathered else PULSE)
         except (serial.SerialException, OSError) as error:
             self._trouble = explain(self.name, self.port, error)
             return 0.0

@@ -2,21 +2,52 @@
 
 import errno
 import os
+import select
 import stat
 import termios
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import serial
 
 from drivers.errors import NotConnected
 from drivers.port_kind import LISTED, refuse_other_than_serial
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
 _CONTROL_FLAGS = 2
 """Where ``termios.tcgetattr`` has the control modes in its list."""
 
+CHUNK = 4096
+"""Bytes that are read at once at most: all that Linux keeps of a serial line."""
+
 
 class SerialPort(serial.Serial):
-    """A serial port whose modem line DTR stays as it was set when the port is closed."""
+    """A serial port that asks the system no more often than it must, and leaves DTR as it was set when it is closed."""
+
+    def arrived(self, patience: float) -> bytes:
+        """Return what has arrived; wait up to ``patience`` seconds for the first byte of it.
+
+        Raises OSError when the port has gone, which an empty read of one that is ready says too.
+        """
+        if not select.select([self.fileno()], [], [], patience)[0]:
+            return b""
+        data = os.read(self.fileno(), CHUNK)
+        if not data:
+            raise OSError(errno.EIO, "nothing left to read: the device has gone, or another program reads it too")
+        return data
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Send ``data`` whole, as pyserial does, but without asking whether there was room for what has gone out."""
+        whole = memoryview(data)
+        try:
+            sent = os.write(self.fileno(), whole)
+        except BlockingIOError:
+            sent = 0
+        if sent < len(whole):
+            super().write(whole[sent:])
+        return len(whole)
 
     def set_dtr(self, *, on: bool) -> None:
         """Set the modem line DTR.

@@ -115,14 +115,9 @@ class HandPort:
     def __init__(self, wire: HandWire) -> None:
         self._wire = wire
 
-    @property
-    def in_waiting(self) -> int:
+    def arrived(self, patience: float) -> bytes:  # noqa: ARG002 - the time is in other hands
         self._require()
-        return len(self._wire.arrived)
-
-    def read(self, size: int) -> bytes:
-        self._require()
-        data, self._wire.arrived = self._wire.arrived[:size], self._wire.arrived[size:]
+        data, self._wire.arrived = self._wire.arrived, b""
         return data
 
     def write(self, data: bytes) -> None:
