@@ -58,6 +58,12 @@ the motion do not matter: the heading is measured, not computed from commands.""
 RENEWAL = 0.04
 """Seconds after which the command is renewed though no report has come."""
 
+RESTING = 0.2
+"""Seconds from one renewal to the next while the base stands and is to stand."""
+
+SETTLED = 0.5
+"""Seconds for which standing still is renewed at every report before that: commands may be lost on the wire."""
+
 ASKING = 0.5
 """Seconds between questions for what the base has not yet told of itself."""
 
@@ -104,7 +110,7 @@ class KobukiBase(Panel):
         # Written by the link's thread alone, and replaced, never altered: any thread may read them.
         self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
         self._connected_at = self._heard_at = self._bytes_at = -inf
-        self._renewed_at = self._asked_at = -inf
+        self._renewed_at = self._sent_at = self._moved_at = self._asked_at = -inf
         self._silent = False
 
     @property
@@ -221,7 +227,8 @@ class KobukiBase(Panel):
         with self._lock:
             self._helm.halt()
         self._listener.restart()
-        self._connected_at, self._asked_at = self._clock.now(), -inf
+        self._connected_at = self._moved_at = self._clock.now()  # it may move, by whoever had the port before
+        self._asked_at = -inf
         self._silent = False
         self.restore()
 
@@ -265,12 +272,19 @@ class KobukiBase(Panel):
             self.stop()
 
     def _renew(self, now: float) -> None:
-        """Send the velocity that is due. Raises NotConnected, which tells the link to look for the port again."""
+        """Send the velocity that is due, unless the base has long been told to stand, and lately.
+
+        Raises NotConnected, which tells the link to look for the port again.
+        """
         with self._lock:
             felt = self._latest.value if self._hears(now) else None
             if self._closing:
                 self._helm.halt()
-            self._send(self._helm.velocity(now, felt))
+            velocity = self._helm.velocity(now, felt)
+            if velocity != STILL:
+                self._moved_at = now
+            if now - self._moved_at < SETTLED or now - self._sent_at >= RESTING:
+                self._send(velocity)
             steering = self._helm.steering
         self._renewed_at = now
         if steering != self._told:
@@ -278,6 +292,7 @@ class KobukiBase(Panel):
             self._steered(steering)
 
     def _send(self, velocity: Velocity) -> None:
+        self._sent_at = self._clock.now()
         self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)))
 
     def _tell(self, before: BaseState | None, states: Iterable[BaseState]) -> None:

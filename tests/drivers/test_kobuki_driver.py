@@ -252,9 +252,31 @@ def test_nothing_is_sent_nor_known_before_it_is_opened() -> None:
 
 def test_the_command_is_renewed_after_every_report() -> None:
     bench = Bench()
+    bench.drive(0.02, 0.2, 0.0)
     before = len(bench.link.velocities())
-    bench.link.run(1.0)
+    bench.drive(1.0, 0.2, 0.0)
     assert len(bench.link.velocities()) - before == 50
+
+
+def test_that_it_is_to_stand_is_renewed_after_every_report_at_first_and_seldom_later() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.2, 0.0)
+    bench.base.stop()
+    before = len(bench.link.velocities())
+    bench.link.run(0.4)
+    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 20
+    bench.link.run(0.6)
+    before = len(bench.link.velocities())
+    bench.link.run(2.0)
+    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 10
+
+
+def test_a_base_that_has_long_stood_obeys_with_the_next_report() -> None:
+    bench = Bench()
+    bench.link.run(1.0)
+    bench.base.drive(Velocity(0.2, 0.0))
+    bench.link.run(0.02)
+    assert bench.link.velocities()[-1][0] > 0.0
 
 
 def test_a_start_follows_the_ramp_and_keeps_to_its_arc() -> None:
