@@ -124,6 +124,8 @@ class Vision(NewestView):
         self._on_view = on_view
         self._on_frame = on_frame
         self._on_trouble = on_trouble
+        self._newest: Frame | None = None
+        self._measuring = senses.scene is not None  # else once somebody has asked for the scene
         self._effort = Effort()
         self._trouble: Exception | None = None
 
@@ -136,6 +138,13 @@ class Vision(NewestView):
     def trouble(self) -> Exception | None:
         """Why the newest frame could not be searched; None when it could."""
         return self._trouble
+
+    def scene(self) -> Scene | None:
+        """What the newest frame shows as a whole, None before the first: measured at once for who asks first."""
+        view, frame, self._measuring = self._view, self._newest, True
+        if view.scene is None and frame is not None:
+            return measure(frame.image, stamp=frame.stamp)
+        return view.scene
 
     def see(self, frame: Frame) -> bool:
         """Search one frame and publish what it shows; False when that went wrong.
@@ -163,14 +172,18 @@ class Vision(NewestView):
             faces=() if senses.faces is None else senses.faces.sense(frame, camera, gaze),
             things=() if senses.things is None else senses.things.sense(frame, camera, gaze),
             markers=() if senses.markers is None else senses.markers.sense(frame, camera, gaze),
-            scene=measure(frame.image, stamp=frame.stamp) if senses.scene is None else senses.scene.measure(frame),
+            scene=self._scene(frame) if self._measuring else None,
         )
         spent = self.now() - began
         self._effort = Effort(self._effort.frames + 1, self._effort.failed, self._effort.seconds + spent)
-        self._view = view = replace(view, spent=spent)
+        self._newest, self._view = frame, (view := replace(view, spent=spent))
         self._on_view(view)
         self._on_frame(frame, gaze)
         self._changed()
+
+    def _scene(self, frame: Frame) -> Scene:
+        sense = self._senses.scene
+        return measure(frame.image, stamp=frame.stamp) if sense is None else sense.measure(frame)
 
     def note(self, error: Exception) -> None:
         """Keep an error, and report it unless it is the same as the last."""

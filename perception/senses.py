@@ -50,9 +50,9 @@ class FaceSense:
 
 @dataclass(frozen=True, slots=True)
 class Senses:
-    """Which senses are awake: a detector that nobody listens to does not run. The scene is cheap, and always measured.
+    """Which senses are awake: a detector that nobody listens to does not run.
 
-    ``scene`` replaces the plain measurement of brightness and contrast.
+    ``scene`` replaces the plain measurement of brightness and contrast, which is made once somebody has asked for it.
     """
 
     faces: Sense[Face] | None = None

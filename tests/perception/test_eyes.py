@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perception.api import Box, Detection, Face, Gaze, Image, Sight
+from perception.api import Box, Detection, Face, Gaze, Image, Sight, View
 from perception.eyes import Effort, Eyes, Vision
 from perception.senses import FaceSense, Senses
 from perception.sighting import Sighting
@@ -196,6 +196,16 @@ def test_closed_eyes_can_be_opened_again(eyes: Eyes, watch: Watch) -> None:
     eyes.open()
     watch.source.queue.put(Picture(8.0))
     until(lambda: eyes.looked() == 8.0)
+
+
+def test_what_frames_show_as_a_whole_is_measured_from_the_first_question_on(watch: Watch) -> None:
+    views: list[View] = []
+    vision = watch.eyes(on_view=views.append).vision
+    vision.see(Picture(1.0))
+    assert [view.scene for view in views] == [None]
+    assert [scene.stamp for _ in range(2) if (scene := vision.scene())] == [1.0, 1.0]
+    vision.see(Picture(2.0))
+    assert [view.scene.stamp for view in views if view.scene] == [2.0]
 
 
 def test_what_each_frame_shows_as_a_whole_comes_with_its_stamp(eyes: Eyes, watch: Watch) -> None:
