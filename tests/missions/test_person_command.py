@@ -142,6 +142,22 @@ def test_who_looks_like_somebody_known_is_told_to(bench: Bench) -> None:
     assert "Zoe looks like Anna" in outcome.err
 
 
+def test_what_was_judged_otherwise_than_the_robot_does_is_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    robots = bench.folder / "robots"
+    robots.mkdir()
+    for name, method in (("plain", "patches"), ("deep", "dlib")):
+        identity = f"{{people: {bench.people.where}, method: {method}}}"
+        (robots / f"{name}.yaml").write_text(f"robot: {name}\ncamera:\n  identity: {identity}\n")
+    monkeypatch.chdir(bench.folder)
+    bench.run("add", "Anna", *bench.write("anna", *near("anna")))
+    twin = bench.write("twin", *pictures("anna", (1.1, 1.2), each=2))
+    told = "judged by patches, while the robot's method is dlib"
+    assert told in bench.run("list", "--robot", "robots/deep.yaml").out
+    assert told in bench.run("add", "Zoe", *twin, "--robot", "robots/deep.yaml").err
+    assert "judged" not in bench.run("list", "--robot", "robots/plain.yaml").out
+    assert "judged" not in bench.run("list").out
+
+
 def test_a_name_that_cannot_be_is_refused_before_anybody_poses(bench: Bench) -> None:
     outcome = bench.run("add", "unknown", "--camera", "/nowhere.mp4")
     assert outcome.code == 1

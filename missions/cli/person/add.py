@@ -14,7 +14,7 @@ from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.assembly.detectors import face_detector
 from missions.cli.numbers import Real, Whole
-from missions.cli.person.asked import camera_of, people_for, robot_option, saying_why, tell
+from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
 from missions.people import People, PeopleError, proper_name
@@ -70,6 +70,8 @@ def add(name: str, files: tuple[str, ...], source: str | None, count: int, secon
     if alike:
         click.echo(f"{kept} looks like {alike}: the robot may take one for the other", err=True)
         click.echo("  try: more pictures of both, in other light and from other sides", err=True)
+        if otherwise := judged_otherwise(camera):
+            click.echo(otherwise, err=True)
     return SUCCESS
 
 

@@ -31,6 +31,16 @@ def camera_of(robot: str | None) -> CameraKeys | None:
     return camera
 
 
+def judged_otherwise(camera: CameraKeys | None) -> str:
+    """Return what to say where a robot recognises people by another method than these commands; else nothing."""
+    method = "patches" if camera is None else camera.identity.method
+    return (
+        ""
+        if method == "patches"
+        else f"judged by patches, while the robot's method is {method}: that is not tried here"
+    )
+
+
 def people_for(robot: str | None) -> People:
     """Return the people whom a robot knows, the user's own without one."""
     camera = camera_of(robot)

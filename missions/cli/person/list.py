@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import click
 
-from missions.cli.person.asked import people_for, robot_option, saying_why, tell
+from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.root import SUCCESS
 from missions.columns import in_columns
 from missions.people import Known
@@ -18,7 +18,10 @@ from perception.people import KnownPeople
 @robot_option
 @saying_why
 def list_people(as_json: bool, robot: str | None) -> int:
-    """List the people whom a robot knows, and how surely it tells them apart."""
+    """List the people whom a robot knows, and how surely patches of their faces tell them apart.
+
+    A robot whose method is another is not tried by that.
+    """
     people = people_for(robot)
     known = people.known()
     portraits = people.portraits(tell)
@@ -32,6 +35,8 @@ def list_people(as_json: bool, robot: str | None) -> int:
     click.echo(in_columns(("name", "pictures", "since"), [_row(each) for each in known], left=frozenset({"name"})))
     if calibration is not None:
         click.echo(f"\n{_words(calibration)}")
+        if otherwise := judged_otherwise(camera_of(robot)):
+            click.echo(otherwise)
     return SUCCESS
 
 
@@ -42,7 +47,7 @@ def _row(known: Known) -> list[str]:
 def _data(known: list[Known], calibration: Calibration | None) -> dict[str, object]:
     rates = None
     if calibration is not None:
-        rates = {"threshold": round(calibration.threshold, 3), "refused": calibration.refused,
+        rates = {"method": "patches", "threshold": round(calibration.threshold, 3), "refused": calibration.refused,
                  "accepted": calibration.accepted, "looks": calibration.looks}  # fmt: skip
     people = [{"name": each.name, "pictures": each.pictures, "since": each.since} for each in known]
     return {"people": people, "rates": rates}
@@ -57,5 +62,5 @@ def _words(calibration: Calibration) -> str:
         accepted = "what it makes of strangers can only be tried with somebody else in the list"
     else:
         accepted = f"of 100 at strangers {100 * calibration.accepted:.0f} take them for somebody"
-    doubt = "all at these very pictures and people: expect worse on other days, and 3 to 5 of 100 at strangers"
+    doubt = "all at these very pictures and people: expect worse on other days, and of other strangers"
     return f"{refused},\n{accepted} ({calibration.looks} looks, {doubt})"
