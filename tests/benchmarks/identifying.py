@@ -245,10 +245,16 @@ def row(cells: Sequence[str], asked: Sequence[Asked], seconds: float) -> str:
     """Return a row of the table."""
     tracks = [each.tracks() for each in asked]
     count = sum(len(each.looks) for each in asked)
-    found = [rates(each, strict(each)).right for each in (asked, tracks)]
+    found = [_right_at(each) for each in (asked, tracks)]
     single, voted = rates(asked), rates(tracks)
     found += [single.right, single.refused, single.wrong, single.accepted, voted.right, voted.wrong, voted.accepted]
     return f"| {' | '.join([*cells, *map(percent, found), f'{1000 * seconds / count:.0f} ms'])} |"
+
+
+def _right_at(asked: Sequence[Asked]) -> tuple[int, int]:
+    """Return how many looks at known people are right where few strangers pass; of none where no stranger was shown."""
+    strangers = any(each.looks for each in asked if not each.name)
+    return rates(asked, strict(asked)).right if strangers else (0, 0)
 
 
 def percent(hits: tuple[int, int]) -> str:
