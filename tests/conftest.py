@@ -81,6 +81,7 @@ def _open_files() -> dict[int, str]:
             name = str(link.readlink())
         except OSError:
             continue
-        if name.startswith("/") and not name.startswith(("/proc/", "/dev/null", "/dev/urandom")):
+        kept = "/mpl-data/fonts/" in name  # Matplotlib keeps the fonts open that it has drawn with
+        if name.startswith("/") and not kept and not name.startswith(("/proc/", "/dev/null", "/dev/urandom")):
             found[int(link.name)] = name
     return found

@@ -43,9 +43,14 @@ class Place:
         self._ports: dict[str, str] = dict(wishes.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:
-        """Have virtual devices for the ``chosen`` parts, where there is a world for them."""
+        """Have virtual devices for the ``chosen`` parts, where there is a world for them.
+
+        Raises BadRequest for a driver that has none: its real device must not move while all is taken for simulated.
+        """
         wishes = self.wishes
         if wishes.world is not None:
+            for kind in sorted((chosen & self.config.sections.keys()).difference(BY_HAND, wishes.ports)):
+                made_by(self.config.sections[kind].driver.virtual, self.config.sections[kind], "virtual device")
             self.simulation = found = resolved("missions.assembly.simulation:Simulation")(
                 self.config, chosen, self.clock, world=wishes.world, answered=self.audience.answered, seed=wishes.seed
             )

@@ -89,5 +89,5 @@ def _sides(mishaps: list[Mishap], state: str) -> Sides:
 
 
 def _plug(twins: Twins, part: str) -> Plug | None:
-    twin = getattr(twins, part)
+    twin = twins.parts.get(part)
     return None if twin is None else twin.plug

@@ -3,17 +3,24 @@
 import inspect
 import subprocess
 import sys
+from dataclasses import replace
 from typing import get_type_hints
 
 import pytest
 
 from behaviours.robot import Robot
+from config.library import find
+from config.world import load_world
 from drivers.api.driver import BrokenDriver, Driver, Site, resolved
 from drivers.api.keys import Key, declared
 from drivers.api.kinds import KINDS
+from drivers.clock import ManualClock
+from drivers.errors import BadRequest
 from drivers.sim.stage import Stage
 from drivers.table import HOUSE
-from missions.drivers import Table
+from missions.assembly.assemble import assemble
+from missions.assembly.together import Audience, Wishes
+from missions.drivers import Table, load_robot
 
 DRIVERS = [Table().find(kind, name) for kind, names in HOUSE.items() for name in names]
 
@@ -101,3 +108,14 @@ def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_no
     loaded = [name for name in imported if name.startswith(names) and name.count(".") > 1]
     assert not [name for name in loaded if not name.endswith(declarations)]
     assert not [name for name in imported if name.startswith(("missions.assembly.simul", "missions.assembly.twin"))]
+
+
+def test_a_simulation_lets_no_driver_at_its_own_port_that_has_no_virtual_device() -> None:
+    robot = load_robot(find("robots", "turtlebot2"))
+    base = robot.sections["base"]
+    bare = replace(base, driver=replace(base.driver, virtual=""))
+    robot = replace(robot, sections={**robot.sections, "base": bare})
+    wishes = Wishes(world=load_world(find("worlds", "empty")))
+    audience = Audience(*[lambda *_: None] * 5)
+    with pytest.raises(BadRequest, match="base: the driver 'kobuki' has no virtual device"):
+        assemble(robot, frozenset({"base"}), ManualClock(), wishes, audience)

@@ -108,7 +108,7 @@ def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
         (("--for", "yes, route 66"), "it has digits"),
         (("--for", "yes", "--robot", "head"), "has no microphone"),
         (("--for", "yes", "--param", "a=b"), "are for a mission"),
-        (("--for", "yes", "--threshold", "nan"), "must be between -10 and 10"),
+        (("--for", "yes", "--threshold", "nan"), "'nan' is not a number"),
         (("--for", "yes", "--threshold", "11"), "must be between -10 and 10"),
     ],
 )

@@ -1,5 +1,6 @@
 """Mistakes of new users: words of other languages, slips of the keyboard and of pasted text, and what is answered."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -12,7 +13,7 @@ from config.faults import Fault, InvalidFileError, Source
 from config.synonyms import KEYS as FILE_KEYS
 from config.synonyms import head_of
 from missions.assembly.things import THINGS
-from missions.drivers import robot_of
+from missions.drivers import Table, robot_of
 from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
@@ -21,6 +22,7 @@ from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
 from missions.library import find_mission, shipped_missions
+from missions.schema.robots import part_schemas
 from missions.testing.recorders import Bench
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
@@ -306,6 +308,7 @@ def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
     assert not {head_of(word) for word in WORDS} - ours
     read = "\n".join(path.read_text(encoding="utf-8") for path in Path("config").glob("*.py"))
     read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/testing").glob("*.py"))
+    read += json.dumps(part_schemas(Table()))
     assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
     assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}
 
