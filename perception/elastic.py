@@ -42,8 +42,8 @@ ABOVE = 2.33
 
 FEW, ABOVE_FEW = 3, 3.25
 """The same where fewer persons are compared: a wrong name is worse than none, and few say little of what strangers
-score. The least, in steps of a quarter, with which at most 3 in 100 looks at strangers passed of the ten people, and
-in the first halves of the films, that the rest was chosen on."""
+score. The least, in steps of a quarter, with which at most 3 in 100 looks at strangers passed of ten people of the
+ORL database, and of four in films, with one of them known and with two (docs/people.md)."""
 
 
 @dataclass(frozen=True, slots=True)
