@@ -24,7 +24,8 @@ from drivers.table import HOUSE
 from missions.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.drivers import Table
 from missions.executive.state import state_of
-from missions.language.nodes import COMPOSITES, COUNTS, MODIFIERS
+from missions.language.counts import COUNTS
+from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
 from missions.schema.reference import code, keys_table, robot_reference, table

@@ -6,9 +6,17 @@ from functools import partial
 
 from config.marked import Mapping, Node, Scalar
 from config.units import seen
-from missions.language.nodes import COUNTS, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.notes import Notes
 from missions.language.values import UNREAD, Value, whole
+
+SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
+
+COUNTS = {
+    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
+    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
+    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
+}
+"""What may stand beside a ``parallel``: what each takes, and what it does."""
 
 ALL = "all"
 """The count of all children, whatever their number."""

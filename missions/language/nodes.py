@@ -16,15 +16,6 @@ AGAIN = "again"
 Ends = frozenset[str]
 BOTH: Ends = frozenset({SUCCESS, FAILURE})
 
-SUCCESS_COUNT, FAILURE_COUNT, WAIT_FOR_ALL = "success_count", "failure_count", "wait_for_all"
-
-COUNTS = {
-    SUCCESS_COUNT: ("a count or all", "succeeds once so many children have; all, where it is not said"),
-    FAILURE_COUNT: ("a count or all", "fails once so many children have, or success is impossible; 1 if not said"),
-    WAIT_FOR_ALL: ("true", "halts none of them, and ends when all have ended"),
-}
-"""What may stand beside a ``parallel``: what each takes, and what it does."""
-
 
 @dataclass(frozen=True, slots=True)
 class ParentKind:
@@ -123,10 +114,7 @@ COMPOSITES: Mapping[str, CompositeKind] = {
         "a sequence in an order drawn afresh at each start", "→~", order="in any order", passes=SUCCESS
     ),
     "selector": CompositeKind(
-        "tries one after another until one succeeds",
-        "?",
-        "what stands before it never fails",
-        passes=FAILURE,
+        "tries one after another until one succeeds", "?", "what stands before it never fails", passes=FAILURE
     ),
     "reactive_selector": CompositeKind(
         "a selector that asks again from the first at every tick",

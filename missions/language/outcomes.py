@@ -1,21 +1,8 @@
 """How a step can end: so that what is never reached, and a modifier that cannot matter, are seen before a run."""
 
-from missions.language.counts import decision
+from missions.language.counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decision
 from missions.language.for_each import Members
-from missions.language.nodes import (
-    BOTH,
-    COMPOSITES,
-    FAILURE,
-    FAILURE_COUNT,
-    FOR_EACH,
-    MISSION,
-    MODIFIERS,
-    SUCCESS,
-    SUCCESS_COUNT,
-    SWITCHES,
-    WAIT_FOR_ALL,
-    Ends,
-)
+from missions.language.nodes import BOTH, COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES, Ends
 from missions.language.notes import Notes
 from missions.language.plan import UNKNOWN, Step
 from missions.language.values import UNREAD

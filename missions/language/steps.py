@@ -10,10 +10,10 @@ from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import ours_for
 from config.units import seen
 from missions.language.arguments import read_arguments
-from missions.language.counts import read_counts
+from missions.language.counts import COUNTS, read_counts
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import read_modifier
-from missions.language.nodes import BRANCHES, COMPOSITES, COUNTS, FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.notes import MAX_STEPS, Notes
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.stored import setters

@@ -6,7 +6,8 @@ from collections.abc import Mapping as Named
 
 from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
-from missions.language.nodes import BRANCHES, COUNTS, FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.counts import COUNTS
+from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 
 KNOWN = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
 """The words besides those of leaves and ``as`` that mean something beside a behaviour."""
