@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 from math import inf, radians
 
+from drivers.dynamixel import pace
 from drivers.dynamixel.joint import Joint
 
 RESTING = 0.1
@@ -38,14 +39,18 @@ class Attention:
         self._asked_at = now
 
     def wanted(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
-        """Return those of ``joints`` that are to be read now; ``coupled`` are those that lead or follow."""
+        """Return those of ``joints`` that are to be read now; ``coupled`` are those that lead or follow.
+
+        What is due is due in the nearest round.
+        """
         due = {joint: joint.reading.stamp + self._period(joint, coupled, now) for joint in joints if joint.driven}
-        if all(max(time, joint.due) > now for joint, time in due.items()):
+        early = pace.EARLY * self._least
+        if all(max(time - early, joint.due) > now for joint, time in due.items()):
             return []
         return [
             joint
             for joint, time in due.items()
-            if joint.due <= now and now >= time - EARLY * (time - joint.reading.stamp)
+            if joint.due <= now and now >= time - max(EARLY * (time - joint.reading.stamp), early)
         ]
 
     def next_at(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> float:

@@ -5,8 +5,9 @@ from math import ceil, inf
 WINDOW = 1.0
 """Seconds over which the figures are taken."""
 
-ROUNDED = 1e-6
-"""Periods by which what is due may be early."""
+EARLY = 1 / 2
+"""Periods of the schedule by which what is due may be early: its round is the nearest one. A reading is stamped when it
+has come, a few milliseconds into its round; what was always late would be read a whole period late each time."""
 
 
 class Pace:
@@ -32,7 +33,7 @@ class Pace:
     def rest(self, now: float, busy: float, until: float = -inf) -> float:
         """End a round; return the seconds until the next: at least a little, for others want the wire too.
 
-        There is nothing to be done before ``until``: that leaves rounds of the schedule out.
+        There is nothing to be done before about ``until``: that leaves rounds of the schedule out.
         """
         self.rounds += 1
         began, rounds, used = self._window
@@ -43,5 +44,5 @@ class Pace:
         if now - self._next > self._period:  # too late to be made up for
             self._next = now
         if until > self._next:
-            self._next += ceil((until - self._next) / self._period - ROUNDED) * self._period
+            self._next += max(ceil((until - self._next) / self._period - EARLY), 0) * self._period
         return max(self._next - now, self._period / 10)

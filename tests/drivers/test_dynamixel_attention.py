@@ -66,6 +66,15 @@ def test_joints_that_are_nearly_due_are_read_along_with_one_that_is() -> None:
     assert attention.wanted([a, b, c], (), 5.1) == [a, b]
 
 
+def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_same() -> None:
+    attention = Attention(100.0)
+    moving = joint("a", 5.004, replace(STILL, moving=True))
+    assert attention.wanted([moving], (), 5.01) == []
+    assert attention.wanted([moving], (), 5.02) == [moving]
+    leading = joint("b", 5.004)
+    assert attention.wanted([leading], {"b"}, 5.01) == [leading]
+
+
 def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
     attention, silent, other = Attention(100.0), joint("a", due=6.0), joint("b", complaint="does not answer")
     assert attention.wanted([silent, other], (), 5.5) == []

@@ -112,6 +112,16 @@ def test_rounds_keep_their_rate_on_the_average_and_catch_up_with_no_burst() -> N
     assert pace.rest(now + 0.001, 4.0) == pytest.approx(0.01, abs=0.001)
 
 
+@pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
+def test_what_is_due_a_while_after_the_end_of_a_round_keeps_that_rate_on_the_average(period: float) -> None:
+    pace, now, rounds = Pace(100.0), 0.0, round(2.0 / period)
+    pace.begin(now, 0.0)
+    for _ in range(rounds):
+        now += 0.003  # for which the round lasts
+        now += pace.rest(now, 0.0, now + period)
+    assert now == pytest.approx(2.0, abs=0.02)
+
+
 def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_moment() -> None:
     pace = Pace(100.0)
     pace.begin(0.0, 0.0)
