@@ -73,7 +73,7 @@ def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
               "into your robot file.")  # fmt: skip
 @click.option(
     "--seconds",
-    type=Real(min=1.0),
+    type=Real(min=0.1),
     default=120.0,
     show_default=True,
     help="How long to look through a live camera at most.",
