@@ -89,7 +89,7 @@ class Parser(wire.Parser):
             self._skip(port.taken - len(frame))
             if port.ran_dry:
                 break
-            packet = self._said(frame, intact=result == COMM_SUCCESS)
+            packet = self._said(frame, intact=result == COMM_SUCCESS and self._whole(frame))
             found.append(packet)
             if packet.intact:
                 del self._buffer[: len(frame)]
@@ -97,6 +97,10 @@ class Parser(wire.Parser):
                 self.broken += 1
                 self._skip(1)
         return found
+
+    def _whole(self, frame: list[int]) -> bool:
+        """Say whether the frame is as long as a reply must be: the vendor's code takes any length for sound."""
+        return frame[3] >= 2
 
     def _received(self, port: _Bytes) -> tuple[list[int], int]:
         frame, result = _HANDLERS[1].rxPacket(port)
@@ -108,6 +112,9 @@ class Parser(wire.Parser):
 
 class Parser2(Parser):
     """The same for protocol 2.0."""
+
+    def _whole(self, frame: list[int]) -> bool:
+        return frame[5] | frame[6] << 8 >= 4
 
     def _received(self, port: _Bytes) -> tuple[list[int], int]:
         frame, result = _HANDLERS[2].rxPacket(port, False)

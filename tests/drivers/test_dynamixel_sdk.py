@@ -77,3 +77,8 @@ def test_no_packet_is_made_for_what_is_too_long_or_for_no_servo(protocol: Protoc
     for servo, size in ((1, 2000), (300, 0), (-1, 0)):
         with pytest.raises(ValueError, match="the vendor's code takes no packet"):
             SDK_CODECS[protocol].frame(servo, 3, bytes(size))
+
+
+def test_noise_that_looks_like_a_reply_too_short_to_be_one_is_none() -> None:
+    short = bytes.fromhex("ff ff 90 01 6e")  # its checksum is right, and it has no room for an error byte
+    assert heard(1, "sdk", short + wire.status(7)) == heard(1, "own", short + wire.status(7)) == [Packet(7, 0)]
