@@ -40,10 +40,6 @@ def _stop(base: Any) -> None:
     base.stop(source=Source.MISSION)
 
 
-def _halt(head: Any) -> None:
-    head.stop()
-
-
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
