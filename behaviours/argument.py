@@ -1,8 +1,9 @@
 """The arguments of a leaf, declared once, in its class: for the checker, the catalogue, the schema and the docs."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
+
+from drivers.api.quick import dataclass
 
 REQUIRED: Any = object()
 """The default of an argument that must be given."""

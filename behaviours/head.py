@@ -16,7 +16,7 @@ SAG = math.radians(3.0)
 SETTLED = 1.0
 """Seconds without a change after which a head that has not arrived never will: no servo starts that late."""
 
-NEAR = 0.02
+MIN_LOOK_DISTANCE = 0.02
 """Metres from the camera within which nothing can be looked at."""
 
 
@@ -123,7 +123,7 @@ def aim(eye: tuple[float, float, float], point: tuple[float, float, float]) -> H
     None for a point so near that it lies in no direction.
     """
     x, y, z = (there - here for there, here in zip(point, eye, strict=True))
-    if math.hypot(x, y, z) < NEAR:
+    if math.hypot(x, y, z) < MIN_LOOK_DISTANCE:
         return None
     return HeadPose(math.atan2(y, x), math.atan2(-z, math.hypot(x, y)))
 

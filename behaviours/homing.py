@@ -14,7 +14,7 @@ from drivers.api import STILL, BaseState, DockBeam, Pose2D, Velocity
 CENTRE = DockBeam.NEAR_CENTRE | DockBeam.FAR_CENTRE
 LEFT = DockBeam.NEAR_LEFT | DockBeam.FAR_LEFT
 RIGHT = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
-NEAR = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
+NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 HOLD = 0.3
 """Seconds for which a beam counts as heard: single reports miss it. (The vendor's docking puts 20 reports together.)"""
@@ -150,7 +150,7 @@ def _drive(memory: Homing, state: BaseState, now: float, speed: float) -> tuple[
         if memory.missed + 1 == TRIES:
             return replace(memory, failure=f"has missed the contacts of the dock {TRIES} times"), STILL
         return replace(_begin(memory, Stage.BACK, state, now), missed=memory.missed + 1, near=False), STILL
-    if beams & NEAR and not memory.near:
+    if beams & NEAR_BEAMS and not memory.near:
         return _look(replace(memory, near=True), state, now)
     if now - max(memory.heard, memory.since) > LOST:
         return _look(replace(memory, near=False), state, now)

@@ -6,8 +6,8 @@ from abc import abstractmethod
 from py_trees.common import Status
 
 from behaviours.joint_motion import positions
+from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.reach import Reach, degrees
 from drivers.api import Angle, JointState
 
 
@@ -26,12 +26,12 @@ class JointAt(Leaf):
     angle: float = argument("angle", "where")
     tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=0.0)
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.beyond([{self.joint: self.angle}])
 
     def update(self) -> Status:
-        if misfits := self.misfits(self.robot.reach):
-            return self.fail("; ".join(misfits))
+        if joint_violations := self.joint_violations(self.robot.reach):
+            return self.fail("; ".join(joint_violations))
         at = positions(self.robot.arm).get(self.joint)
         if at is None:
             return self.fail(f"{self.joint} does not report")
@@ -51,7 +51,7 @@ class _AnyJoint(Leaf):
     keeps = list[str]
     joints: tuple[str, ...]
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.unknown(self.joints)
 
     @abstractmethod

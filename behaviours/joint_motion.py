@@ -68,8 +68,8 @@ class JointMotion(Leaf):
 
     def update(self) -> Status:
         if self._path is None:
-            if misfits := self.misfits(self.robot.reach):
-                return self.fail("; ".join(misfits))
+            if joint_violations := self.joint_violations(self.robot.reach):
+                return self.fail("; ".join(joint_violations))
             start, joints = positions(self.robot.arm), self.moved()
             if silent := [joint for joint in joints if joint not in start]:
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from behaviours.joint_motion import LONGEST_STEP, off, positions
+from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument
-from behaviours.reach import Reach, degrees
 from drivers.api import Duration
 
 CONFIRMED = 2.0
@@ -41,7 +41,7 @@ class MoveJoints(Leaf):
     _seen_at = 0.0
     _begun = 0.0
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         speeds = {} if self.speed is None else dict.fromkeys(self.to, self.speed)
         return [*reach.beyond([self.to]), *reach.too_fast(speeds)]
 
@@ -50,8 +50,8 @@ class MoveJoints(Leaf):
 
     def update(self) -> Status:
         if self._goals is None:
-            if misfits := self.misfits(self.robot.reach):
-                return self.fail("; ".join(misfits))
+            if joint_violations := self.joint_violations(self.robot.reach):
+                return self.fail("; ".join(joint_violations))
             start = positions(self.robot.arm)
             if silent := [joint for joint in self.to if joint not in start]:
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
@@ -103,7 +103,7 @@ class Torque(Leaf):
     _asked_at: float | None = None  # None while there is nobody to ask
     _told_at = 0.0
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.unknown(self.joints)
 
     def initialise(self) -> None:

@@ -8,10 +8,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.argument import REQUIRED, Argument, argument
-from behaviours.node import Node
-from behaviours.reach import Reach
+from behaviours.joint_ranges import JointRanges
 from behaviours.robot import Robot
 from behaviours.run import log
+from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, Stopping
+from drivers.api.renamed import told_renamed
 from drivers.errors import DriverError, NotConnected
 
 # What a leaf is written with comes from one module.
@@ -19,11 +20,8 @@ __all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Lea
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 
-AT_REST, STARTING, WORKING, HALTING = range(4)
-"""How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
 
-
-class Leaf(Node):
+class Leaf(Stopping):
     """A behaviour that senses or acts. A subclass declares itself and says what to do.
 
     Its docstring is its entry in the catalogue: the first line what it does, the rest when it is running, succeeds
@@ -49,13 +47,11 @@ class Leaf(Node):
     needs: ClassVar[frozenset[str]] = frozenset()
     uses: ClassVar[frozenset[str]] = frozenset()
     senses: ClassVar[frozenset[str]] = frozenset({"faces"})
-    drives: ClassVar[frozenset[str]] = frozenset()
     stores: ClassVar[str] = ""
     keeps: ClassVar[Any] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
-    halt_limit: ClassVar[float] = 1.0
     arguments: ClassVar[Mapping[str, Argument]] = {}
 
     robot: Robot
@@ -67,13 +63,13 @@ class Leaf(Node):
     _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
     _finishes: ClassVar[bool] = False  # it has a terminate of its own
     _since: float | None = None
-    _leaf_stage = AT_REST
-    _halt_by: float | None = None
-    _halt_tick = -1
 
     def __init_subclass__(cls) -> None:
         """Collect the arguments that the class declares, after those of its bases."""
         super().__init_subclass__()
+        if misfits := vars(cls).get("misfits"):
+            told_renamed(f"{cls.__name__}.misfits", "joint_violations", stacklevel=4)
+            cls.joint_violations = misfits  # type: ignore[method-assign]
         declared: dict[str, Argument] = {}
         for base in reversed(cls.__mro__):
             declared |= vars(base).get("arguments", {})
@@ -97,11 +93,6 @@ class Leaf(Node):
         return self.drives
 
     @property
-    def acting(self) -> bool:
-        """True from its start until it has ended or come to rest: while it may drive what it claims."""
-        return self._leaf_stage != AT_REST
-
-    @property
     def since(self) -> float:
         """When it started, on the run's clock: read when first asked for, at the end of its first tick at the latest.
 
@@ -117,20 +108,13 @@ class Leaf(Node):
         since = self.since  # which may not have been read before
         return self.run.now() - since
 
-    def misfits(self, _reach: Reach, /) -> list[str]:
+    def joint_violations(self, _reach: JointRanges, /) -> list[str]:
         """Say what joints that reach so far cannot do of what it asks; the checker asks, where all that is known."""
         return []
 
     def update(self) -> Status:
         """Do one tick's work; running unless a subclass says otherwise."""
         return RUNNING
-
-    def halting(self) -> bool:
-        """Called at each tick after ``terminate(INVALID)``: True while it still needs time to stop cleanly.
-
-        After ``halt_limit`` seconds its actuators are stopped for it.
-        """
-        return False
 
     def fail(self, reason: str) -> Status:
         """Fail, and say why: ``return self.fail("no face seen")``."""
@@ -142,10 +126,21 @@ class Leaf(Node):
         self.feedback_message = reason
         return RUNNING
 
-    @property
-    def place(self) -> str:
-        """What it is and where it stands, for messages: "drive (line 4)"."""
-        return f"{self.name} (line {self.line})" if self.line else self.name
+    def halt(self) -> bool:
+        """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
+        if self.status is not RUNNING:
+            return True
+        if self._leaf_stage != AT_REST and not self._come_to_rest():
+            return False
+        self.publish(IDLE)
+        return True
+
+    def _come_to_rest(self) -> bool:
+        """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
+        before, self.run.working = self.run.working, self  # another may be waiting for it to make way
+        at_rest = self._stopped()
+        self.run.working = before
+        return at_rest
 
     def work(self) -> Status:
         """Start if need be, update once, and turn whatever goes wrong into a failure with a reason.
@@ -196,7 +191,7 @@ class Leaf(Node):
                 return self.fail(f"{self.place}: {problem}")
         self.result = self._since = None
         if self._prepares:
-            if self.drives and not self.run.make_way():
+            if self.drives and not self.run.preempt():
                 return self.wait("waiting for another behaviour to stop")
             self._leaf_stage = STARTING
             self.initialise()
@@ -242,72 +237,6 @@ class Leaf(Node):
             for name, value in found.items():
                 setattr(self, self.arguments[name].attribute if name in self.arguments else name, value)
         return ""
-
-    def _terminate(self, status: Status) -> None:
-        try:
-            self.terminate(status)
-        except BaseException as error:  # what cannot be stopped politely is stopped by its driver
-            if not isinstance(error, NotConnected):
-                log.exception("%s raised while it stopped", self.place)
-            self._settle()
-            if self._interrupted(error):
-                raise
-
-    def _interrupted(self, error: BaseException) -> bool:
-        """True for a Ctrl-C, which is the user's and no fault of the leaf."""
-        return self.run.interruptible and isinstance(error, KeyboardInterrupt)
-
-    def _settle(self) -> None:
-        if self.drives:
-            try:
-                self.run.settle(self.drives)
-            except Exception:  # as in _terminate
-                log.exception("%s: its actuators could not be stopped", self.place)
-
-    def halt(self) -> bool:
-        """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
-        if self.status is not RUNNING:
-            return True
-        if self._leaf_stage != AT_REST and not self._come_to_rest():
-            return False
-        self.publish(IDLE)
-        return True
-
-    def give_up(self) -> None:
-        """Forget a start, or a halt, that was under way."""
-        self._leaf_stage, self._halt_by = AT_REST, None
-
-    def _come_to_rest(self) -> bool:
-        """Terminate, then ask ``halting`` once a tick; True once it, or its time, has ended."""
-        before, self.run.working = self.run.working, self  # another may be waiting for it to make way
-        at_rest = self._stopped()
-        self.run.working = before
-        return at_rest
-
-    def _stopped(self) -> bool:
-        now = self.run.now()
-        if self._halt_by is None:
-            self._leaf_stage, self._halt_by = HALTING, now + self.halt_limit
-            self._terminate(IDLE)
-        elif self._halt_tick == self.run.tick:
-            return False
-        self._halt_tick = self.run.tick
-        if self._still_halting():
-            if now < self._halt_by:
-                return False
-            self._settle()
-        self._leaf_stage, self._halt_by = AT_REST, None
-        return True
-
-    def _still_halting(self) -> bool:
-        try:
-            return self.halting()
-        except BaseException as error:  # as in _terminate
-            log.exception("%s raised while it stopped", self.place)
-            self._settle()
-            if self._interrupted(error):
-                raise
-            return False
 
 
 def _said(error: BaseException) -> str:

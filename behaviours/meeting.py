@@ -1,10 +1,10 @@
 """Whom the robot has met, and where: so that nobody is taken for somebody new when the camera comes round again."""
 
 import math
-from dataclasses import dataclass
 from typing import Self
 
 from drivers.api import Pose2D
+from drivers.api.quick import dataclass
 from perception.api import UNKNOWN, Face
 
 SAME = math.radians(15)

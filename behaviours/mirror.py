@@ -7,14 +7,14 @@ from collections.abc import Collection, Mapping
 from py_trees.common import Status
 
 from behaviours.joint_motion import LONGEST_STEP, RUN_IN
+from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
-from behaviours.reach import Reach, degrees
 from drivers.api import Coupling, JointLimits
 
 LIMP = 1.0
 """Seconds for which a follower may be limp: whoever is led is stiff, unless it has shut down."""
 
-NEAR = math.radians(5)
+LEADING_TOLERANCE = math.radians(5)
 """Within this angle of where it belongs a follower may be led at full speed; farther away it comes slowly."""
 
 
@@ -36,7 +36,7 @@ class _Led(Leaf):
     _stiff_at = 0.0  # when all that is led was stiff
 
     @abstractmethod
-    def couplings(self, reach: Reach) -> tuple[Coupling, ...]:
+    def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
         """Return who is to follow whom."""
 
     def initialise(self) -> None:
@@ -44,8 +44,8 @@ class _Led(Leaf):
         self._following, self._seen_at = False, None
 
     def update(self) -> Status:
-        if misfits := self.misfits(self.robot.reach):
-            return self.fail("; ".join(misfits))
+        if joint_violations := self.joint_violations(self.robot.reach):
+            return self.fail("; ".join(joint_violations))
         couplings = self.couplings(self.robot.reach)
         states = self.robot.arm.states()
         joints = dict.fromkeys(joint for each in couplings for joint in (each.leader, each.follower))
@@ -121,7 +121,7 @@ class Mirror(_Led):
         "angle", "an offset of its own for some of the followers", default={}, by_joint=True, low=-math.pi, high=math.pi
     )
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         if unknown := reach.unknown((*self.leader, *self.follower)):
             return unknown
         leaders, followers = reach.named(self.leader), reach.named(self.follower)
@@ -131,7 +131,7 @@ class Mirror(_Led):
         strange = dict.fromkeys(joint for joint in (*self.scales, *self.offsets) if joint not in followers)
         return [*wrong, *(f"'{joint}' has a scale or an offset, and does not follow" for joint in strange)]
 
-    def couplings(self, reach: Reach) -> tuple[Coupling, ...]:
+    def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
         pairs = zip(reach.named(self.leader), reach.named(self.follower), strict=True)
         return tuple(
             Coupling(leader, joint, self.scales.get(joint, self.scale), self.offsets.get(joint, self.offset))
@@ -145,7 +145,7 @@ class Mirror(_Led):
             each.follower: _within(each.scale * self._at[each.leader] + each.offset, arm.limits[each.follower])
             for each in self._couplings
         }
-        if any(abs(self._at[joint] - goal) > NEAR for joint, goal in goals.items()):
+        if any(abs(self._at[joint] - goal) > LEADING_TOLERANCE for joint, goal in goals.items()):
             arm.move(goals, speeds={joint: min(RUN_IN, arm.limits[joint].speed) for joint in goals})
             return False
         return super().begin()
@@ -181,11 +181,11 @@ class FollowJoint(_Led):
         super().initialise()
         self._origin, self._turned, self._passed = None, 0.0, False
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         alike = [f"'{self.leader}' cannot both lead and follow"] if self.leader == self.follower else []
         return reach.lacking((self.leader, self.follower)) + alike
 
-    def couplings(self, reach: Reach) -> tuple[Coupling, ...]:
+    def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
         del reach
         return (Coupling(self.leader, self.follower, self.scale, self.offset),)
 

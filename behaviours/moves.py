@@ -7,10 +7,10 @@ from typing import Protocol
 from py_trees.common import Status
 
 from behaviours.joint_motion import RUN_IN
+from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
 from behaviours.played import Played
 from behaviours.playing import Playing
-from behaviours.reach import Reach
 from behaviours.tracking_error import JointError, Sample, Tracking
 from drivers.api import Gesture as Movement
 from drivers.api import JointState, Reading
@@ -98,7 +98,7 @@ class RecordMove(Leaf):
     duration: float | None = argument("duration", "how long; else until it is halted", default=None, low=0.1)
     _recording: Recording
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.unknown(self.joints)
 
     def initialise(self) -> None:

@@ -100,7 +100,7 @@ class Node(Behaviour):
     def stop(self, new_status: Status = IDLE) -> None:
         """Stop as py_trees does, which does not ask again: what takes more time is brought to rest for it."""
         if not self.halt():
-            self.run.settle(self.claims)
+            self.run.safe_stop(self.claims)
             self.reset()
         if self.status is not new_status:
             self.publish(new_status)

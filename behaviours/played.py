@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from behaviours.joint_motion import JointMotion, off
+from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import SUCCESS
 from behaviours.playing import Playing, slowed
-from behaviours.reach import Reach
 from behaviours.tracking_error import Sample
 from drivers.api import Gesture as Movement
 
 ARRIVED = 0.06
 """Radians from the last keyframe within which a joint has arrived: an AX-12A under load stays a few ticks short."""
 
-PATIENCE = 1.5
+ARRIVAL_TIMEOUT = 1.5
 """Seconds after the last keyframe that the joints have to arrive."""
 
 
@@ -33,7 +33,7 @@ class Played(JointMotion):
     def movement(self) -> Movement:
         """What is played."""
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.beyond(frame.positions for frame in self.movement.keyframes)
 
     def moved(self) -> tuple[str, ...]:
@@ -61,6 +61,6 @@ class Played(JointMotion):
         late = off(self.robot.arm, self._end, ARRIVED)
         if not late:
             return SUCCESS
-        if time > self._duration + PATIENCE:
+        if time > self._duration + ARRIVAL_TIMEOUT:
             return self.fail(f"{name}: {', '.join(late)} did not arrive")
         return self.wait(f"{name}: waiting for {', '.join(late)}")

@@ -3,11 +3,11 @@
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 from drivers.api import Keyframe
+from drivers.api.quick import dataclass
 
 PEAK = 1.875
 """How much faster than its mean a minimum-jerk motion is at its fastest (Flash and Hogan, 1985)."""

@@ -1,12 +1,13 @@
 """The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TypeVar
 
-from behaviours.reach import Reach
+from behaviours.joint_ranges import JointRanges
 from behaviours.tracking.lag import Lag
 from drivers.api import Base, Head, Joints, Ranger, Screen, Voice
+from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
 
@@ -53,9 +54,9 @@ class Robot:
         return _there(self.arm_part, "arm")
 
     @property
-    def reach(self) -> Reach:
+    def reach(self) -> JointRanges:
         """The arm's joints by name and group, and how far and fast they go."""
-        return Reach(self.arm.limits, self.groups)
+        return JointRanges(self.arm.limits, self.groups)
 
     @property
     def ranger(self) -> Ranger:

@@ -53,8 +53,8 @@ class Run:
 
     ``variables`` holds the params and what behaviours have stored; ``tick`` counts from 1, 0 before the first.
     ``observer`` is told of every new status. ``preemptible`` are the running nodes that give way as soon as a leaf of
-    higher priority is about to drive an actuator. ``settle`` brings the named actuators to rest when a leaf did not
-    manage to in time. ``notify(text)`` tells somebody who is not there. ``let_pass(seconds)`` waits for so long or
+    higher priority is about to drive an actuator. ``safe_stop`` brings the named actuators to rest when a leaf did not
+    manage to in time. ``notify(text)`` tells somebody who is not there. ``wait(seconds)`` waits for so long or
     until woken, which it says: simulated time replaces it.
     ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
@@ -76,10 +76,10 @@ class Run:
         self.random = random.Random(seed)  # noqa: S311 - the order of a random selector is no secret
         self.observer: Observer | None = None
         self.preemptible: list[Node] = []
-        self.settle: Callable[[frozenset[str]], None] = _nothing_to_settle
+        self.safe_stop: Callable[[frozenset[str]], None] = _no_actuators
         self.notify: Callable[[str], None] = _nobody_to_notify
         self.woken = Event()
-        self.let_pass: Callable[[float], bool] = self._let_pass
+        self.wait: Callable[[float], bool] = self._wait
         self.interruptible = True
         self.alive_at = self.wall.now()
         self.working: Leaf | None = None
@@ -101,10 +101,10 @@ class Run:
         """Tick at once: something has happened that a behaviour may wait for. From any thread."""
         self.woken.set()
 
-    def _let_pass(self, seconds: float) -> bool:
+    def _wait(self, seconds: float) -> bool:
         return self.woken.wait(seconds)
 
-    def make_way(self) -> bool:
+    def preempt(self) -> bool:
         """Halt what gives way to a leaf that is about to drive an actuator; False while that takes more ticks."""
         at_rest = True
         for node in self.preemptible:
@@ -117,6 +117,6 @@ def _nobody_to_notify(text: str) -> None:
     log.info("notice: %s", text)
 
 
-def _nothing_to_settle(claims: frozenset[str]) -> None:
+def _no_actuators(claims: frozenset[str]) -> None:
     """Do nothing: a run without a robot has no actuators."""
     del claims

@@ -120,9 +120,9 @@ class FaceCentred(Faces):
         face = self.fresh()
         if face is None:
             return self.fail(self.nobody())
-        if max(abs(face.bearing), abs(face.drop)) <= self.within:
+        if max(abs(face.bearing), abs(face.elevation)) <= self.within:
             return self.see(face)
-        return self.fail(f"the face is {math.degrees(face.bearing):+.0f}, {math.degrees(face.drop):+.0f} deg off")
+        return self.fail(f"the face is {math.degrees(face.bearing):+.0f}, {math.degrees(face.elevation):+.0f} deg off")
 
 
 class FindFace(Faces, Search[Face]):

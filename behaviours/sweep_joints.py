@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from behaviours.joint_motion import RUN_IN, JointMotion
+from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import argument
 from behaviours.playing import Playing, slowed
-from behaviours.reach import Reach
 from behaviours.tracking_error import Sample
 from drivers.api import Keyframe
 
@@ -61,7 +61,7 @@ class Sweep(JointMotion):
         "angle", "how far ahead a joint is, where 360 deg is once to and fro", default={}, by_joint=True
     )
 
-    def misfits(self, reach: Reach) -> list[str]:
+    def joint_violations(self, reach: JointRanges) -> list[str]:
         if unknown := reach.unknown(self.joints):
             return unknown
         joints = reach.named(self.joints)

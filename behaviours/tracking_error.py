@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from drivers.api import Angle, Duration
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

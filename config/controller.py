@@ -3,16 +3,17 @@
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 from config import marked
 from config.declared import read_keys
 from config.faults import InvalidFileError, Mark, Source
-from config.fields import Fields, fields_of
+from config.fields import fields_of
 from config.marked import Listing, Node, Scalar, compose, read_source
 from config.units import quantity
-from drivers.api.keys import key, keys
+from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.quick import dataclass
 
 ABOUT = ("controller", "summary")
 """The keys that say what a file is; the others are what its rules are made of."""
@@ -23,13 +24,55 @@ FIXED = "most"
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 
 
+Row = Annotated[tuple[str, ...], inside(wrong="row '{}' needs a list: [one conclusion for each column]")]
+
+
+@keys
+class BaseKeys:
+    """A rule base: rules in words, or ``p`` and ``d``. What they mean, the controller checks."""
+
+    inputs: Mapping[str, Mapping[str, object]] = key(
+        default={}, help="What it listens to, each with its terms: `{error: {left: 6 deg, ahead: 0 deg}}`."
+    )
+    output: Mapping[str, Mapping[str, object]] = key(default={}, help="What it turns, with the terms of that.")
+    rules: tuple[str, ...] | Mapping[str, Row] = key(
+        default=(), help="Sentences; or a table, whose first row names two inputs and heads the columns."
+    )
+    method: Literal["sugeno", "mamdani"] = key(
+        default="sugeno",
+        help="How one number comes of the conclusions: terms of the output are numbers, or fuzzy sets.",
+    )
+    joined: Literal["product", "min"] | None = key(
+        default=None, word="and", help="How conditions are joined; else `product` for `sugeno`, `min` for `mamdani`."
+    )
+    p: float | None = key(
+        default=None, low=0.0, help="In the place of rules: how much of the error it turns by, in 1/s."
+    )
+    d: float | None = key(default=None, low=0.0, help="With `p`: how much of the error's rate.")
+    most: object = key(default=None, help="With `p`: the most that it turns by, such as `120 deg/s`.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield every row of a table that is longer or shorter than its first one, which names the columns."""
+        table = self.rules if isinstance(self.rules, Mapping) else {}
+        columns = len(next(iter(table.values()), ()))
+        for name, row in table.items():
+            if columns and len(row) != columns:
+                at = ("rules", name)
+                message = f"row '{name}' has {len(row)} conclusions for {columns} columns"
+                yield Mistake(message, at, named=True, about=(at,))
+
+
 @keys
 class ControllerKeys:
     """The keys of a controller file."""
 
     controller: str = key(help="What it is called.")
     summary: str = key(default="", help="What it is, in a line.")
-    bases: Mapping[str, object] = key(rest=True, help="A rule base: its variables, their sets, and its rules.")
+    predict: bool = key(default=True, help="Whether it goes by where the target will be, or by the newest picture.")
+    pan: BaseKeys | None = key(default=None, help="The rules by which a head turns.")
+    tilt: BaseKeys | None = key(default=None, help="Those by which it looks up and down.")
+    base: BaseKeys | None = key(default=None, help="Those by which a base turns that has a head.")
+    turn: BaseKeys | None = key(default=None, help="Those by which a base without a head turns.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +104,6 @@ def parse_controller(source: Source) -> ControllerConfig:
     fields = fields_of(source, what="a controller file")
     told = read_keys(fields, ControllerKeys)
     values = {key.text: _plain(node) for key, node in fields.entries() if key.text not in ABOUT}
-    _check_tables(fields, fields.node)
     if fields.faults:
         raise InvalidFileError(fields.faults)
     return ControllerConfig(told.controller, told.summary, values)
@@ -113,25 +155,3 @@ def _plain(node: Node) -> object:
         return {key.text: _plain(value) for key, value in node.entries}
     measured = quantity(node.text)
     return node.value if measured is None else float(measured)
-
-
-def _check_tables(fields: Fields, node: Node) -> None:
-    """Note every row of a rule table that is longer or shorter than the table's first row, which names the columns."""
-    if not isinstance(node, marked.Mapping):
-        return
-    for name, value in node.entries:
-        if name.text == "rules" and isinstance(value, marked.Mapping):
-            _check_rows(fields, value)
-        elif not isinstance(value, Scalar):
-            _check_tables(fields, value)
-
-
-def _check_rows(fields: Fields, table: marked.Mapping) -> None:
-    columns = 0
-    for place, (name, row) in enumerate(table.entries):
-        if not isinstance(row, Listing):
-            fields.fault(row.mark, f"row '{name.text}' needs a list: [one conclusion for each column]")
-        elif place == 0:
-            columns = len(row.items)
-        elif len(row.items) != columns and columns:
-            fields.fault(name.mark, f"row '{name.text}' has {len(row.items)} conclusions for {columns} columns")

@@ -1,13 +1,14 @@
 """Reading a section of a file by the keys that a class declares: values, defaults, and mistakes at their places."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from config.faults import Mark, one_of
-from config.fields import Fields
+from config.fields import Fields, value_of
 from config.marked import Listing, Node, Scalar
 from config.marked import Mapping as MarkedMapping
-from drivers.api.keys import PERCENT, Key, Mistake, declared
+from config.units import seen
+from drivers.api.keys import PERCENT, Form, Key, Mistake, declared
 
 K = TypeVar("K")
 
@@ -21,7 +22,7 @@ def read_keys(fields: Fields, cls: type[K]) -> K:
     What ``cls`` finds beyond each key (its ``mistakes``) is noted where the keys that it is about are right.
     """
     found = _read(fields, cls)
-    fields.done()
+    fields.done(getattr(cls, "unknown", ""))
     note_mistakes(fields, getattr(found, "mistakes", tuple)())
     return found
 
@@ -36,7 +37,7 @@ def note_mistakes(fields: Fields, mistakes: Iterable[Mistake]) -> None:
         if place is None and each.otherwise:
             place = _place(fields.node, each.otherwise, named=False)
         hint = each.hint or (one_of(each.seen, each.known) if each.known else "")
-        fields.fault(place or _nearest(fields.node, each.at), each.message, hint)
+        fields.fault(place or nearest(fields.node, each.at), each.message, hint)
 
 
 def _read(fields: Fields, cls: type[K]) -> K:
@@ -46,82 +47,176 @@ def _read(fields: Fields, cls: type[K]) -> K:
         if each.form == "rest":
             values[each.field] = _rest(fields, each, {other.word for other in declared(cls)})
             continue
-        inside: list[Path] = []
-        before = len(fields.faults)
-        values[each.field] = _value(fields, each, inside)
-        if len(fields.faults) > before:
-            fields.wrong += [(each.word, *path) for path in inside] or [(each.word,)]
+        node = fields.node_of(each.word, required=each.required)
+        if node is not None:
+            values[each.field] = _value(fields, each, each.word, node, (each.word,))
+            continue
+        values[each.field] = _harmless(fields, each) if each.required else each.default
+        fields.wrong += [(each.word,)] if each.required else []
     return cls(**values)
 
 
-def _value(fields: Fields, key: Key, inside: list[Path]) -> object:
-    """Read one key; ``inside`` takes where something is wrong in a section below it."""
-    if key.form in ("section", "named", "texts", "lists"):
-        return _section(fields, key, inside)
-    if key.form == "items":
-        return _items(fields, key, inside)
-    if not key.required and fields.node_of(key.word) is None:
-        return key.default
-    if key.form in ("number", "integer", "quantity"):
-        return _number(fields, key)
+def _value(fields: Fields, key: Key, word: str, node: Node, at: Path) -> Any:
+    """Read what a key takes from a node ``at`` a path in the section; ``word`` is what messages call it."""
+    faults, wrong = len(fields.faults), len(fields.wrong)
+    found = _formed(fields, key, word, node, at) if _fits(key, node) else _misfit(fields, key, word, node)
+    if len(fields.faults) > faults and len(fields.wrong) == wrong:
+        fields.wrong.append(at)
+    return found
+
+
+def _formed(fields: Fields, key: Key, word: str, node: Node, at: Path) -> Any:
+    """Read a value that has the form of the key."""
     match key.form:
+        case "text":
+            return node.text if isinstance(node, Scalar) else ""
         case "choice":
-            return fields.choice(key.word, key.among)
+            return _choice(fields, key, word, node)
+        case "number" | "integer":
+            kind = int if key.form == "integer" else float
+            low, high = (None if bound is None else kind(bound) for bound in (key.low, key.high))
+            return fields.within(word, node.mark, kind(str(value_of(node))), low, high)
+        case "quantity":
+            return _measured(fields, key, word, node)
+        case "section":
+            return _section(fields, key, key.each or f"'{word}'", node, at)
+        case "either":
+            return _value(fields, next(each for each in key.options if _could(each, node)), word, node, at)
+    return _several(fields, key, word, node, at)
+
+
+def _several(fields: Fields, key: Key, word: str, node: Node, at: Path) -> Any:
+    """Read a list, values under names, or several quantities; else the plain value."""
+    items = node.items if isinstance(node, Listing) else []
+    match key.form:
+        case "span" | "vector":
+            before = len(fields.faults)
+            found: Any = tuple(_measured(fields, key, word, each) for each in items)
+            if key.form == "span" and found[0] >= found[1] and len(fields.faults) == before:
+                fields.fault(node.mark, f"'{word}': the first value must be below the second")
+            return found
+        case "list":
+            return tuple(_inner(fields, key, word, each, (*at, place)) for place, each in enumerate(items))
+        case "named":
+            entries = node.entries if isinstance(node, MarkedMapping) else []
+            return {name.text: _inner(fields, key, name.text, each, (*at, name.text)) for name, each in entries}
+    return value_of(node)
+
+
+def _inner(fields: Fields, key: Key, word: str, node: Node, at: Path) -> Any:
+    """Read what stands in a list, or under a name."""
+    inner = key.inner or key
+    if inner.form != "section":
+        return _value(fields, inner, word, node, at)
+    named = f"{inner.each or key.word} '{word}'" if key.form == "named" else inner.each
+    return _section(fields, inner, named, node, at)
+
+
+def _section(fields: Fields, key: Key, what: str, node: Node, at: Path) -> Any:
+    """Read a section below another, which messages call ``what``."""
+    faults = len(fields.faults)
+    section = Fields(fields.source, node, fields.faults, what=what, torn=fields.torn)
+    found: Any = read_keys(section, key.of or object)
+    fields.wrong += [(*at, *path) for path in section.wrong]
+    if len(fields.faults) > faults and not section.wrong:
+        fields.wrong.append(at)
+    return found
+
+
+def _fits(key: Key, node: Node) -> bool:
+    """Say whether a node has the form that a key needs; of a section, and of a quantity, that is told elsewhere."""
+    value = value_of(node)
+    match key.form:
+        case "text":
+            return isinstance(node, Scalar) and _is_text(node, blank=key.blank)
+        case "choice" if key.wrong:
+            return isinstance(node, Scalar) and node.text in key.among
         case "flag":
-            return fields.flag(key.word, default=False)
-        case "span":
-            return fields.span(key.word, key.dimension)
-        case "triple":
-            return fields.position(key.word, (0.0, 0.0, 0.0))
-        case "spans":
-            return _spans(fields, key)
-    return fields.text(key.word)
+            return isinstance(value, bool)
+        case "number" | "integer":
+            real = isinstance(value, int | float if key.form == "number" else int)
+            return real and not isinstance(value, bool)
+        case "span" | "vector":
+            return isinstance(node, Listing) and len(node.items) in key.sizes
+        case "list":
+            return isinstance(node, Listing)
+        case "named":
+            return isinstance(node, MarkedMapping)
+        case "either":
+            return any(_could(each, node) for each in key.options)
+        case "section" if key.wrong:
+            return isinstance(node, MarkedMapping)
+    return True
 
 
-def _number(fields: Fields, key: Key) -> float:
-    """Read a number, plain or with a unit."""
-    if key.form == "integer":
-        low, high = (None if bound is None else int(bound) for bound in (key.low, key.high))
-        return fields.integer(key.word, low=low, high=high)
-    if key.form == "number":
-        return fields.number(key.word, low=key.low, high=key.high)
-    if key.dimension == PERCENT:
-        least, most = (None if bound is None else bound / 100 for bound in (key.low, key.high))
-        return round(100 * fields.quantity(key.word, "share", low=least, high=most), 6)
-    return fields.quantity(key.word, key.dimension, low=key.low, high=key.high)
+def _is_text(node: Scalar, *, blank: bool) -> bool:
+    """Say whether a word is a text; where it may be ``blank``, all but nothing is."""
+    return node.value is not None or bool(node.text) if blank else node.value is not None and bool(node.text.strip())
 
 
-def _section(fields: Fields, key: Key, inside: list[Path]) -> object:
-    """Read a section, or one whose keys are names; None, or the default, where there is none."""
-    section = fields.section(key.word, required=key.required)
-    if key.form == "section" and key.of is not None:
-        if section is None:
-            return _harmless(fields, key.of) if key.required else key.default
-        return _whole(section, key.of, inside, ())
-    if section is None:
-        return {} if key.required else key.default
-    if key.form == "named" and key.of is not None:
-        return {
-            name.text: _whole(_named(section, key, name.text, node), key.of, inside, (name.text,))
-            for name, node in section.entries()
-        }
-    if key.form == "lists":
-        return {name.text: _texts(node) for name, node in section.entries()}
-    return {name.text: _text(section, name.text, node) for name, node in section.entries()}
+def _could(key: Key, node: Node) -> bool:
+    """Say whether a node may be meant for one of several forms: it is a word, a list or a mapping, as that is."""
+    kind = {"list": Listing, "vector": Listing, "span": Listing, "named": MarkedMapping, "section": MarkedMapping}
+    return isinstance(node, kind.get(key.form, Scalar))
 
 
-def _items(fields: Fields, key: Key, inside: list[Path]) -> tuple[object, ...]:
-    """Read a list of sections."""
-    cls, nodes = key.of, fields.items(key.word, required=key.required)
-    if cls is None or (not nodes and not key.required):
-        return ()
-    found = []
-    for place, node in enumerate(nodes):
-        one = Fields(fields.source, node, fields.faults, what=key.each)
-        if not isinstance(node, MarkedMapping):  # which was told just now
-            inside.append((place,))
-        found.append(_whole(one, cls, inside, (place,)))
-    return tuple(found)
+NEEDS: Mapping[Form, str] = {
+    "text": "a text",
+    "choice": "a word",
+    "flag": "true or false",
+    "number": "a plain number",
+    "integer": "a whole number",
+    "quantity": "a quantity",
+    "span": "two values: [low, high]",
+    "vector": "a list",
+    "list": "a list",
+    "named": "a mapping of names to values",
+    "section": "a mapping of keys to values",
+}
+"""What a key of each form needs, in the messages about values of another form."""
+
+
+def _misfit(fields: Fields, key: Key, word: str, node: Node) -> Any:
+    """Note a value that has not the form of its key."""
+    mark, needs = node.mark, NEEDS.get(key.form, "")
+    if key.form == "vector" and isinstance(node, Listing) and node.items:
+        mark, needs = (mark if key.wrong else node.items[0].mark), "three lengths: [x, y, z]"
+    if key.form == "either":
+        needs = ", or ".join(NEEDS[each.form] for each in key.options)
+    message = key.wrong.replace("{}", word) or f"'{word}' needs {needs}"
+    fields.fault(mark, message, key.hint.replace("{}", word), sure=key.form in ("flag", "number", "integer"))
+    return _harmless(fields, key)
+
+
+def _harmless(fields: Fields, key: Key) -> Any:
+    """Return what stands for a value that is wrong, or that lacks."""
+    zeros = (0.0,) * next(iter(key.sizes), 0)
+    if key.form == "section":
+        empty = Fields(fields.source, MarkedMapping(Mark()), [], what="")
+        return _read(empty, key.of or object)
+    if key.form == "either":
+        return _harmless(fields, key.options[0])
+    plain: Mapping[Form, Any] = {"text": "", "flag": False, "integer": 0, "list": (), "named": {}}
+    return key.among[0] if key.form == "choice" else zeros or plain.get(key.form, 0.0)
+
+
+def _choice(fields: Fields, key: Key, word: str, node: Node) -> str:
+    """Read one of some words."""
+    text = node.text if isinstance(node, Scalar) else ""
+    if text not in key.among:
+        fields.fault(node.mark, f"'{word}' cannot be {seen(value_of(node))}", one_of(text, key.among), sure=True)
+        return key.among[0]
+    return text
+
+
+def _measured(fields: Fields, key: Key, word: str, node: Node) -> float | str:
+    """Read a quantity, or the word that may stand for one."""
+    if isinstance(node, Scalar) and node.text in key.among:
+        return node.text
+    if key.dimension != PERCENT:
+        return fields.measure(node, word, key.dimension, low=key.low, high=key.high)
+    low, high = (None if bound is None else bound / 100 for bound in (key.low, key.high))
+    return round(100 * fields.measure(node, word, "share", low=low, high=high), 6)
 
 
 def _rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
@@ -136,54 +231,6 @@ def _rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
         if len(fields.faults) > before:
             fields.wrong.append((name.text,))
     return found
-
-
-def _whole(section: Fields, cls: type, inside: list[Path], at: Path) -> object:
-    """Read a section below another; ``inside`` takes where something is wrong in it, below ``at``."""
-    before = len(section.faults)
-    found: object = read_keys(section, cls)
-    inside += [(*at, *path) for path in section.wrong]
-    if len(section.faults) > before and not section.wrong:
-        inside.append(at)
-    return found
-
-
-def _named(section: Fields, key: Key, name: str, node: Node) -> Fields:
-    return Fields(section.source, node, section.faults, what=f"{key.each or key.word} '{name}'")
-
-
-def _harmless(fields: Fields, cls: type) -> object:
-    """Return what an empty section holds, without a word about what it lacks."""
-    empty = Fields(fields.source, MarkedMapping(Mark()), [], what="")
-    return _read(empty, cls)
-
-
-def _text(section: Fields, name: str, node: Node) -> str:
-    """Read a text under a name; an empty one is for its class to judge."""
-    if isinstance(node, Scalar):
-        return "" if node.value is None else node.text
-    section.fault(node.mark, f"'{name}' needs a text")
-    return ""
-
-
-def _texts(node: Node) -> tuple[str, ...]:
-    """Read a list of texts; an empty one, and what is no list, is for its class to judge."""
-    items = node.items if isinstance(node, Listing) else []
-    return tuple(item.text if isinstance(item, Scalar) else "" for item in items)
-
-
-def _spans(fields: Fields, key: Key) -> tuple[tuple[float, float], ...]:
-    """Read pairs of angles, anticlockwise: ``[[100 deg, 120 deg], [170 deg, -170 deg]]``."""
-    found = []
-    for node in fields.items(key.word):
-        ends = node.items if isinstance(node, Listing) else []
-        if len(ends) != 2:
-            hint = f"{key.word}: [[100 deg, 120 deg]]"
-            fields.fault(node.mark, f"'{key.word}' needs pairs of angles, anticlockwise", hint)
-            continue
-        first, second = (fields.measure(end, key.word, key.dimension) for end in ends)
-        found.append((first, second))
-    return tuple(found)
 
 
 def _place(node: Node, at: Path, *, named: bool) -> Mark | None:
@@ -203,6 +250,6 @@ def _place(node: Node, at: Path, *, named: bool) -> Mark | None:
     return node.mark
 
 
-def _nearest(node: Node, at: Path) -> Mark:
-    """Return the mark of what is around a path that the file lacks."""
+def nearest(node: Node, at: Path) -> Mark:
+    """Return where a path leads to in a section; where the file has no such thing, the mark of what is around it."""
     return next(mark for end in range(len(at), -1, -1) if (mark := _place(node, at[:end], named=False)) is not None)

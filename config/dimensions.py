@@ -15,7 +15,7 @@ NUMBER = "number"
 BASES = ("m", "rad", "s", "V", "degC")
 """The units of which all others are made."""
 
-MOST = 9
+MAX_POWER = 9
 """The highest power of a base: what a mission multiplies at every tick must end somewhere."""
 
 Powers = tuple[int, ...]
@@ -101,7 +101,7 @@ def example(dimension: str) -> str:
 @cache
 def _combined(one: str, other: str, sign: int) -> str:
     found = tuple(a + sign * b for a, b in zip(powers(one), powers(other), strict=True))
-    if max(map(abs, found)) > MOST:
+    if max(map(abs, found)) > MAX_POWER:
         raise ValueError("a dimension out of range")
     return NAMED.get(found) or _unit(found)
 

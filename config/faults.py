@@ -45,7 +45,7 @@ def place_of(text: str, position: int) -> Mark:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class Diagnostic:
     """One mistake: where it is, what is wrong, and what to write instead where that is known.
 
     ``mended`` are the lines that are read otherwise than they are written because of it: nothing else is told of them.
@@ -87,14 +87,14 @@ class Fault:
 class InvalidFileError(ValueError):
     """A file that cannot be used; ``faults`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
+    def __init__(self, faults: Sequence[Diagnostic]) -> None:
         # What an alias repeats is one mistake, not two.
         once = dict.fromkeys(faults)
         self.faults = tuple(sorted(once, key=lambda fault: (fault.source.name, fault.mark)))
         super().__init__("\n".join(str(fault) for fault in self.faults))
 
 
-def note(faults: list[Fault], fault: Fault) -> None:
+def note(faults: list[Diagnostic], fault: Diagnostic) -> None:
     """Add one mistake. Raises InvalidFileError with all of them once there are MAX_FAULTS."""
     if any(fault.mark.line in other.mended and fault.source.name == other.source.name for other in faults):
         return
@@ -103,7 +103,7 @@ def note(faults: list[Fault], fault: Fault) -> None:
         raise InvalidFileError(faults)
 
 
-def _pasted(fault: Fault) -> str:
+def _pasted(fault: Diagnostic) -> str:
     """Say what to write for signs of a word processor in what a mistake marks; nothing where there are none."""
     begin = fault.mark.column - 1
     marked = fault.source.line(fault.mark.line)[begin : begin + fault.mark.length]

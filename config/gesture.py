@@ -14,7 +14,6 @@ that is where the movement begins.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -24,6 +23,7 @@ from config.fields import fields_of
 from config.marked import read_source
 from config.units import written
 from drivers.api.keys import Mistake, key, keys
+from drivers.api.quick import dataclass
 
 Interpolation = Literal["minimum_jerk", "cubic"]
 

@@ -8,17 +8,18 @@ and plain words stay words: only ``true``, ``false``, ``null`` and numbers are a
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from errno import EFBIG
 from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
 
-from config.faults import Fault, InvalidFileError, Mark, Source, note, place_of
+from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, place_of
 from config.mending import mend, plain_blanks
 from config.reading import note_read, read_regular
 from config.syntax import events, forbidden_character, problem_line, syntax_fault
+from drivers.api.quick import dataclass
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
@@ -78,13 +79,13 @@ def read_source(path: Path, name: str | None = None) -> Source:
     except OSError as error:
         reason = error.strerror or str(error)
         reason = reason if error.errno == EFBIG else f"cannot be read: {reason}"
-        raise InvalidFileError([Fault(Source(shown, ""), Mark(), reason)]) from error
+        raise InvalidFileError([Diagnostic(Source(shown, ""), Mark(), reason)]) from error
     note_read(path, data)
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig", errors="replace")
-        fault = Fault(
+        fault = Diagnostic(
             Source(shown, data.decode("utf-8-sig", errors="replace")),
             place_of(good, len(good)),
             f"not UTF-8: byte 0x{data[error.start]:02x}",
@@ -93,7 +94,7 @@ def read_source(path: Path, name: str | None = None) -> Source:
         raise InvalidFileError([fault]) from error
 
 
-def compose(source: Source, faults: list[Fault] | None = None) -> Node:
+def compose(source: Source, faults: list[Diagnostic] | None = None) -> Node:
     """Parse ``source`` into nodes. Raises InvalidFileError for anything that is not one plain YAML document.
 
     With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice, a colon that lacks)
@@ -105,8 +106,8 @@ def compose(source: Source, faults: list[Fault] | None = None) -> Node:
     text, found = plain_blanks(source)
     composer = _composed(source, text, found, mending=faults is not None)
     if composer.root is None:
-        raise InvalidFileError(found or [Fault(source, Mark(), "the file is empty")])
-    told: list[Fault] = [] if faults is None else faults
+        raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty")])
+    told: list[Diagnostic] = [] if faults is None else faults
     for each in (*found, *composer.faults):
         note(told, each)
     if faults is None and told:
@@ -114,7 +115,7 @@ def compose(source: Source, faults: list[Fault] | None = None) -> Node:
     return composer.root
 
 
-def _composed(source: Source, text: str, found: list[Fault], *, mending: bool) -> "_Composer":
+def _composed(source: Source, text: str, found: list[Diagnostic], *, mending: bool) -> "_Composer":
     """Compose ``text``, and mend what the parser stumbles on where that is asked for; ``found`` takes what it was.
 
     Raises InvalidFileError for what cannot be read at all.
@@ -177,7 +178,7 @@ class _Composer:
     def __init__(self, source: Source, *, torn: bool = False) -> None:
         self.source = source
         self._torn = torn
-        self.faults: list[Fault] = []
+        self.faults: list[Diagnostic] = []
         self.root: Node | None = None
         self._open: list[_Open] = []
         self._anchors: dict[str, _Anchored] = {}
@@ -211,7 +212,7 @@ class _Composer:
     def _no_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
             hint = "put quotes around a text that begins with '!'"
-            note(self.faults, Fault(self.source, mark, "a YAML tag, which means nothing here", hint))
+            note(self.faults, Diagnostic(self.source, mark, "a YAML tag, which means nothing here", hint))
 
     def _check_depth(self, mark: Mark, more: int) -> None:
         if len(self._open) + more > MAX_DEPTH:
@@ -259,18 +260,18 @@ class _Composer:
     def _check_twice(self, parent: _Open, key: Scalar) -> None:
         if key.text in parent.keys:
             message = f"'{key.text}' stands here again (first at line {parent.keys[key.text]})"
-            note(self.faults, Fault(self.source, key.mark, message))
+            note(self.faults, Diagnostic(self.source, key.mark, message))
         parent.keys.setdefault(key.text, key.mark.line)
 
     def _as_key(self, node: Node, mark: Mark) -> Scalar:
         if isinstance(node, Scalar):
             return Scalar(mark, node.text, node.value, node.quoted)
         hint = 'write "${...}" in quotes inside { } and [ ]'
-        note(self.faults, Fault(self.source, mark, "a key must be a plain word", hint))
+        note(self.faults, Diagnostic(self.source, mark, "a key must be a plain word", hint))
         return Scalar(mark, "?", None)
 
     def _fatal(self, mark: Mark, message: str, suggestion: str = "") -> NoReturn:
-        self.faults.append(Fault(self.source, mark, message, suggestion))
+        self.faults.append(Diagnostic(self.source, mark, message, suggestion))
         raise _FatalFaultError
 
 

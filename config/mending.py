@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import yaml
 
-from config.faults import Fault, Mark, Source
+from config.faults import Diagnostic, Mark, Source
 from config.syntax import events, syntax_fault
+from drivers.api.quick import dataclass
 
 MAX_LENGTH = 20_000
 """Characters of a text that is mended: each try reads all of it."""
@@ -33,7 +33,7 @@ class Mended:
     torn: bool
 
 
-def plain_blanks(source: Source) -> tuple[str, list[Fault]]:
+def plain_blanks(source: Source) -> tuple[str, list[Diagnostic]]:
     """Return the text with plain blanks where lines and values begin, and a fault for each line with others."""
     faults, lines = [], source.text.splitlines(keepends=True)
     for at, line in enumerate(lines):
@@ -43,11 +43,11 @@ def plain_blanks(source: Source) -> tuple[str, list[Fault]]:
             odd = next(place for place, sign in enumerate(line) if sign in ODD_BLANKS)
             mark = Mark(at + 1, odd + 1)
             message = f"a blank that does not break (U+{ord(line[odd]):04X}), which YAML takes for a letter"
-            faults.append(Fault(source, mark, message, "write a plain blank", frozenset({at + 1})))
+            faults.append(Diagnostic(source, mark, message, "write a plain blank", frozenset({at + 1})))
     return "".join(lines), faults
 
 
-def mend(text: str, fault: Fault, line: int) -> Mended | None:
+def mend(text: str, fault: Diagnostic, line: int) -> Mended | None:
     """Return the text mended so that it can be read furthest; None where nothing helps.
 
     ``fault`` is what was made of a mistake that the parser found in ``line``.

@@ -21,17 +21,21 @@ along the third axis, so that, say, only what lifts an arm sideways counts.
 """
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
-from config.faults import InvalidFileError, Source, one_of
-from config.fields import Fields, fields_of
-from config.marked import Listing, Node, Scalar
+from config.declared import note_mistakes, read_keys
+from config.faults import InvalidFileError, Source
+from config.fields import fields_of
+from drivers.api.keys import Mistake, inside, key, keys
 
 Plane = Literal["xyz", "xy", "xz", "yz"]
 """The axes that count."""
+
+POINTS = "'{}' needs three points, such as [shoulder, elbow, wrist]"
+"""What is said of points that are not three."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,66 @@ class JointSource:
         if self.points is None:
             return [self.column]
         return [f"{point}_{axis}" for point in self.points for axis in self.plane]
+
+
+@keys
+class SourceKeys:
+    """Where a joint's angle comes from."""
+
+    column: str | None = key(default=None, help="The column that it is.")
+    points: tuple[str, ...] | None = key(
+        default=None, wrong=POINTS, help="Three points of a body: it is the angle at the middle one."
+    )
+    plane: Plane | None = key(default=None, help="The axes of the points that count; all, if not given.")
+    sign: Literal["1", "-1"] = key(default="1", help="What it is multiplied by.")
+    offset: float = key("angle", default=0.0, help="What is added then.")
+
+    def source(self) -> JointSource:
+        """Return where it comes from."""
+        first, middle, last = self.points or ("", "", "")
+        points = None if self.points is None else (first, middle, last)
+        return JointSource(self.column or "", points, self.plane or "xyz", int(self.sign), self.offset)
+
+
+@keys
+class MoveKeys:
+    """The keys of a move file."""
+
+    move: str = key(help="What it is called.")
+    summary: str = key(default="", help="What it is, in a line.")
+    sheet: str = key(help="The spreadsheet beside this file: .xls, .xlsx, .ods or .csv.")
+    tab: str | None = key(default=None, help="The sheet of the workbook; the first, if not given.")
+    rate: float | None = key(
+        "frequency", default=None, low=1.0, high=1000.0, help="Rows a second; not where there is a column `time` (s)."
+    )
+    unit: Literal["rad", "deg"] = key(default="rad", help="Of the columns of joints.")
+    dead_band: float | None = key(
+        "angle", default=None, low=0.0, help="Smaller changes are no change: the step of the servo, if not given."
+    )
+    joints: Mapping[str, Annotated[SourceKeys, inside(each="joint")]] = key(help="The joints that it moves.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what moves nothing, and joints that come from nowhere, or from two."""
+        if not self.joints:
+            hint = "such as elbow: {column: elbow}"
+            yield Mistake("'joints' needs at least one joint", ("joints",), hint=hint, about=(("joints",),))
+        for name, each in self.joints.items():
+            at = ("joints", name)
+            if (each.column is None) == (each.points is None):
+                yield Mistake(f"joint '{name}' needs either 'column' or 'points'", at, about=(at,))
+            elif each.points is not None and not len(each.points) == 3 == len({*each.points}):
+                points = (*at, "points")
+                yield Mistake(POINTS.format("points"), points, about=(points,))
+            if each.points is None and each.plane is not None:
+                plane = (*at, "plane")
+                yield Mistake(f"joint '{name}' has no key 'plane'", plane, named=True, about=((*at, "column"),))
+
+    def beyond(self, known: Collection[str]) -> Iterator[Mistake]:
+        """Yield joints that the robot lacks."""
+        for name in self.joints:
+            if name not in known:
+                at = ("joints", name)
+                yield Mistake(f"there is no joint '{name}'", at, named=True, seen=name, known=known, about=((*at, ""),))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,61 +141,11 @@ def move_of(source: Source, folder: Path, joints: Collection[str] | None = None)
     Raises InvalidFileError with every mistake in it.
     """
     fields = fields_of(source, what="a move file")
-    move = MoveConfig(
-        name=fields.text("move"),
-        summary=fields.text("summary", ""),
-        sheet=folder / fields.text("sheet"),
-        tab=fields.text("tab", "") or None,
-        rate=None if fields.node_of("rate") is None else fields.quantity("rate", "frequency", low=1.0, high=1000.0),
-        degrees=fields.choice("unit", ["rad", "deg"], "rad") == "deg",
-        dead_band=None if fields.node_of("dead_band") is None else fields.quantity("dead_band", "angle", low=0.0),
-        joints=_sources(fields.section("joints", required=True), joints),
-    )
-    fields.done()
+    told = read_keys(fields, MoveKeys)
+    if joints is not None:
+        note_mistakes(fields, told.beyond(joints))
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return move
-
-
-def _sources(section: Fields | None, known: Collection[str] | None) -> dict[str, JointSource]:
-    if section is None:
-        return {}
-    found = {}
-    for key, node in section.entries():
-        if known is not None and key.text not in known:
-            section.fault(key.mark, f"there is no joint '{key.text}'", one_of(key.text, known))
-        found[key.text] = _source(Fields(section.source, node, section.faults, what=f"joint '{key.text}'"))
-    if not found:
-        section.fault(section.node.mark, "'joints' needs at least one joint", "such as elbow: {column: elbow}")
-    return found
-
-
-def _source(fields: Fields) -> JointSource:
-    if isinstance(fields.node, Scalar | Listing):  # which is a fault already
-        return JointSource()
-    column, points = fields.text("column", ""), fields.items("points")
-    listed = fields.node_of("points")
-    if (fields.node_of("column") is None) == (listed is None):
-        fields.fault(fields.node.mark, f"{fields.what} needs either 'column' or 'points'")
-    source = JointSource(
-        column,
-        None if listed is None else _points(fields, listed, points),
-        "xyz" if listed is None else _plane(fields),
-        -1 if fields.choice("sign", ["1", "-1"], "1") == "-1" else 1,
-        fields.quantity("offset", "angle", 0.0),
-    )
-    fields.done()
-    return source
-
-
-def _points(fields: Fields, listed: Node, nodes: list[Node]) -> tuple[str, str, str]:
-    names = [node.text for node in nodes if isinstance(node, Scalar) and node.text]
-    if len(names) == 3 == len(set(names)):
-        return names[0], names[1], names[2]
-    fields.fault(listed.mark, "'points' needs three points, such as [shoulder, elbow, wrist]")
-    return "", "", ""
-
-
-def _plane(fields: Fields) -> Plane:
-    written = fields.choice("plane", get_args(Plane), "xyz")
-    return next(plane for plane in get_args(Plane) if plane == written)
+    sources = {name: each.source() for name, each in told.joints.items()}
+    sheet, degrees = folder / told.sheet, told.unit == "deg"
+    return MoveConfig(told.move, told.summary, sheet, sources, told.tab, told.rate, degrees, told.dead_band)

@@ -13,14 +13,13 @@ address is the secret, as with many chat services, ``url_from`` names the variab
 """
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, field
+from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from config.faults import one_of
-from config.fields import Fields
-from config.marked import Listing, Node, Scalar
-from config.marked import Mapping as MarkedMapping
+from drivers.api.keys import Inside, Mistake, inside, key, keys
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,76 +119,93 @@ def site_of(url: str) -> str:
     return f"{parts.scheme}://{parts.netloc}"
 
 
-def read_notices(fields: Fields) -> tuple[NoticeConfig, ...]:
-    """Read the list under ``notices``."""
-    found = (_read(fields, node) for node in fields.items("notices"))
-    return tuple(each for each in found if each is not None)
+@keys
+class WebhookKeys:
+    """A web server: its address, or where that is found."""
+
+    url: str = key(default="", help="Its address.")
+    url_from: str = key(default="", help="The environment variable that holds the address, where that is a secret.")
+    headers: Mapping[str, str] = key(default={}, help="Headers, each with the environment variable of its value.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield no address, or two."""
+        if bool(self.url) == bool(self.url_from):
+            yield Mistake("'webhook' needs either 'url' or 'url_from'", hint="url_from: ROBOT_URL")
 
 
-def _read(fields: Fields, node: Node) -> NoticeConfig | None:
-    if isinstance(node, Scalar) and node.text == "terminal":
-        return TerminalNotice()
-    if not isinstance(node, MarkedMapping) or len(node.entries) != 1:
-        fields.fault(node.mark, "a notice needs one way to go", f"one of: {', '.join(KINDS)}")
-        return None
-    ((word, value),) = node.entries
-    entry = Fields(fields.source, node, fields.faults, what="a notice")
-    readers: Mapping[str, Callable[[Fields, Node], NoticeConfig | None]] = {
-        "command": _command,
-        "webhook": _webhook,
-        "mqtt": _mqtt,
-    }
-    if word.text not in readers:
-        fields.fault(word.mark, f"a notice cannot go by '{word.text}'", one_of(word.text, KINDS))
-        return None
-    return readers[word.text](entry, value)
+@keys
+class MqttKeys:
+    """A topic of an MQTT broker."""
+
+    host: str = key(default="localhost", help="The broker.")
+    topic: str = key(default="missiontree/tasks", help="The topic.")
+    port: int | None = key(default=None, low=1, high=65535, help="Its port: 1883, with `tls` 8883, if not given.")
+    tls: bool = key(default=False, help="Whether it is spoken to by TLS.")
+    user: str = key(default="", help="The user's name there.")
+    password: str = key(default="", help="The environment variable that holds the password.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a topic that is many, and a password of nobody."""
+        if any(sign in self.topic for sign in "+#"):
+            message = f"'topic' names one topic, without + and #: '{self.topic}'"
+            yield Mistake(message, ("topic",), hint="home/robot", about=(("topic",),))
+        if self.password and not self.user:
+            yield Mistake("'mqtt' has a password and no user", hint="user: robot")
 
 
-def _command(entry: Fields, node: Node) -> CommandNotice | None:
-    words = [item.text for item in node.items if isinstance(item, Scalar)] if isinstance(node, Listing) else []
-    if not isinstance(node, Listing) or not words or len(words) != len(node.items) or not words[0].strip():
-        entry.fault(node.mark, "'command' needs a list: a program and its arguments", "command: [notify-send, Robot]")
-        return None
-    return CommandNotice(tuple(words))
+_COMMAND = Inside(
+    wrong="'{}' needs a list: a program and its arguments", hint="command: [notify-send, Robot]", blank=True
+)
 
 
-def _webhook(entry: Fields, node: Node) -> WebhookNotice | None:
-    headers: dict[str, str] = {}
-    if isinstance(node, Scalar):
-        url, variable = node.text, ""
-    else:
-        fields = Fields(entry.source, node, entry.faults, what="'webhook'")
-        url, variable, section = fields.text("url", ""), fields.text("url_from", ""), fields.section("headers")
-        if section is not None:
-            headers = {name.text: section.text(name.text) for name, _ in section.entries()}
-        fields.done()
-        if bool(url) == bool(variable):
-            entry.fault(node.mark, "'webhook' needs either 'url' or 'url_from'", "url_from: ROBOT_URL")
-            return None
-    if url:
-        try:
-            site_of(url)
-        except ValueError:
-            entry.fault(node.mark, f"'webhook' needs the address of a web server, got '{url}'", "https://...")
-            return None
-    return WebhookNotice(url, headers, variable)
+@keys
+class WayKeys:
+    """One way for notices to go."""
 
+    unknown = "a notice cannot go by '{}'"
 
-def _mqtt(entry: Fields, node: Node) -> MqttNotice:
-    fields = Fields(entry.source, node, entry.faults, what="'mqtt'")
-    tls = fields.flag("tls", default=False)
-    topic_at = fields.node_of("topic") or node
-    found = MqttNotice(
-        host=fields.text("host", "localhost"),
-        topic=fields.text("topic", "missiontree/tasks"),
-        port=fields.integer("port", 8883 if tls else 1883, low=1, high=65535),
-        tls=tls,
-        user=fields.text("user", ""),
-        password=fields.text("password", ""),
+    command: Annotated[tuple[str, ...], _COMMAND] | None = key(
+        default=None, help="A program and its arguments, which gets them as JSON on its standard input."
     )
-    fields.done()
-    if any(sign in found.topic for sign in "+#"):
-        entry.fault(topic_at.mark, f"'topic' names one topic, without + and #: '{found.topic}'", "home/robot")
-    if found.password and not found.user:
-        entry.fault(node.mark, "'mqtt' has a password and no user", "user: robot")
-    return found
+    webhook: str | WebhookKeys | None = key(default=None, help="A web server, which gets them as JSON by POST.")
+    mqtt: MqttKeys | None = key(default=None, help="An MQTT broker.")
+
+    @property
+    def address(self) -> WebhookKeys | None:
+        """The web server."""
+        return WebhookKeys(url=self.webhook) if isinstance(self.webhook, str) else self.webhook
+
+    def config(self) -> NoticeConfig:
+        """Return the way."""
+        if self.command is not None:
+            return CommandNotice(self.command)
+        if (web := self.address) is not None:
+            return WebhookNotice(web.url, web.headers, web.url_from)
+        to = self.mqtt or MqttKeys()
+        port = to.port or (8883 if to.tls else 1883)
+        return MqttNotice(to.host, to.topic, port, to.tls, to.user, to.password)
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield no way, or two, a command without a program, and an address that is none."""
+        if [self.command, self.webhook, self.mqtt].count(None) != 2:
+            yield Mistake(NO_WAY, hint=WAYS)
+        if self.command is not None and not "".join(self.command[:1]).strip():
+            yield Mistake(_COMMAND.wrong.format("command"), ("command",), hint=_COMMAND.hint, about=(("command",),))
+        url = "" if self.address is None else self.address.url
+        try:
+            site_of(url or "http://localhost")
+        except ValueError:
+            message = f"'webhook' needs the address of a web server, got '{url}'"
+            yield Mistake(message, ("webhook",), hint="https://...", about=(("webhook",),))
+
+
+NO_WAY = "a notice needs one way to go"
+WAYS = f"one of: {', '.join(KINDS)}"
+
+Way = Annotated[Literal["terminal"], inside(wrong=NO_WAY, hint=WAYS)] | Annotated[WayKeys, inside(each="a notice")]
+"""An entry of the list."""
+
+
+def way(told: Literal["terminal"] | WayKeys) -> NoticeConfig:
+    """Return the way that an entry tells."""
+    return TerminalNotice() if isinstance(told, str) else told.config()

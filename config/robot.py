@@ -5,7 +5,7 @@ so readers are given the table of drivers. SI units and radians throughout.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -13,14 +13,26 @@ from config.declared import note_mistakes, read_keys
 from config.faults import InvalidFileError, Source, closest, one_of
 from config.fields import Fields, fields_of, value_of
 from config.marked import Scalar, read_source
-from config.notices import NoticeConfig, read_notices
+from config.notices import NoticeConfig, Way, way
 from config.units import seen
 from drivers.api.driver import BrokenDriver, Driver, Drivers
+from drivers.api.keys import key, keys
 from drivers.api.kinds import KINDS, Kind
+from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 
 K = TypeVar("K")
+
+
+@keys
+class RobotKeys:
+    """The keys of a robot file beside its parts."""
+
+    robot: str = key(help="What the robot is called.")
+    summary: str = key(default="", help="What it is, in a line.")
+    rate: float = key("frequency", default=20.0, low=1.0, high=200.0, help="How often its missions are ticked at most.")
+    notices: tuple[Way, ...] = key(default=(), help="Where it tells how tasks went, each a word or a section.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +119,6 @@ def load_robot(path: Path, drivers: Drivers) -> RobotConfig:
 def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
     fields = fields_of(source, what="a robot file")
-    name, summary = fields.text("robot"), fields.text("summary", "")
-    rate = fields.quantity("rate", "frequency", 20.0, low=1.0, high=200.0)
     read = {kind.name: fields.section(kind.name) for kind in KINDS.values()}
     sections: dict[str, Section] = {}
     for kind in KINDS.values():
@@ -117,11 +127,10 @@ def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> Robo
         if found is not None:
             sections[kind.name] = found
     _check_together(read, sections)
-    robot = RobotConfig(name, summary, rate, sections, read_notices(fields), path)
-    fields.done()
+    told = read_keys(fields, RobotKeys)
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return robot
+    return RobotConfig(told.robot, told.summary, told.rate, sections, tuple(map(way, told.notices)), path)
 
 
 def _section(fields: Fields, kind: Kind, drivers: Drivers) -> Section | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from config.faults import SMART_QUOTES, Fault, Mark, Source, place_of
+from config.faults import SMART_QUOTES, Diagnostic, Mark, Source, place_of
 
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What is not a printable character of YAML 1.1 (section 5.1 of its specification)."""
@@ -41,19 +41,19 @@ def events(text: str) -> Iterator[Any]:
     yield from yaml.parse(text, Loader=_LOADER)
 
 
-def forbidden_character(source: Source) -> Fault | None:
+def forbidden_character(source: Source) -> Diagnostic | None:
     """Return the first character that may not stand in YAML at all, such as NUL or an escape code."""
     found = _FORBIDDEN.search(source.text)
     if found is None:
         return None
     message = f"a character that YAML does not allow: U+{ord(found[0]):04X}"
-    return Fault(source, place_of(source.text, found.start()), message)
+    return Diagnostic(source, place_of(source.text, found.start()), message)
 
 
-def syntax_fault(source: Source, error: yaml.YAMLError) -> Fault:
+def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
     """Say what the parser stumbled on."""
     if not isinstance(error, yaml.MarkedYAMLError):
-        return Fault(source, Mark(), f"not YAML: {error}")
+        return Diagnostic(source, Mark(), f"not YAML: {error}")
     problem, context = error.problem or "cannot be read", error.context or ""
     mark = _mark(error.problem_mark) or _mark(error.context_mark) or Mark()
     line = source.line(mark.line)
@@ -62,18 +62,20 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Fault:
         return found
     if problem == "could not find expected ':'" and (begin := _mark(error.context_mark)) is not None:
         word, _, rest = source.line(begin.line)[begin.column - 1 :].strip().partition(" ")
-        return Fault(source, replace(begin, length=len(word)), f"'{word}' lacks a colon", f"write '{word}: {rest}'")
+        return Diagnostic(
+            source, replace(begin, length=len(word)), f"'{word}' lacks a colon", f"write '{word}: {rest}'"
+        )
     if problem.endswith("that cannot start any token"):
-        return Fault(source, mark, f"'{line[mark.column - 1 : mark.column]}' cannot begin a text", _QUOTES)
+        return Diagnostic(source, mark, f"'{line[mark.column - 1 : mark.column]}' cannot begin a text", _QUOTES)
     if context in _IN_COLUMNS and (quote := _open_quote(source, mark.line)) is not None:
-        return Fault(source, quote, _SLIPS["while scanning a quoted scalar"][0])
+        return Diagnostic(source, quote, _SLIPS["while scanning a quoted scalar"][0])
     if context in _IN_COLUMNS and (under_dash := _under_dash(source, mark.line)) is not None:
         return under_dash
     if context in _SLIPS:
         message, suggestion = _SLIPS[context]
         begin = _mark(error.context_mark) if context.startswith(_BEGIN_THERE) else None
-        return Fault(source, begin or mark, message, suggestion)
-    return Fault(source, mark, f"not YAML: {problem}")
+        return Diagnostic(source, begin or mark, message, suggestion)
+    return Diagnostic(source, mark, f"not YAML: {problem}")
 
 
 def problem_line(error: yaml.YAMLError) -> int:
@@ -82,33 +84,33 @@ def problem_line(error: yaml.YAMLError) -> int:
     return 1 if mark is None else mark.line + 1
 
 
-def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Fault | None:
+def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnostic | None:
     """Recognise what people get wrong most often."""
     if "\t" in line[: len(line) - len(line.lstrip())]:
-        return Fault(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
+        return Diagnostic(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
     if "'\\t'" in problem or line[mark.column - 1 : mark.column] == "\t":
-        return Fault(source, mark, "a tab between words", "write blanks")
+        return Diagnostic(source, mark, "a tab between words", "write blanks")
     bare = _bare_word_above(source, mark.line)
     if bare is not None:
         word, place = bare
-        return Fault(source, place, f"'{word}' has something beside it, so it needs a colon", f"write '- {word}:'")
+        return Diagnostic(source, place, f"'{word}' has something beside it, so it needs a colon", f"write '- {word}:'")
     hole = _open_hole(line)
     if hole is not None:
         place = Mark(mark.line, hole.start() + 1, len(hole[0]))
-        return Fault(source, place, "'${...}' inside { } or [ ] needs quotes", f'write "{hole[0]}"')
+        return Diagnostic(source, place, "'${...}' inside { } or [ ] needs quotes", f'write "{hole[0]}"')
     if problem.startswith("mapping values are not allowed"):
         if (under := _under_value(source, line, mark)) is not None:
             return under
         if ": " in line[: mark.column - 1]:
             plain = " (\" or ', no others)" if SMART_QUOTES.search(line) is not None else ""
             hint = f"put quotes{plain} around a text that contains ': '"
-            return Fault(source, mark, "a second ': ' in one value", hint)
+            return Diagnostic(source, mark, "a second ': ' in one value", hint)
         hint = "the line above lacks a colon, or this one is indented too far"
-        return Fault(source, mark, "a colon is not expected here", hint)
+        return Diagnostic(source, mark, "a colon is not expected here", hint)
     return None
 
 
-def _under_dash(source: Source, number: int) -> Fault | None:
+def _under_dash(source: Source, number: int) -> Diagnostic | None:
     """Find a key in the column of the dashes above it, which is meant to stand beside what follows the last dash.
 
     The parser gives up there, or at the next dash: until then the key may belong to what is around the list.
@@ -127,15 +129,15 @@ def _under_dash(source: Source, number: int) -> Fault | None:
     return None
 
 
-def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Fault:
+def _of_key(source: Source, mark: Mark, word: str, behind_dash: str) -> Diagnostic:
     hint = f"indent it by two more blanks, under '{behind_dash}'"
     above = (re.match(r"( *(?:- +)*)(\w+):", source.line(at)) for at in range(mark.line - 1, 0, -1))
     owner = next((found for found in above if found is not None and len(found[1]) < mark.column - 1), None)
     hint += f", or outdent it, to stand below '{owner[2]}'" if owner is not None else ""
-    return Fault(source, mark, f"'{word}' stands under the dash", hint)
+    return Diagnostic(source, mark, f"'{word}' stands under the dash", hint)
 
 
-def _under_value(source: Source, line: str, mark: Mark) -> Fault | None:
+def _under_value(source: Source, line: str, mark: Mark) -> Diagnostic | None:
     """Find a key that is indented below one which has its value behind it, such as ``timeout`` under ``say: Hello``."""
     key = re.match(r"( *)(\w+):(?=\s|$)", line)
     above = re.match(r"( *(?:- +)*)(\w+): +[^\s#|>]", source.line(mark.line - 1))
@@ -143,7 +145,9 @@ def _under_value(source: Source, line: str, mark: Mark) -> Fault | None:
         return None
     place = Mark(mark.line, len(key[1]) + 1, len(key[2]))
     hint = f"outdent it, to stand below '{above[2]}'"
-    return Fault(source, place, f"'{key[2]}' is indented further than '{above[2]}', which has its value already", hint)
+    return Diagnostic(
+        source, place, f"'{key[2]}' is indented further than '{above[2]}', which has its value already", hint
+    )
 
 
 def _open_quote(source: Source, number: int) -> Mark | None:

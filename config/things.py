@@ -1,14 +1,23 @@
-"""What stands about in a world file: inner walls, furniture, edges, coloured objects, other robots."""
+"""What stands about in a world file: inner walls, furniture, edges, coloured objects, the dock, other robots."""
 
-from dataclasses import dataclass
-from math import atan2, cos, dist, sin
+from collections.abc import Iterator
+from typing import Annotated
 
 from config.colours import COLOURS
-from config.fields import Fields
-from config.layout import ROBOT, Layout, Place, Rectangle, lengths, place, sides
-from config.marked import Listing, Node, Scalar
-from config.people import read_path
 from config.units import written
+from drivers.api.keys import Mistake, inside, key, keys
+
+Place = tuple[float, float]
+"""A place (x, y) on the floor, in metres."""
+
+Spot = tuple[float, float, float]
+"""A place with its height above the floor; or the length, width and height of a box."""
+
+PLACE = "'{}' needs a place, such as [1.5 m, 0.2 m]"
+"""What is said of a place that is none."""
+
+SIDES = "'{}' needs three lengths, such as [1.2 m, 0.8 m, 0.75 m]"
+"""The same of the size of a box."""
 
 THICKNESS = 0.1
 """Metres from one side of an inner wall to the other."""
@@ -22,237 +31,166 @@ DOCK = (0.1, 0.25)
 SHAPES = ("ball", "box")
 """The shapes of coloured objects."""
 
-_ROBOT_SIZE = (0.35, 0.35, 0.42)
 _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
 
-@dataclass(frozen=True, slots=True)
+@keys
+class Placed:
+    """What has a place on the floor."""
+
+    at: Place = key("length", wrong=PLACE, help="Where its middle is: [x, y].")
+
+    @property
+    def x(self) -> float:
+        """Its place along x, in metres."""
+        return self.at[0]
+
+    @property
+    def y(self) -> float:
+        """Its place along y, in metres."""
+        return self.at[1]
+
+
+@keys
+class PlacedPose:
+    """What stands on the floor, or on something else."""
+
+    name: str = key(help="What it is called.")
+    at: Place | Spot = key(
+        "length", wrong=PLACE, help="Where its middle is: [x, y], or [x, y, z] for z over the floor."
+    )
+
+    @property
+    def x(self) -> float:
+        """Its place along x, in metres."""
+        return self.at[0]
+
+    @property
+    def y(self) -> float:
+        """Its place along y, in metres."""
+        return self.at[1]
+
+    @property
+    def bottom(self) -> float:
+        """The height above the floor of what it stands on, in metres."""
+        return sum(self.at[2:])
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what would be below the floor."""
+        if self.bottom < 0.0:
+            yield Mistake("'at' must be at least 0 m", ("at", 2), about=(("at",),))
+
+
+@keys
 class WallConfig:
-    """An inner wall from ``start`` to ``end``, each (x, y)."""
+    """An inner wall; as high as the room where ``height`` is None."""
 
-    start: Place
-    end: Place
-    height: float
-
-
-@dataclass(frozen=True, slots=True)
-class BoxConfig:
-    """Furniture, or a coloured box: its middle, its ``size`` (length along ``heading``, width, height).
-
-    ``bottom`` is the height above the floor of what it stands on; ``colour`` is a name in ``config.colours``.
-    """
-
-    name: str
-    x: float
-    y: float
-    bottom: float
-    size: tuple[float, float, float]
-    heading: float
-    colour: str
+    start: Place = key("length", word="from", wrong=PLACE, help="One end: [x, y].")
+    end: Place = key("length", word="to", wrong=PLACE, help="The other end: [x, y].")
+    height: float | None = key("length", default=None, low=0.1, help="Its height; that of the room where not given.")
 
 
-@dataclass(frozen=True, slots=True)
-class BallConfig:
-    """A ball of the diameter ``size``; the rest is as of a box."""
+@keys
+class BoxConfig(PlacedPose):
+    """A piece of furniture: a box whose ``size`` is its length along ``heading``, its width and its height."""
 
-    name: str
-    x: float
-    y: float
-    bottom: float
-    size: float
-    colour: str
+    size: Spot = key("length", low=0.01, high=20.0, wrong=SIDES, help="Its length, width and height.")
+    heading: float = key("angle", default=0.0, help="Which way its length goes.")
+    colour: str = key(default="brown", among=COLOURS, help="Its colour.")
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeConfig:
-    """Where the floor ends: a rectangle about (x, y), ``length`` along x, ``width`` along y."""
+@keys
+class ThingConfig(PlacedPose):
+    """A coloured object: a ball of the diameter ``size``, or a box."""
 
-    x: float
-    y: float
-    length: float
-    width: float
+    shape: str = key(among=SHAPES, help="Its shape.")
+    size: (
+        Annotated[float, inside("length", low=0.02, high=2.0)]
+        | Annotated[Spot, inside("length", low=0.01, high=20.0, wrong=SIDES)]
+    ) = key(help="Across, of a ball; length, width and height, of a box.")
+    turned: float | None = key("angle", default=None, word="heading", help="Which way the length of a box goes.")
+    colour: str = key(among=COLOURS, help="Its colour.")
 
+    @property
+    def heading(self) -> float:
+        """Which way its length goes, in radians."""
+        return self.turned or 0.0
 
-@dataclass(frozen=True, slots=True)
-class DockConfig:
-    """The dock of the base: its middle, and the way it faces."""
-
-    x: float
-    y: float
-    heading: float
-
-
-@dataclass(frozen=True, slots=True)
-class RoverConfig:
-    """Another robot, with marker number ``marker`` on its sides, that stands or drives as people walk."""
-
-    name: str
-    marker: int
-    x: float
-    y: float
-    heading: float
-    size: tuple[float, float, float]
-    colour: str
-    path: tuple[Place, ...]
-    speed: float
-    start: float
-    loop: bool
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a size or a heading that belong to the other shape, too."""
+        yield from super().mistakes()
+        about = (("shape",), ("size",))
+        if self.shape == "box" and isinstance(self.size, float):
+            yield Mistake(SIDES.replace("{}", "size"), ("size",), about=about)
+        elif self.shape == "ball" and not isinstance(self.size, float):
+            yield Mistake("'size' of a ball needs one length, such as '20 cm'", ("size",), about=about)
+        if self.shape == "ball" and self.turned is not None:
+            yield Mistake("a ball has no 'heading'", ("heading",), named=True, about=(("shape",),))
 
 
-def read_wall(world: Fields, node: Node, layout: Layout | None, height: float) -> WallConfig:
-    """Read an inner wall; as high as the room, ``height``, where it does not say."""
-    fields = Fields(world.source, node, world.faults, what="a wall")
-    before = len(fields.faults)
-    start, end = (place(fields, fields.node_of(key, required=True), key) for key in ("from", "to"))
-    wall = WallConfig(start, end, fields.quantity("height", "length", height, low=0.1, high=height))
-    fields.done()
-    if len(fields.faults) > before:
-        return wall
-    if dist(start, end) < THICKNESS:
-        fields.fault(node.mark, f"the wall is only {written(dist(start, end), 'length')} long")
-    elif layout is not None and layout.contains(fields, node.mark, "the wall", (start, end)):
-        (x0, y0), (x1, y1) = start, end
-        middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-        ground = Rectangle(*middle, dist(start, end), THICKNESS, atan2(y1 - y0, x1 - x0))
-        layout.put(fields, node.mark, "the wall", ground)
-    return wall
+@keys
+class EdgeConfig(Placed):
+    """Where the floor ends: a rectangle, its ``size`` along x and along y."""
 
-
-def read_furniture(world: Fields, node: Node, layout: Layout | None) -> BoxConfig:
-    """Read a piece of furniture."""
-    fields = Fields(world.source, node, world.faults, what="a piece of furniture")
-    before = len(fields.faults)
-    found = _box(fields, "brown")
-    fields.done()
-    if layout is not None and len(fields.faults) == before:
-        _check(fields, node, layout, found)
-    return found
-
-
-def read_object(world: Fields, node: Node, layout: Layout | None) -> BoxConfig | BallConfig:
-    """Read a coloured object."""
-    fields = Fields(world.source, node, world.faults, what="an object")
-    before = len(fields.faults)
-    shape = fields.choice("shape", SHAPES)
-    if len(fields.faults) > before:  # what was meant shows in its size
-        shape = "box" if isinstance(fields.node_of("size"), Listing) else "ball"
-    found = _ball(fields) if shape == "ball" else _box(fields, None)
-    fields.done()
-    if layout is not None and len(fields.faults) == before:
-        _check(fields, node, layout, found)
-    return found
-
-
-def read_edge(world: Fields, node: Node, layout: Layout | None) -> EdgeConfig:
-    """Read where the floor ends."""
-    fields = Fields(world.source, node, world.faults, what="an edge")
-    before = len(fields.faults)
-    x, y = place(fields, fields.node_of("at", required=True), "at")
-    size = fields.node_of("size", required=True)
-    length = width = 1.0
-    if size is not None:
-        example = "a length and a width, such as [1 m, 0.8 m]"
-        length, width = lengths(fields, size, "size", 2, example, low=0.05, high=50.0)
-    fields.done()
-    if layout is not None and len(fields.faults) == before:
-        layout.put(fields, node.mark, "the edge", Rectangle(x, y, length, width), solid=False)
-    return EdgeConfig(x, y, length, width)
-
-
-def read_dock(world: Fields, layout: Layout | None) -> DockConfig | None:
-    """Read the dock of the base, before which there must be room for it; None where there is no dock."""
-    fields = world.section("dock")
-    if fields is None:
-        return None
-    before = len(fields.faults)
-    at = fields.node_of("at", required=True)
-    x, y = place(fields, at, "at")
-    heading = fields.quantity("heading", "angle")
-    fields.done()
-    if at is not None and layout is not None and len(fields.faults) == before:
-        length, width = DOCK
-        before_it = length / 2 + ROBOT
-        spot = (x + before_it * cos(heading), y + before_it * sin(heading))
-        layout.room_for_robot(fields, at.mark, "before the dock", spot)
-        if len(fields.faults) == before:
-            layout.put(fields, at.mark, "the dock", Rectangle(x, y, length, width, heading))
-    return DockConfig(x, y, heading)
-
-
-def read_rover(world: Fields, node: Node, layout: Layout | None) -> RoverConfig:
-    """Read another robot."""
-    fields = Fields(world.source, node, world.faults, what="a robot")
-    (x, y), path = read_path(fields, layout, _ROBOT_SIZE[0] / 2)
-    size = fields.node_of("size")
-    rover = RoverConfig(
-        name=fields.text("name"),
-        marker=fields.integer("marker", low=0, high=MARKERS - 1),
-        x=x,
-        y=y,
-        heading=fields.quantity("heading", "angle", 0.0),
-        size=_ROBOT_SIZE if size is None else sides(fields, size, "size"),
-        colour=fields.choice("colour", list(COLOURS), "grey"),
-        path=path,
-        speed=fields.quantity("speed", "speed", 0.2, low=0.01, high=5.0),
-        start=fields.quantity("after", "duration", 0.0, low=0.0),
-        loop=fields.flag("loop", True),
-    )
-    fields.done()
-    if size is not None and isinstance(size, Listing) and 0 < min(rover.size) < _MARKER_SPACE:
-        least = written(_MARKER_SPACE, "length")
-        fields.fault(size.mark, f"'size': no side has room for its marker, which needs {least}")
-    return rover
-
-
-def _box(fields: Fields, colour: str | None) -> BoxConfig:
-    x, y, bottom = _spot(fields)
-    return BoxConfig(
-        name=fields.text("name"),
-        x=x,
-        y=y,
-        bottom=bottom,
-        size=sides(fields, fields.node_of("size", required=True), "size"),
-        heading=fields.quantity("heading", "angle", 0.0),
-        colour=fields.choice("colour", list(COLOURS), colour),
+    size: Place = key(
+        "length",
+        low=0.05,
+        high=50.0,
+        wrong="'{}' needs a length and a width, such as [1 m, 0.8 m]",
+        help="Its length along x, and its width along y.",
     )
 
+    @property
+    def length(self) -> float:
+        """Metres along x."""
+        return self.size[0]
 
-def _ball(fields: Fields) -> BallConfig:
-    x, y, bottom = _spot(fields)
-    return BallConfig(
-        name=fields.text("name"),
-        x=x,
-        y=y,
-        bottom=bottom,
-        size=fields.quantity("size", "length", low=0.02, high=2.0),
-        colour=fields.choice("colour", list(COLOURS)),
+    @property
+    def width(self) -> float:
+        """Metres along y."""
+        return self.size[1]
+
+
+@keys
+class DockConfig(Placed):
+    """The dock of the base."""
+
+    heading: float = key("angle", help="The way that it faces.")
+
+
+@keys
+class Walker(Placed):
+    """Who stands at a place, and may go about."""
+
+    name: str = key(help="What they are called.")
+    path: tuple[Annotated[Place, inside("length", wrong=PLACE)], ...] = key(
+        default=(), word="walk", help="The places that they go to, one after another."
     )
+    speed: float = key("speed", default=0.5, low=0.01, high=5.0, help="How fast they go.")
+    start: float = key("duration", default=0.0, low=0.0, word="after", help="How long they wait before they go.")
+    loop: bool = key(default=True, help="Whether they go back to the first place, and on again.")
 
 
-def _spot(fields: Fields) -> tuple[float, float, float]:
-    """Read where something stands: [x, y], or [x, y, z] for z above the floor."""
-    node = fields.node_of("at", required=True)
-    if not isinstance(node, Listing) or len(node.items) != 3:
-        return (*place(fields, node, "at"), 0.0)
-    x, y = (fields.measure(item, "at", "length") for item in node.items[:2])
-    return x, y, fields.measure(node.items[2], "at", "length", low=0.0)
+@keys
+class RoverConfig(Walker):
+    """Another robot, with a marker on its sides, that stands or drives as people walk."""
 
+    marker: int = key(low=0, high=MARKERS - 1, help="The number of the marker on its sides.")
+    heading: float = key("angle", default=0.0, help="Which way it looks at first.")
+    size: Spot = key(
+        "length",
+        default=(0.35, 0.35, 0.42),
+        low=0.01,
+        high=20.0,
+        wrong=SIDES,
+        help="Its length, width and height.",
+    )
+    colour: str = key(default="grey", among=COLOURS, help="Its colour.")
+    speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="How fast it goes.")
 
-def _check(fields: Fields, node: Node, layout: Layout, found: BoxConfig | BallConfig) -> None:
-    """Note a fault where something is outside of the room, above or beside, or where the robot starts."""
-    if isinstance(found, BallConfig):
-        length = width = height = found.size
-        heading = 0.0
-    else:
-        (length, width, height), heading = found.size, found.heading
-    name = fields.node_of("name")
-    mark = node.mark if not isinstance(name, Scalar) else name.mark
-    if found.bottom + height > layout.height:
-        top = written(found.bottom + height, "length")
-        room = f"the room is {written(layout.height, 'length')} high"
-        fields.fault(mark, f"'{found.name}' reaches up to {top}", room)
-    ground = Rectangle(found.x, found.y, length, width, heading)
-    if found.bottom == 0.0:
-        layout.put(fields, mark, f"'{found.name}'", ground)
-    else:
-        layout.contains(fields, mark, f"'{found.name}'", ground.corners())
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a size that has no room for the marker."""
+        if min(self.size) < _MARKER_SPACE:
+            least = written(_MARKER_SPACE, "length")
+            message = f"'size': no side has room for its marker, which needs {least}"
+            yield Mistake(message, ("size",), about=(("size",),))

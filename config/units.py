@@ -19,7 +19,7 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """The units of each dimension, and how many SI units one of them is. A share is 0..1 inside, a temperature in degC."""
 
-LONGEST = 60
+MAX_SHOWN_LENGTH = 60
 """As many characters of a value are shown in a message."""
 
 EXAMPLES = {
@@ -164,5 +164,5 @@ def seen(value: object) -> str:
         return "'true'" if value else "'false'"
     if isinstance(value, str | int | float):
         text = str(value)
-        return f"'{text}'" if len(text) <= LONGEST else f"'{text[:LONGEST]}...'"
+        return f"'{text}'" if len(text) <= MAX_SHOWN_LENGTH else f"'{text[:MAX_SHOWN_LENGTH]}...'"
     return "a list" if isinstance(value, list | tuple) else "a mapping"

@@ -14,18 +14,19 @@ import numpy as np
 
 import missions
 from missions.executive.events import Event
-from missions.library import load_mission, shipped_missions
-from missions.pictures.compare import compare
-from missions.pictures.draw import at, drawing_of
-from missions.pictures.drawing import Drawing
-from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
-from missions.pictures.page.document import without_assets
-from missions.pictures.states import states_at
-from missions.pictures.tree_json import schema
+from missions.library.shipped import load_mission, shipped_missions
+from missions.studio.messages import protocol
+from missions.views.pictures.compare import compare
+from missions.views.pictures.draw import at, drawing_of
+from missions.views.pictures.drawing import Drawing
+from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.views.pictures.page.document import without_assets
+from missions.views.pictures.states import states_at
+from missions.views.pictures.tree_json import schema
 
 ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "docs" / "gallery"
-PAGES = ROOT / "tests" / "missions" / "pictures" / "golden"
+PAGES = ROOT / "tests" / "missions" / "views" / "pictures" / "golden"
 
 IN_EVERY_FORM = ("greet", "patrol", "motions/square")
 """The missions that are there in every form; the others only as the SVG that the gallery shows."""
@@ -54,6 +55,7 @@ def dumps() -> Mapping[Path, Callable[[], Dump]]:
     found[GALLERY / "at.svg"] = lambda: FORMS["svg"](moment())
     found[GALLERY / "diff.svg"] = lambda: PAIR_FORMS["svg"](compare(drawing("motions/square"), drawing("square_3m")))
     found[ROOT / "docs" / "tree.schema.json"] = lambda: json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+    found[ROOT / "docs" / "studio.schema.json"] = lambda: json.dumps(protocol(), indent=1, ensure_ascii=False) + "\n"
     return found
 
 

@@ -7,28 +7,35 @@
 import inspect
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
-from config.controller import ControllerKeys
+from config.controller import BaseKeys, ControllerKeys
 from config.gesture import GestureKeys
+from config.move import MoveKeys
 from config.object import ObjectKeys
+from config.robot import RobotKeys
 from config.units import EXAMPLES, UNITS
+from config.world import WorldConfig
 from docs import dumps
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
-from missions.catalogue import bounds, details, kind_of, shown_default, summary
-from missions.drivers import Table
 from missions.executive.state import state_of
 from missions.language.counts import COUNTS
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
+from missions.library.catalogue import bounds, details, kind_of, shown_default, summary
+from missions.library.drivers import Table
 from missions.schema.reference import code, keys_table, robot_reference, table
+from missions.studio.form import members
+from missions.studio.messages import ERRORS, MESSAGES
+from missions.studio.reading import COMMANDS
+from missions.testing.keys import CommonKeys, ExpectKeys, JudgedKeys
 
 HERE = Path(__file__).parent
 
@@ -108,6 +115,38 @@ def robot_keys() -> str:
     return robot_reference(Table(), frozenset((kind, name) for kind, names in HOUSE.items() for name in names))
 
 
+def studio_commands() -> str:
+    """Return the table of the studio's commands."""
+    rows = (
+        (code(word), kind.role, _named(kind, leave=("id",)), " ".join((inspect.getdoc(kind) or "").split()))
+        for word, kind in COMMANDS.items()
+    )
+    return table(("command", "who", "members", "what it does"), rows)
+
+
+def studio_messages() -> str:
+    """Return the table of the studio's messages."""
+    rows = (
+        (code(word), _named(kind), " ".join((inspect.getdoc(kind) or "").split())) for word, kind in MESSAGES.items()
+    )
+    return table(("message", "members", "what it says"), rows)
+
+
+def studio_errors() -> str:
+    """Return the table of the errors that answers name."""
+    return table(("error", "means"), ((code(name), about) for name, about in ERRORS.items()))
+
+
+def _named(kind: type, leave: Sequence[str] = ()) -> str:
+    """Return the names of a message's members, each with what it is, those in brackets that may be left out."""
+    found = []
+    for each in members(kind):
+        if each.name not in leave:
+            name = code(each.name) if each.required else f"[{code(each.name)}]"
+            found.append(f"{name}: {each.about}" if each.about else name)
+    return "<br>".join(found)
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "composites": composites,
     "counts": counts,
@@ -117,10 +156,19 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "words": words,
     "leaves": leaves,
     "robot_keys": robot_keys,
+    "robot_top": partial(keys_table, RobotKeys),
     "gesture_keys": partial(keys_table, GestureKeys),
-    "controller_keys": partial(keys_table, ControllerKeys),
+    "controller_keys": partial(keys_table, ControllerKeys, (BaseKeys,)),
+    "rule_keys": partial(keys_table, BaseKeys),
+    "world_keys": partial(keys_table, WorldConfig),
+    "test_keys": partial(keys_table, JudgedKeys, {CommonKeys, ExpectKeys}),
+    "expect_keys": partial(keys_table, ExpectKeys),
+    "move_keys": partial(keys_table, MoveKeys),
     "object_keys": partial(keys_table, ObjectKeys),
     "gallery": dumps.gallery,
+    "studio_commands": studio_commands,
+    "studio_messages": studio_messages,
+    "studio_errors": studio_errors,
 }
 """What is written, by the name in its markers."""
 

@@ -2,27 +2,26 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Generic, Self, TypeVar
 
 from drivers.api import (
     HEAD_ACCELERATION,
-    HeadLimits,
+    DeviceStatus,
     HeadPose,
     Health,
     Joints,
     JointState,
-    Notice,
     Quality,
     Reading,
     Report,
-    unheard,
-    unreported,
+    ignore,
 )
+from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.guard import guarded
-from drivers.history import History
+from drivers.led import LedHead
 from drivers.pantilt import AHEAD, LARGEST_TRIM, PanTilt
 
 PERIOD = 0.02
@@ -71,7 +70,7 @@ class JointAxis:
 J = TypeVar("J", bound=Joints)
 
 
-class JointsHead(Generic[J]):
+class JointsHead(LedHead[JointAxis], Generic[J]):
     """A ``drivers.api.Head`` of two of the ``joints``, which somebody else opens and closes.
 
     It leads them to the goal within ``speed`` (rad/s) and ``acceleration`` (rad/s^2), in small steps: ``step`` is to
@@ -91,34 +90,25 @@ class JointsHead(Generic[J]):
         tilt: JointAxis,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "head",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
         start: HeadPose = AHEAD,
     ) -> None:
         if pan.joint == tilt.joint:
-            raise ValueError(f"{name}: pan and tilt are both joint '{pan.joint}'")
-        self.name = name
+            raise ValueError(f"{self.name}: pan and tilt are both joint '{pan.joint}'")
         self._joints = joints
-        self._clock = clock
         self._report = guarded(report)
-        self._changed = guarded(changed)
-        pan, tilt = self._built = _within(name, pan, joints), _within(name, tilt, joints)
-        self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
+        pan, tilt = self._built = _within(self.name, pan, joints), _within(self.name, tilt, joints)
+        super().__init__(
+            clock, PanTilt(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+        )
         self._open = self._there = False
-        self._began = False  # it has been there before, and gone for its start
         self._sent: Mapping[str, float] = {}  # on this connection
         self._stiff = (False, False)  # as last seen
         self._newest: Reading[HeadPose] = Reading(None, 0.0, Quality.NONE)
         self._told: HeadPose | None = None
-        self._history = History()
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
-
-    @property
-    def limits(self) -> HeadLimits:
-        """How far, how fast and how hard it turns."""
-        return self._way.limits
 
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
@@ -138,35 +128,11 @@ class JointsHead(Generic[J]):
         newest = self._newest
         return newest if self._there or newest.value is None else replace(newest, quality=Quality.STALE)
 
-    def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the joints were at a past time, interpolated; None when that is not known."""
-        values = self._history.at(stamp)
-        return None if values is None else HeadPose(*values)
-
-    def stop(self) -> None:
-        """Brake, within its acceleration, and hold."""
-        self._way.brake(self._clock.now())
-
-    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
-        """Set the trims that are given, in radians of the joint, while it runs; return both.
-
-        Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
-        """
-        return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
-
-    def stay(self) -> None:
-        """Go nowhere when both joints are there. To be called before ``open``."""
-        self._began = True
-
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Use the joints as soon as they are there."""
         self._open = True
-
-    def rest(self) -> None:
-        """Hold. What rest means for the torque is up to the arm."""
-        self.stop()
 
     def close(self) -> None:
         """Hold at once. Safe from any state, more than once."""
@@ -230,7 +196,7 @@ class JointsHead(Generic[J]):
             self._way.place(here, now)
         self._sent, self._stiff = {}, (False, False)
         self._there = self._began = True
-        self._report(Notice(self.name, "online", "both joints are there"))
+        self._report(DeviceStatus(self.name, "online", "both joints are there"))
 
     def _yield(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
         """Go on from where it stands with a joint that was stiff, and is so no more: relaxed, or shut down."""
@@ -257,7 +223,9 @@ class JointsHead(Generic[J]):
         if self._there:
             self._there = False
             health = self.health()
-            self._report(Notice(self.name, "offline", health.detail or f"{self.name}: a joint is gone", _cure(health)))
+            self._report(
+                DeviceStatus(self.name, "offline", health.detail or f"{self.name}: a joint is gone", _cure(health))
+            )
 
 
 def _within(name: str, axis: JointAxis, joints: Joints) -> JointAxis:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import serial
 
-from drivers.api import Health, Notice, Report, unreported
+from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.loop import MakeLoop, ThreadLoop
@@ -86,7 +86,7 @@ class Link:
         *,
         retry: float = 0.5,
         gather: float = 0.0,
-        report: Report = unreported,
+        report: Report = ignore,
         dial: Dial = dial,
         loop: MakeLoop = ThreadLoop,
     ) -> None:
@@ -166,7 +166,7 @@ class Link:
                 return self._serve(talker, self._port)
             self._release()
             if self._greeted:
-                self._report(Notice(self.name, "offline", str(self._trouble), self._trouble.hint))
+                self._report(DeviceStatus(self.name, "offline", str(self._trouble), self._trouble.hint))
             return self._retry
         except NotConnected:
             return 0.0  # the next turn lets the port go, if it has gone
@@ -192,7 +192,7 @@ class Link:
             self._trouble = error if isinstance(error, NotConnected) else unfit
             raise
         self._greeted = True
-        self._report(Notice(self.name, "online", f"{self.port} is open at {self.baud} baud"))
+        self._report(DeviceStatus(self.name, "online", f"{self.port} is open at {self.baud} baud"))
         return 0.0
 
     def _serve(self, talker: Talker, port: Port) -> float:
@@ -214,7 +214,7 @@ class Link:
         """Report a fault, unless it is the same as before: it may come with every pulse."""
         if (fault := _words(error)) != self._fault:
             self._fault = fault
-            self._report(Notice(self.name, "fault", fault))
+            self._report(DeviceStatus(self.name, "fault", fault))
 
     def _finish(self) -> None:
         """Let the talker say its last word, and release the port whatever comes of that."""

@@ -3,12 +3,12 @@
 A driver tells it the time and gets the angles to send. Goals, trims and stops may come from any thread.
 """
 
-from dataclasses import dataclass
 from math import isfinite, radians
 from threading import Lock
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose
+from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from drivers.profile import Profile
 

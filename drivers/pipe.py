@@ -17,7 +17,7 @@ from subprocess import PIPE, Popen
 from threading import Event, Lock, Thread
 from typing import Any, Protocol
 
-from drivers.api import Health, Notice, Report, unreported
+from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NoReply, NotConnected
 from drivers.guard import guarded
@@ -108,7 +108,7 @@ class Worker:
         *,
         arguments: Sequence[str] = (),
         hint: str = "",
-        report: Report = unreported,
+        report: Report = ignore,
         command: Sequence[str] = (sys.executable, "-I"),
     ) -> None:
         self.name = name
@@ -196,7 +196,7 @@ class Worker:
             self._deaths = 1 if self._clock.now() - began > LONGEST_DELAY else self._deaths + 1
             trouble = f"{self.name}: {self._what}: {why}"
             if self._deaths == 1 or trouble != self._trouble:
-                self._report(Notice(self.name, "fault", trouble, self._hint))
+                self._report(DeviceStatus(self.name, "fault", trouble, self._hint))
             self._trouble = trouble
             guarded(talker.lost)(self._trouble)
             self._ending.wait(min(2.0 ** (self._deaths - 1), LONGEST_DELAY))

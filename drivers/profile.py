@@ -1,7 +1,9 @@
 """How a commanded angle gets to its goal: the motion profile of drivers whose servos know none of their own."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import copysign, sqrt
+
+from drivers.api.quick import dataclass
 
 LONGEST_STEP = 0.1
 """Seconds that one step covers at most: a thread that was held up must not turn into a jump."""

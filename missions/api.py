@@ -32,10 +32,10 @@ from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
 from missions.language.claims import Target
-from missions.library import behaviour_files, load_mission
-from missions.order import Order, Simulate
+from missions.library.shipped import behaviour_files, load_mission
+from missions.library.vocabulary import vocabulary
+from missions.order import RunRequest, Simulate
 from missions.runner import PATIENT, Runner
-from missions.vocabulary import vocabulary
 
 Params = Mapping[str, object]
 """A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""
@@ -144,7 +144,7 @@ def load(
     files = [Path(file) for file in behaviours]
     given = _texts(params)
     if isinstance(robot, str):
-        order = Order(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
+        order = RunRequest(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
         runner = Runner(order)
         return Mission(runner.executive, runner=runner)
     parts = Robot() if robot is None else robot
@@ -153,7 +153,7 @@ def load(
     own = behaviour_files(str(path), files)
     plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(own))
     run = Run(SystemClock(), seed=seed)
-    run.settle = Assembled(plan.mission, parts, {}).settle
+    run.safe_stop = Assembled(plan.mission, parts, {}).safe_stop
     stream, answers = Stream(), Answers()
     asking = asked(parts, answers)
     base = asking.base_part
@@ -198,7 +198,7 @@ def run(
 
     Raises InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
-    order = Order(
+    order = RunRequest(
         str(mission),
         _texts(params),
         robot,

@@ -1,14 +1,16 @@
-"""What a user asks to be run: a mission, on a robot, in a world, by their names."""
+"""The request to run a mission, on a robot, in a world, by their names."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from config.library import find
 from config.robot import RobotConfig
-from missions.drivers import load_robot
+from drivers.api.quick import dataclass
+from drivers.api.renamed import renamed
+from missions.library.drivers import load_robot
 
 if TYPE_CHECKING:
     from config.world import WorldConfig
@@ -21,7 +23,7 @@ Simulate = Literal["wire", "fast"]
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class RunRequest:
     """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
 
     In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
@@ -59,3 +61,7 @@ class Order:
         if self.world is None or isinstance(self.world, str):
             return load_world(find("worlds", self.world or DEFAULT_WORLD))
         return self.world
+
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, {"Order": "RunRequest"})

@@ -11,44 +11,36 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
-from drivers.api import Latching, Notice
+from drivers.api.kinds import MOVING
 from drivers.clock import Clock, SystemClock
-from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.interests import interests_of
 from missions.assembly.target import target_of
-from missions.assembly.together import Audience, Wishes
+from missions.assembly.together import Hooks, Overrides
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.decided import Decided
 from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result
+from missions.executive.frozen_tick import OnMoment
 from missions.executive.guard import Guard
 from missions.executive.lifeline import Lifeline
 from missions.executive.pace import Pace
 from missions.executive.signals import Signals
-from missions.executive.standstill import OnMoment
 from missions.executive.state import state_of
+from missions.executive.stop_latch import StopLatch
 from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
-from missions.library import behaviour_files, load_mission
-from missions.order import Order
-from missions.vocabulary import vocabulary
-from perception.api import Frame, Gaze, View
-from perception.eyes import unseen, unwatched
+from missions.library.shipped import behaviour_files, load_mission
+from missions.library.vocabulary import vocabulary
+from missions.order import RunRequest
+from perception.api import Frame, Gaze, View, ignore
 
 if TYPE_CHECKING:
-    from drivers.sim.timeline import Timeline
     from missions.assembly.twins import Twins
-
-CONNECT_TIME = 6.0
-"""Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
-
-REMARK_TIME = 1.0
-"""Seconds after which a part that is still missing is mentioned."""
 
 CLOSE_TIME = 3.0
 """Seconds that devices have to close when a run is given up while its main thread hangs."""
@@ -76,7 +68,7 @@ class Runner:
 
     def __init__(
         self,
-        order: Order,
+        order: RunRequest,
         *,
         listeners: Sequence[Listener] = (),
         limits: Limits | None = None,
@@ -84,99 +76,103 @@ class Runner:
         substitute: Substitute = as_it_is,
         plan: Plan | None = None,
         on_moment: OnMoment | None = None,
-        on_view: Callable[[View], None] = unseen,
-        on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
+        on_view: Callable[[View], None] = ignore,
+        on_frame: Callable[[Frame, Gaze | None], None] = ignore,
     ) -> None:
-        self.config = config = order.robot_file()
+        self.config = order.robot_file()
         self._on_view, self._on_frame = on_view, on_frame
-        self.plan: Plan = load(order, config) if plan is None else plan
+        self.plan: Plan = load(order, self.config) if plan is None else plan
         self.stream = Stream(listeners)
         self._give_up = give_up
         self.twins: Twins | None = None
-        if order.simulation == "fast":
-            from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
+        self._context, self._robot = self._simulated(order) if order.simulation == "fast" else self._real(order)
+        self._context.safe_stop = self._robot.safe_stop
+        self.watchdog = self._watchdog(PATIENT if limits is None and order.simulation == "fast" else limits)
+        self.latch = StopLatch(
+            self._robot.devices, self._robot.robot.base_part, self._robot.safe_stop, self._hold, self.watchdog.permit
+        )
+        self.root, self.executive = self._executive(substitute, on_moment)
+        self._process = os.getpid()
+        self._signals = Signals(self.executive.stop)
+        self._lifeline = Lifeline(self._signals)
 
-            timeline = Timeline()
-            self._context = Run(timeline.clock, seed=order.seed, wall=SystemClock())
-            self._tell = Teller(self._context, self.stream)
-            self._context.let_pass = Pace(self._context, timeline, speed=order.speed)
-            self.twins, self._robot = self._twins(config, order, timeline)
-        else:
-            self._context = Run(SystemClock(), seed=order.seed)
-            self._tell = Teller(self._context, self.stream)
-            self._robot = self._assemble(config, order)
-        self._context.settle = self._robot.settle
-        self.watchdog = Watchdog(
+    def _watchdog(self, limits: Limits | None) -> Watchdog:
+        """Return who keeps the robot still while a tick hangs."""
+        return Watchdog(
             self._context,
             self.stream,
-            still={part: partial(self._robot.settle, frozenset({part})) for part in ("base", "head", "arm")},
+            still={part: partial(self._robot.safe_stop, frozenset({part})) for part in MOVING},
             heard=self._heard,
             abandon=self._abandon,
-            limits=PATIENT if limits is None and self.twins is not None else limits,
+            limits=limits,
         )
+
+    def _executive(self, substitute: Substitute, on_moment: OnMoment | None) -> tuple[Node, Executive]:
+        """Return the tree of the plan, whose leaves ask and command the robot through proxies, and what ticks it."""
         answers = Answers()
-        robot = asked(self._robot.robot, answers, Decided(self._context, self.watchdog.permit))
-        guard = self._guard(config, robot)
+        robot = asked(self._robot.robot, answers, Decided(self._context, self.latch.permit))
+        guard = self._guard(self.config, robot)
         self._context.variables.update(state_of(robot, self._context, guard))
-        self.root: Node = build(
+        root = build(
             self.plan,
             self._context,
             lambda leaf: robot_for(leaf, robot, self._tell.commanded),
             substitute=substitute,
         )
-        self.executive = Executive(
-            self.root,
+        return root, Executive(
+            root,
             self._context,
             self.stream,
-            rate=config.rate,
+            rate=self.config.rate,
             mission=self.plan.mission,
             guard=guard,
             answers=answers,
             on_moment=on_moment,
             after_tick=self._mind,
         )
-        self._process = os.getpid()
-        self._signals = Signals(self.executive.stop)
-        self._lifeline = Lifeline(self._signals)
 
-    def _assemble(self, config: RobotConfig, order: Order) -> Assembled:
+    def _real(self, order: RunRequest) -> tuple[Run, Assembled]:
+        """Return the run and the robot in real time: on the metal, or on virtual devices."""
+        run = Run(SystemClock(), seed=order.seed)
+        self._tell = Teller(run, self.stream)
         world = None if order.simulation is None else order.world_file()
-        interests = interests_of(self.plan.tree, config.camera)
-        wishes = Wishes(world, order.camera, order.ports, order.seed, interests, order.pad)
-        return assemble(config, self.plan.tree.parts, self._context.clock, wishes, self._audience)
+        interests = interests_of(self.plan.tree, self.config.camera)
+        overrides = Overrides(world, order.camera, order.ports, order.seed, interests, order.pad)
+        return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
 
-    def _twins(self, config: RobotConfig, order: Order, timeline: "Timeline") -> "tuple[Twins, Assembled]":
-        from missions.assembly.twinning import twin_robot  # noqa: PLC0415 - the metal imports no simulation
+    def _simulated(self, order: RunRequest) -> tuple[Run, Assembled]:
+        """Return the run and the robot in simulated time."""
+        from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
+        from missions.assembly.twinning import twin_robot  # noqa: PLC0415
 
-        return twin_robot(
-            config,
+        timeline = Timeline()
+        run = Run(timeline.clock, seed=order.seed, wall=SystemClock())
+        self._tell = Teller(run, self.stream)
+        run.wait = Pace(run, timeline, speed=order.speed)
+        self.twins, robot = twin_robot(
+            self.config,
             self.plan.tree.parts,
             timeline,
             order.world_file(),
-            self._audience,
-            interests=interests_of(self.plan.tree, config.camera),
+            self._hooks(run),
+            interests=interests_of(self.plan.tree, self.config.camera),
             seed=order.seed,
             truth=order.eyes == "truth",
         )
+        return run, robot
 
     def _guard(self, config: RobotConfig, robot: Robot) -> Guard | None:
         """Return who looks at the base, where the mission uses one."""
         if robot.base_part is None or config.base is None:
             return None
-        return Guard(robot.base_part, config.base.reflexes, self._context, self.stream, self._enable)
+        return Guard(robot.base_part, config.base.reflexes, self._context, self.stream, self.latch.enable)
 
-    def _enable(self) -> None:
-        """Enable what stands still because it was away: the base is so already."""
-        for part, device in self._robot.devices.items():
-            if part != "base" and isinstance(device, Latching):
-                device.enable()
+    def _hold(self, held: bool) -> None:
+        self.executive.hold(held=held)
 
-    @property
-    def _audience(self) -> Audience:
+    def _hooks(self, run: Run) -> Hooks:
         tell = self._tell
-        return Audience(
-            tell.noticed, self._context.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._on_frame
-        )
+        return Hooks(tell.noticed, run.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._on_frame)
 
     def _seen(self, view: View) -> None:
         self._on_view(view)
@@ -229,7 +225,7 @@ class Runner:
         self._context.beat()
         try:
             self._robot.open()
-            self._connect()
+            self._robot.wait_until_complete(self._context, self._tell.noticed, lambda: self.executive.stopping)
             yield
         finally:
             self.watchdog.armed = False
@@ -264,26 +260,6 @@ class Runner:
         attempt_all({"events": self.stream.close}, CLOSE_TIME)
         self._give_up(result)
 
-    def _connect(self) -> None:
-        """Wait until every part is there. Raises NotConnected with all that are not."""
-        begun = self._context.now()
-        mentioned: set[str] = set()
-        while (missing := self._robot.missing()) and not self.executive.stopping:
-            waited = self._context.now() - begun
-            for part, (detail, hint) in missing.items():
-                if waited > REMARK_TIME and part not in mentioned:
-                    mentioned.add(part)
-                    self._tell.noticed(
-                        Notice(part, "offline", f"waiting for it: {detail.removeprefix(f'{part}: ')}", hint)
-                    )
-            if waited > CONNECT_TIME:
-                details = "\n".join(f"  {detail}" for detail, _ in missing.values())
-                hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
-                raise NotConnected(f"{self._robot.name} is not complete:\n{details}", hint="\n       ".join(hints))
-            self._context.let_pass(0.02)
-            self._context.woken.clear()
-            self._context.beat()
-
     def _close(self) -> None:
         self._leave_if_forked()
         for problem in self._robot.close():
@@ -292,7 +268,7 @@ class Runner:
             self.stream.emit(FaultRaised(self.executive.time(), part, "fault", detail))
 
 
-def load(order: Order, robot: RobotConfig) -> Plan:
+def load(order: RunRequest, robot: RobotConfig) -> Plan:
     """Read and check the mission of ``order`` for a robot. Raises InvalidFileError or UnknownNameError."""
     return load_mission(
         order.mission,

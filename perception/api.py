@@ -7,6 +7,7 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from warnings import warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,14 +72,6 @@ class Detection:
     score: float
 
 
-class Detector(Protocol):
-    """Finds one kind of thing in a picture."""
-
-    def detect(self, image: Image) -> Sequence[Detection]:
-        """Return what is seen, largest first; empty when nothing is."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Gaze:
     """Which way the camera looked when a picture was taken, in the odometry frame."""
@@ -92,7 +85,8 @@ class Percept:
     """Something that is followed from frame to frame.
 
     ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` where in that
-    frame. ``bearing`` and ``drop`` are its angles from that frame's optical axis (left and down positive). ``yaw``,
+    frame. ``bearing`` and ``elevation`` are its angles from that frame's optical axis: left is positive, and so is
+    *down*, as with every tilt and ``pitch`` (REP 103). Records and missions call the latter ``drop``. ``yaw``,
     ``pitch`` (odometry frame) and their rates in rad/s are filtered over time. ``distance`` is in metres.
     """
 
@@ -100,12 +94,19 @@ class Percept:
     stamp: Duration
     box: Box
     bearing: Angle
-    drop: Angle
+    elevation: Angle = field(metadata={"recorded": "drop"})
     yaw: Angle
     pitch: Angle
     yaw_rate: TurnRate
     pitch_rate: TurnRate
     distance: Length
+
+    @property
+    def drop(self) -> Angle:
+        """The ``elevation``, by its former name, which missions may go on to read. Deprecated in Python."""
+        message = "Percept.drop is called elevation now; the former name goes with the next release"
+        warn(message, DeprecationWarning, stacklevel=2)
+        return self.elevation
 
     def predict(self, time: float) -> tuple[float, float]:
         """Return (yaw, pitch) at ``time``, if it goes on as it did."""
@@ -242,3 +243,7 @@ class Hearing(Protocol):
     def level(self) -> Annotated[float, "unsampled"]:
         """How loud it is now, in dBFS: 0 is the loudest that can be, -90 about silence."""
         ...
+
+
+def ignore(*_told: object) -> None:
+    """Do nothing: a callback of which nobody wants to be told."""

@@ -9,7 +9,7 @@ recorded pose counts as delay, too: it has the same effect, and the same cure.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from math import radians
 from typing import cast
 
@@ -55,6 +55,18 @@ OUTLIER = 9.0
 MEMORY = 400
 """Pairs of pictures after which evidence has faded to a third, so that a delay that changes is learnt anew."""
 
+KNOWN = 0.005
+"""Seconds, one sigma, within which a delay is known well enough to be checked now and then only."""
+
+CHECK = 20
+"""Pairs of pictures that make up a check: a third of a second of turning and more."""
+
+REST = 4.0
+"""Seconds from a check that bears a delay out to the next."""
+
+REFUTED = 9.0
+"""Twice the logarithm of a ratio of likelihoods: from here on a check prefers another delay, at three sigmas."""
+
 
 class Delay:
     """How many ``seconds`` after its exposure a picture is stamped; ``spread`` says how surely (one sigma).
@@ -66,21 +78,46 @@ class Delay:
     def __init__(self, told: float = 0.0) -> None:
         self._told = told
         self._cost = ((GRID - told) / BELIEVED) ** 2
+        self._checking = np.zeros_like(GRID)
+        self._checked = 0
         self.pairs = 0
         self.seconds, self.spread = told, BELIEVED
 
-    def learn(self, turned: float, turns: Floats) -> None:
+    def learn(self, turned: float, turns: Floats) -> bool:
         """Take in a pair of pictures: the background says ``turned``, each delay of ``GRID`` means one of ``turns``.
 
-        All in radians; ``turns`` has the shape of ``GRID``.
+        All in radians; ``turns`` has the shape of ``GRID``. Say whether it is known well enough to be left alone for a
+        while: within ``KNOWN``, and a whole check of the newest pairs bore it out.
         """
         if float(np.ptp(turns)) < LEAST_TURN:
-            return
+            return False
         most = max(abs(turned), float(np.abs(turns).max()))
         variance = MEASURED**2 + (SCALE * most) ** 2
-        self._cost += np.minimum((turns - turned) ** 2 / variance, OUTLIER)
+        cost = np.minimum((turns - turned) ** 2 / variance, OUTLIER)
+        self._cost += cost
         self._cost *= 1 - 1 / MEMORY
         self.pairs += 1
+        self._estimate()
+        return self._check(cost)
+
+    def _check(self, cost: Floats) -> bool:
+        """Weigh the newest pairs by themselves; where they prefer another delay, the evidence from before them fades.
+
+        Return whether a check has ended that leaves nothing to be learnt.
+        """
+        self._checking += cost
+        self._checked += 1
+        if self._checked < CHECK:
+            return False
+        newest, self._checking, self._checked = self._checking, np.zeros_like(GRID), 0
+        if float(np.interp(self.seconds, GRID, newest) - newest.min()) < REFUTED:
+            return self.spread <= KNOWN
+        self._cost = self._cost / 3 + newest
+        self._estimate()
+        return False
+
+    def _estimate(self) -> None:
+        """Draw the likeliest delay from the evidence."""
         weights = np.exp((self._cost.min() - self._cost) / 2)
         weights /= weights.sum()
         mean = float(weights @ GRID)
@@ -98,11 +135,14 @@ class Exposed:
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """What is kept of a picture that was taken in a turn: its stamp, the yaw under each delay, the picture itself."""
+    """What is kept of a picture that was taken in a turn: its stamp, the yaw under each delay, the picture itself.
+
+    It is levelled once it is compared, which not all are.
+    """
 
     stamp: float
     yaws: Floats
-    picture: Grey
+    picture: Callable[[], Grey]
 
 
 class Exposures:
@@ -116,6 +156,7 @@ class Exposures:
         self._gaze = gaze
         self._before: _Turned | None = None
         self._last = -np.inf
+        self._rest_until = -np.inf
 
     def exposed(self, frame: Frame, camera: Pinhole) -> Frame:
         """Return ``frame`` with the time of its exposure, later than that of the frame before it."""
@@ -125,25 +166,30 @@ class Exposures:
         return Exposed(frame.image, stamp)
 
     def _learn(self, frame: Frame, camera: Pinhole) -> None:
-        """Compare a picture with the one before it, if either was taken in a turn."""
+        """Compare a picture with the one before it, if either was taken in a turn, and there is something to learn."""
         before, self._before = self._before, None
         if before is not None and frame.stamp - before.stamp > LONGEST_PAIR:
             before = None
+        if self._rest_until - REST <= frame.stamp < self._rest_until:  # a clock that was set back ends a rest
+            return
         turning = self._turning(frame.stamp)
         if not turning and before is None:
             return
         yaws = self._yaws(frame.stamp, GRID)
         if yaws is None:
             return
-        now = _Turned(frame.stamp, yaws, level(frame.image, camera))
+        now = _Turned(frame.stamp, yaws, cache(partial(level, frame.image, camera)))
         if turning:
             self._before = now
-        if before is None or before.picture.shape != now.picture.shape:
-            return
-        moved = shift(before.picture, now.picture)
-        if moved is not None:
-            # What moves to the right in a picture was turned away from to the left.
-            self.delay.learn(moved[0] * camera.field_of_view / now.picture.shape[1], yaws - before.yaws)
+        if before is not None and float(np.ptp(turns := yaws - before.yaws)) >= LEAST_TURN:
+            self._compare(before.picture(), now.picture(), turns, camera, frame.stamp)
+
+    def _compare(self, before: Grey, now: Grey, turns: Floats, camera: Pinhole, stamp: float) -> None:
+        """Learn from two pictures between which the camera has turned by one of ``turns``, each meant by a delay."""
+        moved = shift(before, now) if before.shape == now.shape else None
+        # What moves to the right in a picture was turned away from to the left.
+        if moved is not None and self.delay.learn(moved[0] * camera.field_of_view / now.shape[1], turns):
+            self._rest_until = stamp + REST
 
     def _turning(self, stamp: float) -> bool:
         """Whether the camera turned about then, by a few of its poses: all of them would cost more."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from threading import Event, Thread
 from typing import Protocol
 
-from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View
+from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View, ignore
 from perception.delay import Delay, Exposures
 from perception.geometry import Pinhole
 from perception.scene import measure
@@ -43,22 +43,6 @@ class Effort:
     frames: int = 0
     failed: int = 0
     seconds: float = 0.0
-
-
-def unheard() -> None:
-    """Do nothing: the ``changed`` callback of eyes that nobody waits for."""
-
-
-def unseen(view: View) -> None:
-    """Drop a view: the ``on_view`` of eyes that nobody records."""
-
-
-def unwatched(frame: Frame, gaze: Gaze | None) -> None:
-    """Drop a frame: the ``on_frame`` of eyes that nobody records."""
-
-
-def unreported(trouble: Exception) -> None:
-    """Drop an error: the ``on_trouble`` of eyes that nobody listens to. It stays readable in ``trouble``."""
 
 
 class NewestView:
@@ -108,11 +92,11 @@ class Vision(NewestView):
         senses: Senses,
         now: Callable[[], float],
         delay: Delay | None = None,
-        changed: Callable[[], None] = unheard,
-        on_view: Callable[[View], None] = unseen,
-        on_frame: Callable[[Frame, Gaze | None], None] = unwatched,
-        on_trouble: Callable[[Exception], None] = unreported,
-        afresh: Callable[[], object] = unheard,
+        changed: Callable[[], None] = ignore,
+        on_view: Callable[[View], None] = ignore,
+        on_frame: Callable[[Frame, Gaze | None], None] = ignore,
+        on_trouble: Callable[[Exception], None] = ignore,
+        afresh: Callable[[], object] = ignore,
     ) -> None:
         self.now = now
         self.afresh = afresh

@@ -12,7 +12,7 @@ from perception.api import Box, Detection, Image
 from perception.light import Grey, check, even_out, grey, resized, window
 
 CASCADE = "haarcascade_frontalface_default.xml"
-LONGEST = 640
+MAX_SIDE = 640
 """Pixels along the longer side to which a larger picture is shrunk first: for this size the rest was measured."""
 
 NEIGHBOURS = 4  # of 3 to 6, on 272 frames of people: 3 finds 2 % more faces and 11 false ones instead of 2
@@ -36,7 +36,7 @@ coins; each of them alone on about 92 and on 11 to 23.
 
 
 class HaarFaces:
-    """Finds upright faces that look towards the camera: a ``Detector``. For one thread at a time.
+    """Finds upright faces that look towards the camera. For one thread at a time.
 
     A box reaches from ear to ear and from the hairline to the chin; its score is the weight of the cascade's last
     stage (-1..10 for true faces). The contrast is evened out first. Takes pictures in colour or grey.
@@ -53,13 +53,13 @@ class HaarFaces:
         Raises ValueError for what is not a picture.
         """
         whole = grey(image)
-        scale = min(1.0, LONGEST / max(whole.shape))
+        scale = min(1.0, MAX_SIDE / max(whole.shape))
         found = self._search(
             even_out(resized(whole, scale), tiles=8),
             step=1.2,
             neighbours=NEIGHBOURS,
             smallest=max(SMALLEST, round(smallest * scale)),
-            largest=round(min(LONGEST, largest * scale)),
+            largest=round(min(MAX_SIDE, largest * scale)),
         )
         placed = [_placed(detection, scale, 0, 0) for detection in found]
         return [detection for detection in placed if self._confirmed(whole, detection.box)]

@@ -58,22 +58,22 @@ class Pinhole:
         return self.width / 2 / tan(self.field_of_view / 2)
 
     def angles(self, x: float, y: float) -> tuple[float, float]:
-        """Return the (bearing, drop) of a pixel from the optical axis, in radians, left and down positive."""
+        """Return the (bearing, elevation) of a pixel from the optical axis, in radians, left and down positive."""
         right = (x - self.centre[0] * self.width) / self.focal
         down = (y - self.centre[1] * self.height) / self.focal
         if self.distortion:
             right, down = self._straight(right, down)
         return atan2(-right, 1.0), atan2(down, hypot(right, 1.0))
 
-    def pixel(self, bearing: float, drop: float) -> tuple[float, float]:
+    def pixel(self, bearing: float, elevation: float) -> tuple[float, float]:
         """Return the pixel (x, y) of a direction; it may lie outside the picture.
 
         Raises ValueError for a direction that is not in front of the camera.
         """
-        if not (abs(bearing) < pi / 2 and abs(drop) < pi / 2):
-            raise ValueError(f"camera: {bearing:.3f} rad left, {drop:.3f} rad down is not in front of it")
+        if not (abs(bearing) < pi / 2 and abs(elevation) < pi / 2):
+            raise ValueError(f"camera: {bearing:.3f} rad left, {elevation:.3f} rad down is not in front of it")
         right = -tan(bearing)
-        down = tan(drop) * hypot(right, 1.0)
+        down = tan(elevation) * hypot(right, 1.0)
         if self.distortion:
             right, down = self._bent(right, down)
         return self.centre[0] * self.width + self.focal * right, self.centre[1] * self.height + self.focal * down
@@ -103,13 +103,13 @@ class Pinhole:
         return FACE_WIDTH * self.focal / face.width
 
 
-def look(gaze: Gaze, bearing: float, drop: float) -> tuple[float, float]:
-    """Return the (yaw, pitch) of what a camera with this gaze sees at ``bearing`` and ``drop``.
+def look(gaze: Gaze, bearing: float, elevation: float) -> tuple[float, float]:
+    """Return the (yaw, pitch) of what a camera with this gaze sees at ``bearing`` and ``elevation``.
 
     Exact: the direction is turned by the gaze's pitch about y, then by its yaw about z. Plain addition is 1.7 degrees
     off where both the tilt and the bearing are 20 degrees. The yaw is not wrapped: it goes on as the gaze's does.
     """
-    forward, left, up = cos(drop) * cos(bearing), cos(drop) * sin(bearing), -sin(drop)
+    forward, left, up = cos(elevation) * cos(bearing), cos(elevation) * sin(bearing), -sin(elevation)
     level = forward * cos(gaze.pitch) + up * sin(gaze.pitch)
     height = up * cos(gaze.pitch) - forward * sin(gaze.pitch)
     return gaze.yaw + atan2(left, level), atan2(-height, hypot(level, left))

@@ -12,7 +12,7 @@ from perception.senses import Sense
 EVERY = 0.15
 """Seconds from one look at a face to the next: pictures that follow each other closely say the same."""
 
-MOST = 3
+MAX_FACES = 3
 """Faces of one picture that are looked at: the largest."""
 
 LOOKS = 8
@@ -140,7 +140,7 @@ class Naming:
         votes = self._votes
         votes.keep(face.id for face in faces)
         shown = [face for face in faces if face.stamp == stamp]
-        for face in shown[:MOST]:
+        for face in shown[:MAX_FACES]:
             if votes.due(face.id, stamp, self._every):
                 found = look(face.box)
                 if found is not None:

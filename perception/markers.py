@@ -134,7 +134,7 @@ def _pose(corners: Corners, camera: Pinhole, size: float) -> tuple[list[float], 
     fits better is taken.
     """
     angles = [camera.angles(float(x), float(y)) for x, y in corners]
-    directions = np.array([(-tan(bearing), tan(drop) / cos(bearing)) for bearing, drop in angles])
+    directions = np.array([(-tan(bearing), tan(elevation) / cos(bearing)) for bearing, elevation in angles])
     half = size / 2
     square = np.array([(-half, half, 0.0), (half, half, 0.0), (half, -half, 0.0), (-half, -half, 0.0)])
     _, turn, place = cv2.solvePnP(square, directions, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)

@@ -39,7 +39,7 @@ CELLS = (SIDE - 2 * _REACH) // STEP
 FINE, WIDE = 1.0, 4.5
 """Pixels (sigma) by which a crop is smoothed, and over which the surroundings of a pixel reach."""
 
-ROOT, SHARE, MOST = 0.2, 0.1, 10.0
+ROOT, SHARE, MAX_CONTRAST = 0.2, 0.1, 10.0
 """Tan and Triggs' own: the root that is taken of the light, the power by which contrast is averaged, and its bound."""
 
 
@@ -61,12 +61,12 @@ def describe(crop: Grey) -> Patches:
 
 
 def lit_evenly(crop: Grey) -> npt.NDArray[np.float32]:
-    """Return a crop without its light: (height, width), float32, -MOST..MOST."""
+    """Return a crop without its light: (height, width), float32, -MAX_CONTRAST..MAX_CONTRAST."""
     light = (crop.astype(np.float32) / 255 + 0.01) ** ROOT
     light -= cv2.GaussianBlur(light, (0, 0), WIDE)
     light /= _mean(np.abs(light))
-    light /= _mean(np.minimum(np.abs(light), MOST))
-    return np.asarray(MOST * np.tanh(light / MOST), np.float32)
+    light /= _mean(np.minimum(np.abs(light), MAX_CONTRAST))
+    return np.asarray(MAX_CONTRAST * np.tanh(light / MAX_CONTRAST), np.float32)
 
 
 def _mean(contrast: npt.NDArray[np.float32]) -> float:

@@ -14,7 +14,7 @@ from perception.patches import describe
 FEWEST = 3
 """Pictures of a person that teach something."""
 
-MOST, TOGETHER = 24, 240
+MAX_PICTURES, MAX_PICTURES_TOGETHER = 24, 240
 """Pictures of one person, and of all together, that are learnt from."""
 
 TEMPLATES = 360
@@ -51,7 +51,7 @@ class KnownPeople:
     """
 
     def __init__(self, portraits: Mapping[str, Sequence[Image]], cohort: Sequence[Sequence[Image]] = ()) -> None:
-        share = min(MOST, TEMPLATES // max(1, len(portraits) + len(cohort)))
+        share = min(MAX_PICTURES, TEMPLATES // max(1, len(portraits) + len(cohort)))
         people = {name: described(pictures, share) for name, pictures in portraits.items()}
         gallery = Gallery(people, [described(pictures, share) for pictures in cohort])
         self.calibration = gallery.calibration

@@ -24,7 +24,7 @@ SQUARE = 0.79
 """The least share of the smallest rectangle around it that a box fills, seen from wherever. A disc fills 0.785, but is
 round first."""
 
-LONGEST = 4.0
+MAX_ELONGATION = 4.0
 """The most times that a thing is as long as it is wide."""
 
 TURNED = 1.2
@@ -54,7 +54,7 @@ def outline(contour: Contour) -> Outline | None:
     _, radius = cv2.minEnclosingCircle(hull)
     (_, _), (one, other), _ = cv2.minAreaRect(hull)
     short, long = sorted((one + 1.0, other + 1.0))
-    if area < SOLID * hull_area or long > LONGEST * short:
+    if area < SOLID * hull_area or long > MAX_ELONGATION * short:
         return None
     box = Box(float(x), float(y), float(across), float(down))
     if area >= ROUND * pi * (radius + 0.5) ** 2:

@@ -40,8 +40,8 @@ class ThingSighting:
         """
         if self.wanted.size is None:
             return nan
-        bearing, drop = camera.angles(*self.box.centre)
-        return self.wanted.size * camera.focal / self.spot.width / (cos(bearing) * cos(drop))
+        bearing, elevation = camera.angles(*self.box.centre)
+        return self.wanted.size * camera.focal / self.spot.width / (cos(bearing) * cos(elevation))
 
     def percept(self, followed: Percept) -> Thing:
         """Return what others are told of it."""

@@ -12,7 +12,7 @@ from perception.motion import Motion
 P = TypeVar("P", bound=Percept)
 P_co = TypeVar("P_co", bound=Percept, covariant=True)
 
-PATIENCE = 1.0
+TRACK_TIMEOUT = 1.0
 """Seconds for which what is not seen keeps its id."""
 
 CONFIRMED = 2
@@ -64,7 +64,7 @@ class _Measured(Generic[P]):
 
     sighting: Sighted[P]
     bearing: float
-    drop: float
+    elevation: float
     yaw: float
     pitch: float
     distance: float
@@ -104,7 +104,7 @@ class _Track(Generic[P]):
 
     def lives(self, stamp: float) -> bool:
         """Whether it may still come back."""
-        return stamp - self.stamp <= (DOUBT if self.id is None else PATIENCE)
+        return stamp - self.stamp <= (DOUBT if self.id is None else TRACK_TIMEOUT)
 
     def percept(self, number: int) -> P:
         """Return what others are told of it."""
@@ -113,7 +113,7 @@ class _Track(Generic[P]):
             stamp=self.stamp,
             box=self.last.sighting.box,
             bearing=self.last.bearing,
-            drop=self.last.drop,
+            elevation=self.last.elevation,
             yaw=self._yaw.angle,
             pitch=self._pitch.angle,
             yaw_rate=self._yaw.rate,
@@ -127,8 +127,8 @@ class Tracker(Generic[P]):
     """Follows things of one sort through time: nearest first within a gate, each filtered, ids never reused.
 
     Ids count from 1. A track begins with a detection and is told of from the second one on, also when nothing else is
-    known: one frame later at best, but a robot that searches does not greet the wallpaper. It ends ``PATIENCE`` seconds
-    after it was last seen. For one thread at a time.
+    known: one frame later at best, but a robot that searches does not greet the wallpaper. It ends ``TRACK_TIMEOUT``
+    seconds after it was last seen. For one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -179,6 +179,6 @@ class Tracker(Generic[P]):
 
 def _measure(sighting: Sighted[P], camera: Pinhole, gaze: Gaze) -> _Measured[P]:
     """Turn a box in the picture into directions."""
-    bearing, drop = camera.angles(*sighting.box.centre)
-    yaw, pitch = look(gaze, bearing, drop)
-    return _Measured(sighting, bearing, drop, yaw, pitch, sighting.distance(camera))
+    bearing, elevation = camera.angles(*sighting.box.centre)
+    yaw, pitch = look(gaze, bearing, elevation)
+    return _Measured(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera))

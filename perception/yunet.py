@@ -16,7 +16,7 @@ from perception.api import Box, Detection, Image
 from perception.faults import BadModel, check_size
 from perception.light import Grey, check, resized, window
 
-LONGEST = 640
+MAX_SIDE = 640
 """Pixels along the longer side to which a larger picture is shrunk first, as for the Haar cascade."""
 
 SMALLEST = 28
@@ -69,7 +69,7 @@ class YuNetFaces:
         Raises ValueError for what is not a picture, FileNotFoundError and BadModel for the model's file.
         """
         check(image)
-        scale = min(1.0, LONGEST / max(image.shape))
+        scale = min(1.0, MAX_SIDE / max(image.shape))
         scale *= min(1.0, ENOUGH / max(SMALLEST, smallest * scale))
         found = self._search(image, scale, 0, 0)
         return [detection for detection in found if smallest <= detection.box.width <= largest]

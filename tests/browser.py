@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import pytest
 
-from tests.browser_pipe import PATIENCE, Pipe
+from tests.browser_pipe import REPLY_TIMEOUT, Pipe
 from tests.waiting import wait_until
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -86,7 +86,7 @@ class Browser:
             self._pipe.ask("Browser.close", None)
         self._pipe.close()
         try:
-            wait_until(lambda: os.waitpid(self._process, os.WNOHANG)[0], PATIENCE)
+            wait_until(lambda: os.waitpid(self._process, os.WNOHANG)[0], REPLY_TIMEOUT)
         except AssertionError:
             os.kill(self._process, signal.SIGKILL)
             os.waitpid(self._process, 0)

@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import SystemClock
 
-PATIENCE = 30.0
+REPLY_TIMEOUT = 30.0
 """Seconds that the browser has for an answer; machines are shared."""
 
 
@@ -32,7 +32,7 @@ class Pipe:
         left = json.dumps(question).encode() + b"\0"
         while left:
             left = left[os.write(self._write, left) :]
-        deadline = self._clock.now() + PATIENCE
+        deadline = self._clock.now() + REPLY_TIMEOUT
         while (message := self._next(deadline)).get("id") != self._asked:
             self.unasked.append(message)
         if "error" in message:
@@ -42,7 +42,7 @@ class Pipe:
 
     def wait_for(self, method: str, **params: object) -> None:
         """Wait until the browser says ``method`` with these ``params``, unless it did already."""
-        deadline = self._clock.now() + PATIENCE
+        deadline = self._clock.now() + REPLY_TIMEOUT
         while not any(said["method"] == method and params.items() <= said["params"].items() for said in self.unasked):
             self.unasked.append(self._next(deadline))
 
@@ -51,7 +51,7 @@ class Pipe:
         while (end := self._rest.find(0, seen)) < 0:
             seen = len(self._rest)
             if not select.select([self._read], [], [], max(0.0, deadline - self._clock.now()))[0]:
-                raise TimeoutError(f"the browser did not answer within {PATIENCE:g} s")
+                raise TimeoutError(f"the browser did not answer within {REPLY_TIMEOUT:g} s")
             if not (piece := os.read(self._read, 1 << 16)):
                 raise EOFError("the browser has gone")
             self._rest += piece

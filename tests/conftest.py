@@ -1,8 +1,10 @@
 """What every test gets: a check that it leaves no thread, port or file open. Its clock comes from our own plugin."""
 
+import signal
 import threading
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -20,12 +22,18 @@ GRACE = 3.0
 """Seconds that a thread has to end after its test."""
 
 
+def pytest_configure() -> None:
+    """Take Ctrl-C also where a shell runs the tests in the background, which has all of them ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give tests that are marked ``real_time`` two more tries.
 
     A shared machine now and then stops for longer than a servo waits for its reply. A test that fails for a reason of
-    its own fails three times; with `-p no:rerunfailures` each is tried once. A test is marked if it has a thread, a
-    process or a camera that does not wait for it.
+    its own fails three times; with `-p no:rerunfailures` each is tried once. A test is marked if something in it has a
+    deadline of its own, such as a servo's reply. One that only waits for a thread or a program is not.
     """
     for item in items if config.pluginmanager.hasplugin("rerunfailures") else ():
         if item.get_closest_marker("real_time"):
@@ -50,14 +58,29 @@ def browser() -> Iterator[Browser]:
         yield found
 
 
-@pytest.fixture(scope="session", autouse=True)
-def a_home_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep tests away from the user's own people, models and tasks."""
-    home = tmp_path_factory.mktemp("home")
+@pytest.fixture(scope="session")
+def homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
+    """Folders of this process, each to be used once; the first is the home of what several tests share."""
+    base = tmp_path_factory.mktemp("home")
+    found = (base / str(number) for number in count())
     with pytest.MonkeyPatch.context() as patch:
-        for kind in ("DATA", "STATE"):
-            patch.setenv(f"XDG_{kind}_HOME", str(home / kind.lower()))
+        patch.setenv("MISSION_RECORD", "no")  # nothing of the runs of tests, unless they ask for it
+        patch.setenv("XDG_RUNTIME_DIR", str(base / "runtime"))  # a shared studio finds the runs of each test there
+        _live_in(next(found), patch)
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def a_home_of_its_own(homes: Iterator[Path]) -> Iterator[None]:
+    """Keep a test away from the user's own people, models and tasks, and from those of other tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        _live_in(next(homes), patch)
         yield
+
+
+def _live_in(home: Path, patch: pytest.MonkeyPatch) -> None:
+    for kind in ("DATA", "STATE"):
+        patch.setenv(f"XDG_{kind}_HOME", str(home / kind.lower()))
 
 
 @pytest.fixture(autouse=True)

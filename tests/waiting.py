@@ -6,7 +6,7 @@ from threading import Event
 from drivers.clock import SystemClock
 
 
-def wait_until(holds: Callable[[], object], seconds: float = 20.0) -> None:
+def wait_until(holds: Callable[[], object], seconds: float = 60.0) -> None:
     """Poll until ``holds`` is true; fail the test after ``seconds``, which are many: machines are shared."""
     clock, pause = SystemClock(), Event()
     while not holds():

@@ -2,7 +2,7 @@
 
 from behaviours.tracking.lag import Lag, Turning, ramped
 
-LONGEST = 1.0
+MAX_LOOKAHEAD = 1.0
 """Seconds to look ahead at most: what lies beyond is of no use."""
 
 STEP = 0.02
@@ -23,7 +23,7 @@ class Ahead:
         now, heading, rate = known.stamp, known.heading, known.rate
         if time < now:
             return Turning(heading - rate * (now - time), rate, time)
-        time = min(time, now + LONGEST)
+        time = min(time, now + MAX_LOOKAHEAD)
         while now < time:
             step = min(STEP, time - now)
             told = self._lag.told(now + step / 2 - self._lag.seconds, rate)

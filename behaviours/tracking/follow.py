@@ -6,13 +6,13 @@ lag. The base turns by the head's pan: the head leads, the base follows. A base 
 """
 
 import math
-from dataclasses import dataclass
 
 from behaviours.tracking.ahead import Ahead
 from behaviours.tracking.lag import Lag, Turning
 from behaviours.tracking.offset import Expected, Shown, View
 from behaviours.tracking.rules import EDGE, ERROR, PAN, RATE, Law, RuleBases
 from drivers.api import HeadLimits, HeadPose
+from drivers.api.quick import dataclass
 from perception.api import Face, Percept
 
 __all__ = ["Command", "Follower", "RuleBases", "Turning"]
@@ -70,7 +70,7 @@ class Follower:
         base with a value that is not finite; the goal stays as it was.
         """
         yaw, pitch = target.predict(now)
-        if not all(map(math.isfinite, (yaw, pitch, target.bearing, target.drop, base.heading, base.rate))):
+        if not all(map(math.isfinite, (yaw, pitch, target.bearing, target.elevation, base.heading, base.rate))):
             raise ValueError(
                 f"follow: not finite: target at {yaw}, {pitch}; base at {base.heading}, turning {base.rate}"
             )

@@ -14,9 +14,10 @@ head or base are able to is followed by a share only, from the middle of its way
 """
 
 from collections import deque
-from dataclasses import dataclass
 from itertools import pairwise
 from math import exp, pi, radians
+
+from drivers.api.quick import dataclass
 
 MEAN = 2.0
 """Seconds over which the slow mean is formed, and for which the past is kept."""

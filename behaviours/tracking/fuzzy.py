@@ -7,13 +7,13 @@ Mamdani do (see ``outputs``).
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from behaviours.tracking.outputs import Output, Sets, Singletons
 from behaviours.tracking.table import Table
 from behaviours.tracking.terms import Variable, listed
+from drivers.api.quick import dataclass
 
 Conjunction = Callable[[Iterable[float]], float]
 CONJUNCTIONS: Mapping[str, Conjunction] = {"product": math.prod, "min": min}

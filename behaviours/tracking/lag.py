@@ -7,7 +7,8 @@ lag is the one under which this agrees with the turn rates that the base reporte
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from drivers.api.quick import dataclass
 
 GRID = tuple(step * 0.02 for step in range(26))
 """The lags that may be, in seconds."""
@@ -30,7 +31,7 @@ WEIGHT = 0.3
 MEMORY = 500
 """Reports after which evidence has faded to a third."""
 
-LONGEST = 1.0
+HISTORY_DURATION = 1.0
 """Seconds for which is kept what a base was told."""
 
 LONGEST_GAP = 0.3
@@ -80,7 +81,7 @@ class Lag:
     def tell(self, now: float, rate: float) -> None:
         """The base was told at ``now`` to turn at ``rate`` rad/s from then on."""
         self._told.append((now, rate))
-        while len(self._told) > 1 and self._told[1][0] <= now - LONGEST:
+        while len(self._told) > 1 and self._told[1][0] <= now - HISTORY_DURATION:
             self._told.popleft()
 
     def forget(self) -> None:

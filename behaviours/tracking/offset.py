@@ -1,12 +1,12 @@
 """How far off a target is, in two ways: where it will be when a command acts, or as the newest picture shows it."""
 
 import math
-from dataclasses import dataclass
 from typing import Protocol
 
 from behaviours.tracking.foresight import Foresight
 from behaviours.tracking.lag import Turning
 from drivers.api import HeadPose
+from drivers.api.quick import dataclass
 from perception.api import Percept
 
 
@@ -66,7 +66,7 @@ class Shown:
     def off(self, target: Percept, *, time: float, base: Turning, aim: HeadPose) -> Offset:
         """Return how far it was from the camera's axis."""
         del time, base, aim
-        found = Offset(target.bearing, target.drop)
+        found = Offset(target.bearing, target.elevation)
         if self._newest is not None:
             number, stamp, before = self._newest
             if number == target.id and stamp == target.stamp:

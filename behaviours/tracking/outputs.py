@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations, pairwise
 from typing import Protocol
 
 from behaviours.tracking.terms import Membership, corners, listed, memberships, numbers
+from drivers.api.quick import dataclass
 
 
 class Output(Protocol):

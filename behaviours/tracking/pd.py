@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from drivers.api.quick import dataclass
 
 KEYS = ("p", "d", "most")
 

@@ -1,11 +1,11 @@
 """The rules to follow by: what a controller file holds, each part worked out to a surface that is quick to read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from behaviours.tracking.fuzzy import Controller
 from behaviours.tracking.pd import ProportionalDerivative
+from drivers.api.quick import dataclass
 
 ERROR, RATE, PAN, EDGE = "error", "rate", "pan", "edge"
 

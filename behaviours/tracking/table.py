@@ -2,8 +2,9 @@
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isnan, prod
+
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

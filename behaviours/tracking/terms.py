@@ -5,8 +5,10 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
+
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

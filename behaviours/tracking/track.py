@@ -121,7 +121,7 @@ class Track(Leaf):
         if head is not None:
             head.look(command.head)
         self._drive(self.forward(target, command.head.pan) if drives else 0.0, command.turn)
-        off = math.degrees(max(abs(target.bearing), abs(target.drop)))
+        off = math.degrees(max(abs(target.bearing), abs(target.elevation)))
         return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
 
     def _base(self, now: float) -> Turning:

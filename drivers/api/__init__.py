@@ -11,17 +11,30 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
 """
 
+from typing import TYPE_CHECKING
+
 from drivers.api.arrays import Angles, Image, Ranges, Samples
 from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
 from drivers.api.camera import Camera, CameraFrame
-from drivers.api.device import Away, Device, Health, Latching, Notice, Quality, Reading, Report, unheard, unreported
+from drivers.api.device import (
+    Away,
+    Device,
+    DeviceStatus,
+    Health,
+    Latching,
+    Quality,
+    Reading,
+    Report,
+    ignore,
+)
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Duration, Length
 from drivers.api.microphone import SOUND_RATE, Microphone, Sound
 from drivers.api.ranging import Ranger, RangeScan, wrapped
+from drivers.api.renamed import renamed
 from drivers.api.screen import Mood, Screen, Shown
-from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity, unsteered
+from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity
 from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice
 
 __all__ = [
@@ -41,6 +54,7 @@ __all__ = [
     "CameraFrame",
     "Coupling",
     "Device",
+    "DeviceStatus",
     "DockBeam",
     "DockSignals",
     "Duration",
@@ -62,7 +76,6 @@ __all__ = [
     "Mood",
     "Mouth",
     "MouthShape",
-    "Notice",
     "Pose2D",
     "Priority",
     "Quality",
@@ -84,8 +97,11 @@ __all__ = [
     "Utterance",
     "Velocity",
     "Voice",
-    "unheard",
-    "unreported",
-    "unsteered",
+    "ignore",
     "wrapped",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(
+        __name__, {"Notice": "DeviceStatus", **dict.fromkeys(("unheard", "unreported", "unsteered"), "ignore")}
+    )

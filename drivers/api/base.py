@@ -1,11 +1,11 @@
 """What a behaviour sees of a base that drives on two wheels."""
 
-from dataclasses import dataclass
 from enum import IntFlag, StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
 from drivers.api.marks import command, fixed
+from drivers.api.quick import dataclass
 from drivers.api.steering import Source, Steering, Velocity
 from drivers.errors import BadRequest
 

@@ -1,10 +1,10 @@
 """What perception sees of a camera."""
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.api.arrays import Image
 from drivers.api.device import Device
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,12 +1,13 @@
 """What all devices have in common: readings, health, notices, and how they begin and end."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Annotated, Generic, Protocol, TypeVar, runtime_checkable
 
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.marks import UNSAMPLED, command, direct
+from drivers.api.quick import dataclass
 
 T = TypeVar("T")
 
@@ -84,8 +85,8 @@ class Away:
 
 
 @dataclass(frozen=True, slots=True)
-class Notice:
-    """What a device tells of itself unasked: ``kind`` is ``offline``, ``online`` or ``fault``."""
+class DeviceStatus:
+    """The status that a device tells of itself unasked: ``kind`` is ``offline``, ``online`` or ``fault``."""
 
     device: str
     kind: str
@@ -93,19 +94,15 @@ class Notice:
     hint: str = ""
 
 
-Report = Callable[[Notice], None]
-"""Where a driver sends its notices; called mostly from the driver's own thread, must return at once.
+Report = Callable[[DeviceStatus], None]
+"""Where a driver sends its status; called mostly from the driver's own thread, must return at once.
 
 What it raises is logged once and goes no further: a driver that reports must not come to harm by it.
 """
 
 
-def unreported(notice: Notice) -> None:
-    """Drop a notice: the report of a driver that nobody listens to."""
-
-
-def unheard() -> None:
-    """Do nothing: the ``changed`` callback of a driver that nobody waits for."""
+def ignore(*_told: object) -> None:
+    """Do nothing: a callback of which nobody wants to be told."""
 
 
 class Device(Protocol):

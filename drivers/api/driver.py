@@ -5,14 +5,15 @@ A declaration imports no driver. What makes the device, its twin and its virtual
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
-from drivers.api.device import Report, unheard, unreported
+from drivers.api.device import Report, ignore
 from drivers.api.keys import Mistake
-from drivers.api.steering import Steered, unsteered
+from drivers.api.quick import dataclass
+from drivers.api.steering import Steered
 from drivers.clock import Clock
 
 
@@ -28,9 +29,9 @@ class Site:
 
     clock: Clock
     port: str = ""
-    report: Report = unreported
-    changed: Callable[[], None] = unheard
-    steered: Steered = unsteered
+    report: Report = ignore
+    changed: Callable[[], None] = ignore
+    steered: Steered = ignore
     out: Callable[[str], None] = lambda _: None
     parts: Mapping[str, Any] = field(default_factory=dict)
     state: Path | None = None

@@ -1,12 +1,12 @@
 """What a behaviour sees of a head that pans and tilts a camera."""
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
 from drivers.api.marks import command, fixed
 from drivers.api.measures import Angle
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

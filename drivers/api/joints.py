@@ -1,11 +1,11 @@
 """What a behaviour sees of named joints, and how movements of them are written down."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from drivers.api.device import Device, Reading
 from drivers.api.marks import command, fixed
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True)

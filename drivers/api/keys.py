@@ -9,16 +9,31 @@
 
 The type of a field says what the key takes: a text, a number, true or false, one of some words (``Literal``, or
 ``among``), with a ``dimension`` a quantity with its unit, ``[low, high]`` or ``[x, y, z]`` of those, a section (another
-class of keys), a section whose keys are names (``Mapping``). The reader of files, the JSON Schemas and the reference in
-the docs are made of that. Nothing here reads a file.
+class of keys), a list (``tuple[X, ...]``), values under names of the file's own (``Mapping[str, X]``), or one of these
+(``X | Y``). What is inside of a list, or under a name, has the dimension, bounds and words of the key, unless
+``Annotated`` with others ``inside``. The reader of files, the JSON Schemas and the reference in the docs are made of
+that. Nothing here reads a file.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, field, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
-from typing import Any, Literal, Protocol, TypeVar, Union, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    Protocol,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 from typing import overload as overloaded
+
+from drivers.api.quick import dataclass
 
 T = TypeVar("T")
 
@@ -30,17 +45,18 @@ Form = Literal[
     "integer",
     "quantity",
     "span",
-    "triple",
-    "spans",
+    "vector",
     "section",
+    "list",
     "named",
-    "texts",
-    "lists",
-    "items",
+    "either",
+    "any",
     "rest",
 ]
-"""What a key takes. ``texts`` and ``lists`` are sections whose keys are names: of a text, of a list of texts. ``items``
-are a list of sections. ``rest`` is no key of the file: it takes all that the section has besides."""
+"""What a key takes. ``span`` is [low, high], ``vector`` so many quantities. ``list`` and ``named`` hold what is
+``inner``; ``either`` is one of its ``options``, ``any`` what its reader
+looks at itself. ``rest`` is no key of the file: it takes all that the section has
+besides."""
 
 PERCENT = "percent"
 """The dimension of a share that counts to 100 in the program."""
@@ -50,8 +66,10 @@ PERCENT = "percent"
 class Key:
     """A key of a section: the ``field`` that holds its value, the ``word`` for it in the file, and what it takes.
 
-    ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section. Without ``required``,
-    ``default`` is what holds where the file has no such key. ``each`` is what messages call a section under a name.
+    ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` how many
+    quantities a vector has. Without ``required``, ``default`` is what holds where the file has no such key. ``each`` is
+    what messages call a section under a name or in a list; ``wrong`` is the message for a value in no such form, and
+    ``hint`` what to write then, with {} for its word. A text may be ``blank``.
     """
 
     field: str
@@ -62,10 +80,22 @@ class Key:
     low: float | None = None
     high: float | None = None
     among: tuple[str, ...] = ()
+    each: str = ""
+    wrong: str = ""
+    hint: str = ""
+    blank: bool = False
     of: type | None = None
+    inner: "Key | None" = None
+    options: "tuple[Key, ...]" = ()
+    sizes: tuple[int, ...] = ()
     required: bool = False
     default: object = None
-    each: str = ""
+
+    @property
+    def sections(self) -> tuple[type, ...]:
+        """The classes of the sections in it, or of those in a list or under names."""
+        own = () if self.of is None else (self.of,)
+        return own + tuple(of for each in (*self.options, self.inner) if each is not None for of in each.sections)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +119,10 @@ class Mistake:
 
 
 class Checked(Protocol):
-    """A class of keys with rules beyond each key by itself."""
+    """A class of keys with rules beyond each key by itself.
+
+    It may say in ``unknown`` what messages say of a key that it does not have, with {} for its word.
+    """
 
     def mistakes(self) -> Iterable[Mistake]:
         """Yield what is wrong; asked only where each key is right by itself."""
@@ -107,6 +140,9 @@ def key(
     among: Iterable[str] = (),
     word: str = "",
     each: str = "",
+    wrong: str = "",
+    hint: str = "",
+    blank: bool = False,
     rest: bool = False,
 ) -> T: ...
 @overloaded
@@ -119,6 +155,9 @@ def key(
     among: Iterable[str] = (),
     word: str = "",
     each: str = "",
+    wrong: str = "",
+    hint: str = "",
+    blank: bool = False,
     rest: bool = False,
 ) -> Any: ...
 def key(
@@ -126,33 +165,44 @@ def key(
     *,
     default: object = MISSING,
     help: str = "",  # noqa: A002 - it is the word for it
-    low: float | None = None,
-    high: float | None = None,
-    among: Iterable[str] = (),
     word: str = "",
-    each: str = "",
     rest: bool = False,
+    **told: Any,
 ) -> Any:
     """Declare a key. Without a ``default`` the file must have it; one of None is for a key that may be missing.
 
     ``low`` and ``high`` are bounds in SI units, ``among`` the words that are possible, ``word`` what the file calls it
-    where that is not the name of the field, and ``each`` what messages call a section under a name or in a list. With
+    where that is not the name of the field, and ``each`` what messages call a section under a name or in a list.
+    ``wrong`` is the message for a value in another form, and ``hint`` what to write; a text may be ``blank``. With
     ``rest`` it takes all other keys of the section: names of the file's own, each with a quantity of the dimension; or,
     without one, with values in a form that its reader looks at itself.
     """
-    told = {
-        "dimension": dimension,
-        "help": help,
-        "low": low,
-        "high": high,
-        "among": tuple(among),
-        "word": word,
-        "each": each,
-        "rest": rest,
-    }
+    data = {"key": inside(dimension, **told), "word": word, "help": help, "rest": rest}
     if isinstance(default, Mapping):
-        return field(default_factory=lambda: default, metadata={"key": told})
-    return field(default=default, metadata={"key": told})
+        return field(default_factory=lambda: default, metadata=data)
+    return field(default=default, metadata=data)
+
+
+@dataclass(frozen=True, slots=True)
+class Inside:
+    """What is told of the values inside of a key, in an ``Annotated`` type; see ``key``."""
+
+    dimension: str = ""
+    low: float | None = None
+    high: float | None = None
+    among: tuple[str, ...] = ()
+    each: str = ""
+    wrong: str = ""
+    hint: str = ""
+    blank: bool = False
+
+
+def inside(dimension: str = "", *, among: Iterable[str] = (), **told: Any) -> Inside:
+    """Tell more of what stands in a list, or under names.
+
+    Its place is the type of a key: ``tuple[Annotated[int, inside(low=1)], ...]``.
+    """
+    return Inside(dimension, among=tuple(among), **told)
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
@@ -168,60 +218,67 @@ def declared(cls: type) -> tuple[Key, ...]:
 
 @cache
 def _declared(cls: Any) -> tuple[Key, ...]:
-    hints = get_type_hints(cls)
+    hints = get_type_hints(cls, include_extras=True)
     found = []
     for each in fields(cls):
         told = each.metadata.get("key")
         if told is None:
             continue
         default = each.default_factory() if each.default_factory is not MISSING else each.default
-        form, of, among = _form(hints[each.name], told["dimension"], told["among"])
-        form, of = ("rest", None) if told["rest"] else (form, of)
-        if form is None:
-            raise TypeError(f"{cls.__qualname__}.{each.name}: no key can hold {hints[each.name]}")
-        found.append(
-            Key(
-                each.name,
-                told["word"] or each.name,
-                form,
-                told["help"],
-                told["dimension"],
-                told["low"],
-                told["high"],
-                among,
-                of,
-                default is MISSING and not told["rest"],
-                None if default is MISSING else default,
-                told["each"],
-            )
-        )
+        rest: bool = each.metadata["rest"]
+        made = Key(each.name, each.metadata["word"] or each.name, "rest", dimension=told.dimension)
+        try:
+            made = made if rest else _key(made.field, made.word, hints[each.name], told)
+        except TypeError as error:
+            raise TypeError(f"{cls.__qualname__}.{each.name}: {error}") from None
+        required = default is MISSING and not rest
+        default = None if default is MISSING else default
+        found.append(replace(made, help=each.metadata["help"], required=required, default=default))
     return tuple(found)
 
 
-def _form(hint: Any, dimension: str, among: tuple[str, ...]) -> tuple[Form | None, type | None, tuple[str, ...]]:
-    """Return what a key of a type takes, the class of its section, and the words that it may be."""
-    if get_origin(hint) in (Union, UnionType):
-        hint = next(each for each in get_args(hint) if each is not NoneType)
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin is Literal:
-        return "choice", None, inside
-    if among:
-        return "choice", None, among
-    if isinstance(hint, type) and hasattr(hint, "__dataclass_fields__"):
-        return "section", hint, ()
-    real: Form = "quantity" if dimension else "number"
-    plain: Mapping[Any, Form] = {str: "text", bool: "flag", int: "integer", float: real}
-    if hint in plain:
-        return plain[hint], None, ()
-    if origin is tuple:
-        forms: Mapping[Any, Form] = {(float, float): "span", (float, float, float): "triple"}
-        listed: Form | None = "spans" if inside[1:] == (...,) else None
-        if listed and hasattr(inside[0], "__dataclass_fields__"):
-            return "items", inside[0], ()
-        return forms.get(inside, listed), None, ()
+def _key(name: str, word: str, hint: Any, told: Inside) -> Key:
+    """Return what a key of a type takes. Raises TypeError where no key can hold it."""
+    if get_origin(hint) is Annotated:
+        hint, told = get_args(hint)[:2]
+    parts = [each for each in get_args(hint) if each is not NoneType] if get_origin(hint) in (Union, UnionType) else []
+    if len(parts) == 1:
+        return _key(name, word, parts[0], told)
+    made = Key(name, word, "text", **{each.name: getattr(told, each.name) for each in fields(told)})
+    sizes = tuple(len(get_args(each)) for each in parts or [hint] if {*get_args(each)} == {float})
+    if sizes and len(sizes) == len(parts or [hint]):
+        return replace(made, form="span" if sizes == (2,) and not told.wrong else "vector", sizes=sizes)
+    if parts:
+        return _either(made, parts, told)
+    if get_origin(hint) is Literal:
+        return replace(made, form="choice", among=get_args(hint))
+    if isinstance(hint, type) and is_dataclass(hint):
+        return replace(made, form="section", of=hint)
+    if hint in _PLAIN:
+        plain = "quantity" if hint is float and told.dimension else _PLAIN[hint]
+        return replace(made, form="choice" if told.among else plain)
+    return _several(made, hint, told)
+
+
+def _either(made: Key, parts: list[Any], told: Inside) -> Key:
+    """Return a key that takes one of several: a quantity or some words, or what differs in its form."""
+    words = next((get_args(each) for each in parts if get_origin(each) is Literal), ())
+    if words and float in parts:
+        return replace(made, form="quantity", among=words)
+    within = replace(told, wrong="", hint="")
+    return replace(made, form="either", options=tuple(_key(made.field, made.word, each, within) for each in parts))
+
+
+def _several(made: Key, hint: Any, told: Inside) -> Key:
+    """Return a key that takes a list, or values under names. Raises TypeError for another."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is tuple and inner[1:] == (...,):
+        return replace(made, form="list", inner=_key(made.field, made.word, inner[0], told))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        value = inside[1]
-        if value is str:
-            return "texts", None, ()
-        return ("named", value, ()) if isinstance(value, type) and not get_args(value) else ("lists", None, ())
-    return None, None, ()
+        within = replace(told, wrong="", hint="")
+        return replace(made, form="named", inner=_key(made.field, made.word, inner[1], within))
+    raise TypeError(f"no key can hold {hint}")
+
+
+_PLAIN: Mapping[Any, Form] = {str: "text", bool: "flag", int: "integer", float: "number", object: "any"}
+"""The types of single values, and of what its reader looks at itself."""

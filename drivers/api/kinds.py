@@ -1,9 +1,9 @@
 """The kinds of parts that a robot may have: what each is called, and what holds for it whichever driver it has."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 from drivers.api.steering import Source
@@ -99,6 +99,9 @@ KINDS: Mapping[str, Kind] = {
     )
 }
 """The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead."""
+
+MOVING = tuple(kind.name for kind in KINDS.values() if kind.still is not None and kind.name != "voice")
+"""The parts with actuators. A voice can be silenced, but moves nothing."""
 
 WIRED = tuple(kind.name for kind in KINDS.values() if kind.wired)
 """The parts that have a port."""

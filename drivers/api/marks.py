@@ -5,11 +5,13 @@ asks it; ``Annotated[..., UNSAMPLED]`` as what it returns says that it is not.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from inspect import Parameter, signature
 from types import FunctionType
 from typing import Any, Literal, TypeVar
+
+from drivers.api.quick import dataclass
 
 F = TypeVar("F", bound=Callable[..., object])
 

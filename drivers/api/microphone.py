@@ -1,11 +1,11 @@
 """What perception sees of a microphone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.api.arrays import Samples
 from drivers.api.device import Device
+from drivers.api.quick import dataclass
 
 SOUND_RATE = 16_000
 """Samples a second that every microphone gives, whatever its hardware does."""

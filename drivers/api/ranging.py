@@ -1,12 +1,12 @@
 """What a behaviour sees of a range finder: the distances all around, as one value."""
 
-from dataclasses import dataclass
 from math import inf, tau
 from typing import Protocol
 
 from drivers.api.arrays import Angles, Ranges
 from drivers.api.device import Device, Reading
 from drivers.api.marks import fixed
+from drivers.api.quick import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,11 +1,11 @@
 """What a behaviour sees of a screen that shows the robot's face."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device
 from drivers.api.marks import command
+from drivers.api.quick import dataclass
 
 
 class Mood(StrEnum):

@@ -6,10 +6,11 @@ A driver declares its own keys as a class that extends the one of its kind. The 
 
 from collections.abc import Iterator, Mapping
 from math import degrees, radians
+from typing import Annotated
 
 from drivers.api.device import Away
 from drivers.api.joints import JointLimits
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import Mistake, inside, key, keys
 from drivers.api.screen import Mood
 from drivers.api.steering import Reflexes
 from drivers.api.voice import Manner
@@ -93,13 +94,13 @@ class HeadKeys:
 class ArmKeys:
     """The keys of every arm: names for several joints. A driver says what its joints are."""
 
-    groups: Mapping[str, tuple[str, ...]] = key(
+    groups: Mapping[str, Annotated[tuple[str, ...], inside(wrong="group '{}' needs a list of joints")]] = key(
         default={}, help="Names for several joints, each with a list of them: missions take them for a joint."
     )
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
-        """How far and fast each joint goes, by its name."""
+        """How far and fast each joint goes, by its name; a driver without it is refused when it is found."""
         raise NotImplementedError
 
     @property
@@ -141,7 +142,11 @@ class RangeKeys:
     )
     yaw: float = key("angle", default=0.0, help="How far its front is turned from the robot's, to the left.")
     blind: tuple[Sector, ...] = key(
-        "angle", default=(), help="Bearings at which the robot itself is in its way: pairs, anticlockwise."
+        "angle",
+        default=(),
+        wrong="'{}' needs pairs of angles, anticlockwise",
+        hint="blind: [[100 deg, 120 deg]]",
+        help="Bearings at which the robot itself is in its way: pairs, anticlockwise.",
     )
 
     @property

@@ -6,8 +6,9 @@ The words that only perception understands stand here too, as its modules have t
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
+from typing import Annotated
 
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import Mistake, inside, key, keys
 
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
 """The families of markers."""
@@ -140,7 +141,7 @@ class MicrophoneKeys:
     threshold: float = key(
         default=0.0, low=-MOST_SURE, high=MOST_SURE, help="What scores less is not accepted; more is stricter."
     )
-    said: Mapping[str, str] = key(
+    said: Mapping[str, Annotated[str, inside(wrong="'{}' needs its phones", hint="write '{}: R AA D N IY'")]] = key(
         default={},
         word="pronunciations",
         help="How words are said that the dictionary lacks, such as `{ada: EY D AH}`.",
@@ -161,8 +162,6 @@ class MicrophoneKeys:
             if _WORD.fullmatch(_plain(word)) is None:
                 hint = "what is listened for is split into words, also at hyphens: give each of them its phones"
                 yield Mistake(f"'pronunciations': '{word}' is not one word of letters", at, named=True, hint=hint)
-            if not phones.strip():
-                yield Mistake(f"'{word}' needs its phones", at, hint=f"write '{word}: R AA D N IY'")
             for phone in phones.upper().split():
                 if phone not in PHONES:
                     yield Mistake(f"'{word}': no phone is called '{phone}'", at, seen=phone, known=PHONES)

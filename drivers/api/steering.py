@@ -1,11 +1,11 @@
 """Who may tell a base how to move, what came of it, and what a base does by itself whoever commands."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
 
 from drivers.api.keys import Mistake, key, keys
+from drivers.api.quick import dataclass
 
 BUTTONS = 3
 """The buttons of a base are numbered from 0 to one less."""
@@ -51,10 +51,6 @@ class Steering:
 
 Steered = Callable[[Steering], None]
 """Where a driver tells of a new ``Steering``; called from the driver's own thread, must return at once."""
-
-
-def unsteered(steering: Steering) -> None:
-    """Tell nobody: for a base that nobody watches."""
 
 
 @keys

@@ -1,13 +1,13 @@
 """What a behaviour sees of a voice."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from pathlib import Path
 from typing import Annotated, Protocol
 
 from drivers.api.device import Device
 from drivers.api.marks import UNSAMPLED, command
+from drivers.api.quick import dataclass
 
 
 class Priority(IntEnum):

@@ -1,9 +1,10 @@
 """One axis of the head as a hobby servo: from radians to the whole degrees that the sketch takes, and back."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
+from drivers.api.quick import dataclass
 from drivers.pantilt import LARGEST_TRIM
 
 MIDDLE = 90

@@ -3,12 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import RLock
 from typing import Protocol
 
 from drivers.absence import Absence
-from drivers.api import Away, Health, Notice, Quality, Reading, Report, unreported
+from drivers.api import Away, DeviceStatus, Health, Quality, Reading, Report, ignore
+from drivers.api.quick import dataclass
 from drivers.arduino import wire
 from drivers.arduino.memory import Memory
 from drivers.arduino.session import Session
@@ -63,18 +64,18 @@ class Board:
     After it was away ``away`` says what of before goes on. The port is open while any of its devices is.
     """
 
+    name = "head"
+
     def __init__(
         self,
         link: Link,
         clock: Clock,
         *,
         boot_delay: float = 2.0,
-        report: Report = unreported,
-        name: str = "head",
+        report: Report = ignore,
         away: Away | None = None,
         remembered: Memory | None = None,
     ) -> None:
-        self._name = name
         self._link = link
         self._clock = clock
         self._boot_delay = boot_delay
@@ -140,7 +141,7 @@ class Board:
         if not self.ready:
             health = self.health()
             raise NotConnected(health.detail, hint=health.hint)
-        self._absence.require(self._name)
+        self._absence.require(self.name)
 
     def health(self) -> Health:
         """Say whether the board takes angles, and what it is waiting for if not."""
@@ -154,7 +155,7 @@ class Board:
         if session.topic is not None:
             return Health(True, counters=figures, returned=self._absence.returned)
         detail, hint = session.trouble()
-        where = f"{self._name}: {self._link.port}: open, {detail}"
+        where = f"{self.name}: {self._link.port}: open, {detail}"
         return Health(False, where, hint, figures, self._absence.returned)
 
     def wheels(self) -> Reading[WheelRates]:
@@ -174,7 +175,7 @@ class Board:
         self._lose()
         before = self._session
         session = Session(
-            self._name,
+            self.name,
             wire.SERVO,
             self._link,
             self._clock,
@@ -231,7 +232,7 @@ class Board:
                     "its board has been running, and nobody knows where its servos stand: the first movement may leap"
                 )
                 cure = "keep clear of it now; from then on let one program alone move it, and end that in good order"
-                self._report(Notice(self._name, "fault", what, cure))
+                self._report(DeviceStatus(self.name, "fault", what, cure))
         self.began = self.began or life
         self._met = True
         self._sent = {

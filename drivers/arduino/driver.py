@@ -3,17 +3,16 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from drivers.api import HEAD_ACCELERATION, HeadLimits, HeadPose, Health, Quality, Reading, unheard
+from drivers.api import HEAD_ACCELERATION, HeadPose, Health, Quality, Reading, ignore
 from drivers.arduino.axis import TRAILING, ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
-from drivers.guard import guarded
-from drivers.history import History
+from drivers.led import LedHead
 from drivers.pantilt import AHEAD, PanTilt
 
 
-class ArduinoHead:
+class ArduinoHead(LedHead[ServoAxis]):
     """A ``drivers.api.Head`` of two hobby servos on ``board``, which may carry a second one.
 
     The servos tell nothing and turn as fast as they can, so the driver leads them: from the angle commanded last it
@@ -27,6 +26,8 @@ class ArduinoHead:
     ``changed`` is called whenever the pose has changed, mostly from the link's thread.
     """
 
+    TRAILS = TRAILING
+
     def __init__(
         self,
         board: Board,
@@ -36,7 +37,7 @@ class ArduinoHead:
         tilt: ServoAxis,
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
-        changed: Callable[[], None] = unheard,
+        changed: Callable[[], None] = ignore,
         name: str = "head",
         start: HeadPose = AHEAD,
     ) -> None:
@@ -44,21 +45,11 @@ class ArduinoHead:
             raise ValueError(f"{name}: pan and tilt are both servo {pan.index}")
         self.name = name
         self.board = board
-        self._clock = clock
-        self._changed = guarded(changed)
-        self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
+        super().__init__(clock, PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed)
         self._sent: tuple[int, ...] = ()  # degrees; empty before it is known where the servos stand
         self._newest: Reading[HeadPose] | None = None
-        self._history = History()
-        self._settled = False  # nothing is left to be sent
-        self._began = False  # it has gone for its start, or is not to
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
-
-    @property
-    def limits(self) -> HeadLimits:
-        """How far, how fast and how hard it turns."""
-        return self._way.limits
 
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
@@ -84,24 +75,6 @@ class ArduinoHead:
             return Reading(None, self._clock.now(), Quality.NONE)
         return newest if self.board.ready else replace(newest, quality=Quality.STALE)
 
-    def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the servos stood at a past time, by what they were sent, interpolated; None when that is not known."""
-        values = self._history.at(stamp - TRAILING)
-        return None if values is None else HeadPose(*values)
-
-    def stop(self) -> None:
-        """Brake, within its acceleration, and hold."""
-        self._way.brake(self._now())
-        self._settled = False
-
-    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
-        """Set the trims that are given, in radians of the servo, while it runs; return both.
-
-        Raises BadRequest for more than 45 degrees. May be called from any thread, connected or not.
-        """
-        self._settled = False
-        return self._way.trim(pan=pan, tilt=tilt, now=self._now())
-
     @property
     def latched(self) -> str:
         """Why it moves no more until it is enabled; empty while it does."""
@@ -111,19 +84,11 @@ class ArduinoHead:
         """Let it move again, after it was away for long."""
         self.board.enable()
 
-    def stay(self) -> None:
-        """Go nowhere when the board is there. To be called before ``open``."""
-        self._began = True
-
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Start looking for the board."""
         self.board.open(self)
-
-    def rest(self) -> None:
-        """Hold: hobby servos know no other rest."""
-        self.stop()
 
     def close(self) -> None:
         """Hold at once, and let the board go."""

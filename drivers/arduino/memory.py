@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-MOST = 10_000
+MAX_FILE_SIZE = 10_000
 """Bytes of such a file at most."""
 
 
@@ -32,7 +32,7 @@ class Memory:
             if not self._path.is_file():  # a pipe would be waited for
                 return {}
             with self._path.open("rb") as file:
-                found = json.loads(file.read(MOST))
+                found = json.loads(file.read(MAX_FILE_SIZE))
             self._path.unlink()
             if found["of"] != self._node():
                 return {}

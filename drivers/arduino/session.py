@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 
-from drivers.api import Notice, Quality, Reading, Report
+from drivers.api import DeviceStatus, Quality, Reading, Report
 from drivers.arduino import wire
 from drivers.arduino.vigil import Life, Vigil
 from drivers.clock import Clock
@@ -18,7 +18,7 @@ TACHO_SILENT = 0.2
 ASK_AGAIN = 1.0
 """Seconds between two requests for the topics; a board that runs answers one within a tenth of a second."""
 
-PATIENCE = 0.1
+FRAME_TIMEOUT = 0.1
 """Seconds of silence after which the rest of a frame is no longer waited for."""
 
 WARNING = 2
@@ -85,13 +85,15 @@ class Session:
         if self._awake is None:
             self._awake = now + self._boot_delay
             self._probe(now)
-        if self._finder.waiting and now - self._heard > PATIENCE:
+        if self._finder.waiting and now - self._heard > FRAME_TIMEOUT:
             self._take(self._finder.give_up())
         if self.vigil.overdue(now) and self.topic is not None:
             self.topic = None
             self._topics.clear()
             silence = f"the board does not answer, and has not asked for the time for {now - self._synced:.1f} s"
-            self._report(Notice(self._name, "offline", silence, "press the board's reset button, look at its power"))
+            self._report(
+                DeviceStatus(self._name, "offline", silence, "press the board's reset button, look at its power")
+            )
         if self.topic is None:
             self._ask(now)
         elif now - self._synced > SILENT or (self.later and now - max(self._encoded, self._asked) > TACHO_SILENT):
@@ -185,28 +187,32 @@ class Session:
             if self.topic is not None and not asked and now - self._asked > ASK_AGAIN:
                 self.life = Life.ANEW  # nobody had asked: it is telling a newcomer, as after a reset
             if self.topic is not None and self.life is Life.ANEW:
-                self._report(Notice(self._name, "fault", "the board has started anew", "look at its power supply"))
+                self._report(
+                    DeviceStatus(self._name, "fault", "the board has started anew", "look at its power supply")
+                )
             elif self.topic is None:
-                self._report(Notice(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}"))
+                self._report(
+                    DeviceStatus(self._name, "online", f"the board takes {info.topic.type} as topic {info.id}")
+                )
             self.topic, self._trouble, self._synced = info.id, ("", ""), now
             return
         found = _other(info.topic, self._wanted)
         cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's servo_msgs; then flash the sketch again)"
         if self._trouble != (found, cure):
-            self._report(Notice(self._name, "fault", found, cure))
+            self._report(DeviceStatus(self._name, "fault", found, cure))
         self.topic, self._trouble = None, (found, cure)
 
     def _check_tacho(self, topic: wire.Topic) -> None:
         """Say it when encoders cannot be read because the board means something else by their message."""
         if topic.name == wire.TACHO.name and topic != wire.TACHO:
             cure = "rosrun rosserial_arduino make_libraries.py  (with Rodney's tacho_msgs; then flash the sketch again)"
-            self._report(Notice(self._name, "fault", _other(topic, wire.TACHO), cure))
+            self._report(DeviceStatus(self._name, "fault", _other(topic, wire.TACHO), cure))
 
     def _log(self, line: wire.Log) -> None:
         self.vigil.acknowledged()
         self._counters["log lines"] += 1
         if line.level >= WARNING:
-            self._report(Notice(self._name, "fault", f"the board says: {line.text}"))
+            self._report(DeviceStatus(self._name, "fault", f"the board says: {line.text}"))
 
 
 def _other(topic: wire.Topic, expected: wire.Topic) -> str:

@@ -23,7 +23,7 @@ OWN = range(12)  # topics of rosserial itself
 FIRST_USER = 100  # the board's first subscriber
 
 HEADER = b"\xff\xfe"
-LONGEST = 1024  # bytes of data; no board of ours has buffers of more than 512
+MAX_DATA_LENGTH = 1024  # bytes of data; no board of ours has buffers of more than 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class FrameFinder:
     ``skipped`` counts the bytes that were in no frame, ``checksum_errors`` the headers whose checks failed.
     """
 
-    def __init__(self, longest: int = LONGEST) -> None:
+    def __init__(self, longest: int = MAX_DATA_LENGTH) -> None:
         self.skipped = 0
         self.checksum_errors = 0
         self._longest = longest

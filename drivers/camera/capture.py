@@ -5,7 +5,7 @@ from threading import Condition, Event, Thread
 
 import numpy as np
 
-from drivers.api import CameraFrame, Health, Image, Notice, Report
+from drivers.api import CameraFrame, DeviceStatus, Health, Image, Report
 from drivers.camera.feed import Feed
 from drivers.camera.freshness import Freshness
 from drivers.clock import Clock
@@ -21,7 +21,7 @@ _UNREAD = 1.0
 _SILENCE = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
-_PATIENCE = 1.0
+_JOIN_TIMEOUT = 1.0
 """Seconds that ``end`` waits for a thread that may be stuck in OpenCV."""
 
 
@@ -67,7 +67,7 @@ class Capture:
         self._ending.set()
         with self._arrived:
             self._arrived.notify_all()
-        self._thread.join(_PATIENCE)
+        self._thread.join(_JOIN_TIMEOUT)
 
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
@@ -173,11 +173,11 @@ class Capture:
             was_online, self._online = self._online, True
             self._arrived.notify_all()
         if not was_online:
-            self._report(Notice(self._name, "online", f"{self._feed.what} gives pictures"))
+            self._report(DeviceStatus(self._name, "online", f"{self._feed.what} gives pictures"))
 
     def _lost(self, trouble: NotConnected) -> None:
         with self._arrived:
             self._trouble = trouble
             was_online, self._online = self._online, False
         if was_online:
-            self._report(Notice(self._name, "offline", str(trouble), trouble.hint))
+            self._report(DeviceStatus(self._name, "offline", str(trouble), trouble.hint))

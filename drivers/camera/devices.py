@@ -24,7 +24,7 @@ _ENUM_FRAMESIZES, _ENUM_FRAMESIZES_SIZE = 0xC02C564A, 44
 _CAPTURE, _HAS_DEVICE_CAPS = 0x1, 0x80000000
 _BUFFER_CAPTURE = 1
 _DISCRETE = 1
-_MOST = 64  # of formats and of sizes: a device that never says "no more" must not hang us
+_MAX_ENTRIES = 64  # of formats and of sizes: a device that never says "no more" must not hang us
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +90,13 @@ def _captures(ask: Callable[[int, bytearray], object]) -> bool:
 def _sizes(ask: Callable[[int, bytearray], object]) -> tuple[tuple[int, int], ...]:
     """Return the sizes of all its formats; of one that scales freely, the largest."""
     found: set[tuple[int, int]] = set()
-    for form in range(_MOST):
+    for form in range(_MAX_ENTRIES):
         data = bytearray(_ENUM_FMT_SIZE)
         struct.pack_into("=II", data, 0, form, _BUFFER_CAPTURE)
         if not _answered(ask, _ENUM_FMT, data):
             break
         (pixels,) = struct.unpack_from("=I", data, 44)
-        for index in range(_MOST):
+        for index in range(_MAX_ENTRIES):
             size = bytearray(_ENUM_FRAMESIZES_SIZE)
             struct.pack_into("=II", size, 0, index, pixels)
             if not _answered(ask, _ENUM_FRAMESIZES, size):

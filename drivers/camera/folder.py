@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import radians
 from pathlib import Path
 
-from drivers.api import Image, Report, unreported
+from drivers.api import Image, Report, ignore
 from drivers.camera.decode import load
 from drivers.camera.source import PICTURES
 from drivers.camera.threaded import ThreadedCamera
@@ -90,7 +90,7 @@ class FolderCamera(ThreadedCamera):
         field_of_view: float = radians(60.0),
         loop: bool = True,
         retry: float = 1.0,
-        report: Report = unreported,
+        report: Report = ignore,
     ) -> None:
         if rate <= 0:
             raise BadRequest(f"{name}: {rate} pictures a second: must be above 0")

@@ -1,10 +1,10 @@
 """Whether the pictures of a live camera are news: a camera can hang, or fall behind, and go on giving pictures."""
 
-from dataclasses import dataclass
-
 import numpy as np
+import numpy.typing as npt
 
-from drivers.api import Image, Notice, Report
+from drivers.api import DeviceStatus, Image, Report
+from drivers.api.quick import dataclass
 
 FROZEN = 3.0
 """Seconds of the same picture after which a camera has hung: the noise of a sensor alone makes each one different."""
@@ -16,7 +16,8 @@ LATELY = 3.0
 """Seconds over which their rate is taken."""
 
 STRIDE = 16
-"""Every how many pixels, each way, one is compared: that costs microseconds, and a thousand pixels share no noise."""
+"""Every how many pixels, each way, the green of one is compared: that costs microseconds, and a thousand pixels share
+no noise."""
 
 _SLOW_HINT = "more light (webcams expose for longer in the dark), a smaller picture, or a USB port of its own"
 _FROZEN_HINT = "unplug the camera and plug it in again; `mission camera list` shows whether it is back"
@@ -40,7 +41,7 @@ class Freshness:
     def __init__(self, name: str, report: Report) -> None:
         self._name = name
         self._report = report
-        self._sample: Image | None = None
+        self._sample: npt.NDArray[np.uint8] | None = None
         self._changed = 0.0  # the stamp of the first picture that looked like the newest one
         self._stamps: list[float] = []
         self._fault: _Fault | None = None
@@ -62,12 +63,12 @@ class Freshness:
         fault = frozen or slow
         before, self._fault = self._fault, fault
         if fault is not None and fault != before:
-            self._report(Notice(self._name, "fault", f"{self._name}: {fault.what}", fault.hint))
+            self._report(DeviceStatus(self._name, "fault", f"{self._name}: {fault.what}", fault.hint))
         elif fault is None and before is not None:
-            self._report(Notice(self._name, "online", f"{self._name}: fresh pictures again"))
+            self._report(DeviceStatus(self._name, "online", f"{self._name}: fresh pictures again"))
 
     def _frozen(self, image: Image, stamp: float) -> _Fault | None:
-        sample = image[::STRIDE, ::STRIDE]
+        sample = image[::STRIDE, ::STRIDE, 1]
         same = self._sample is not None and np.array_equal(sample, self._sample)
         if not same or sample.min() == sample.max():
             self._sample, self._changed = sample.copy(), stamp

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 
-from drivers.api import Image, Report, unreported
+from drivers.api import Image, Report, ignore
 from drivers.camera.decode import grab, opened, skip
 from drivers.camera.source import Kind, Source, is_number, kind_of
 from drivers.camera.threaded import ThreadedCamera
@@ -123,7 +123,7 @@ class OpenCVCamera(ThreadedCamera):
         size: tuple[int, int] | None = None,
         loop: bool = True,
         retry: float = 1.0,
-        report: Report = unreported,
+        report: Report = ignore,
     ) -> None:
         super().__init__(
             lambda: VideoFeed(name, source, size),

@@ -1,10 +1,10 @@
 """One Dynamixel bus: what servos of either protocol can be asked and told, one by one or many at once."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, NamedTuple
 
+from drivers.api.quick import dataclass
 from drivers.dynamixel.channel import Channel
 from drivers.dynamixel.codec import Codec, Keep, Reply
 from drivers.dynamixel.overdue import Wanted

@@ -2,9 +2,9 @@
 
 from collections import defaultdict, deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from threading import RLock
 
+from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.delays import Delays
 from drivers.dynamixel.adapter import Dial, Line, open_line

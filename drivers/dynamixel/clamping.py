@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from math import degrees, inf
 
-from drivers.api import Notice, Report
+from drivers.api import DeviceStatus, Report
 from drivers.dynamixel.joint import Joint
 
 EPISODE = 10.0
@@ -42,4 +42,4 @@ class Clamping:
         what = f"the goal of {joint.name} was clamped to {degrees(joint.clamp(goal)):.1f} deg: {degrees(goal):.1f} deg"
         span = f"{degrees(limits.lower):.1f}..{degrees(limits.upper):.1f} deg"
         hint = f"{joint.name} may go {span}: change what is asked of it, or its limits in the robot file"
-        self._report(Notice(self._name, "fault", f"{what} is beyond its limits", hint))
+        self._report(DeviceStatus(self._name, "fault", f"{what} is beyond its limits", hint))

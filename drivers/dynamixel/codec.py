@@ -5,10 +5,10 @@ complains.
 """
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
+from drivers.api.quick import dataclass
 from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.register import Block
 from drivers.dynamixel.units import Framing
@@ -119,7 +119,7 @@ class Codec:
 CODECS: Mapping[int, Codec] = MappingProxyType(
     {
         1: Codec(1, wire.LAST_ID, 6, 1, wire.BUFFER - 6, wire.request, wire.Parser),
-        2: Codec(2, wire2.LAST_ID, 11, 2, wire2.LONGEST, wire2.request, wire2.Parser),
+        2: Codec(2, wire2.LAST_ID, 11, 2, wire2.MAX_PARAMETERS, wire2.request, wire2.Parser),
     }
 )
 """The protocols by number."""

@@ -12,24 +12,20 @@ from math import inf
 from threading import RLock
 from typing import Literal
 
-from drivers.absence import Absence, Enabling
-from drivers.api import Away, Coupling, Health, JointLimits, JointState, Notice, Quality, Reading, Report
-from drivers.api.device import unheard, unreported
+from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Quality, Reading, Report, ignore
 from drivers.clock import Clock
 from drivers.dynamixel.attention import RESTING, Attention
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.clamping import Clamping
+from drivers.dynamixel.commanded import CommandedJoints
 from drivers.dynamixel.figures import counted, health_of
 from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.leading import Leading
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import Pace
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
-from drivers.dynamixel.telling import Telling
 from drivers.dynamixel.torque import go, go_on, insisting, recover, settle
 from drivers.dynamixel.watch import GRACE, Watch
 from drivers.errors import BadRequest, NotConnected
-from drivers.guard import guarded
 from drivers.loop import MakeLoop, ThreadLoop
 
 RATE = 100.0
@@ -45,13 +41,11 @@ GO_ON = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
 
 
-class DynamixelJoints(Enabling):
+class DynamixelJoints(CommandedJoints):
     """The joints of an arm. It owns ``bus``: opens it, and closes it at the end.
 
     ``rate`` (Hz) is how often those joints are read that lead or follow, as far as the wire allows; others as often as
-    ``drivers.dynamixel.attention`` says. ``at_rest`` says what rest means for this arm: stiff where it is, or without
-    torque; ``away`` what of before goes on when it is back. ``report`` hears what the servos tell, ``changed`` is
-    called after every round of readings, both mostly from the driver's thread, which ``loop`` makes.
+    ``drivers.dynamixel.attention`` says. Callbacks are called mostly from the driver's thread, which ``loop`` makes.
     Raises BadRequest for joints that cannot be, all faults in one message.
     """
 
@@ -64,45 +58,27 @@ class DynamixelJoints(Enabling):
         rate: float = RATE,
         at_rest: Literal["hold", "relax"] = "hold",
         away: Away | None = None,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "arm",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
         loop: MakeLoop = ThreadLoop,
     ) -> None:
-        check(name, dict(joints))
+        check(self.name, dict(joints))
         if not 0 < rate <= 1000:
-            raise BadRequest(f"{name}: joints are read 1 to 1000 times a second, not {rate}")
-        self._name = name
+            raise BadRequest(f"{self.name}: joints are read 1 to 1000 times a second, not {rate}")
+        described = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
+        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed)
         self._bus = bus
-        self._joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
-        self._clock = clock
         self._rate = rate
-        self._stiff_at_rest = at_rest == "hold"
-        self._report = guarded(report)
-        self._changed = guarded(changed)
         self._lock = RLock()
-        self._absence = Absence(away)
-        self._telling = Telling(name, self._joints, self._report)
-        self._clamping = Clamping(name, self._joints, self._report)
         self._leading = Leading(bus, self._joints, self._clamping, self._telling)
         self._watch = Watch(bus, self._joints, self._lock, clock, self._telling, self._absence)
         self._pace = Pace(rate)
         self._attention = Attention(rate, min(RESTING, self._absence.shortest / 3))
-        self._loop = loop(f"joints {name}", self._turn, unheard)
+        self._loop = loop(f"joints {self.name}", self._turn, ignore)
         self._opened = False
         self._connections = 0
         self._went_on_at = 0.0
         self._fault = ""  # the newest of the driver's own that was reported
-
-    @property
-    def name(self) -> str:
-        """The part of the robot that it is."""
-        return self._name
-
-    @property
-    def limits(self) -> Mapping[str, JointLimits]:
-        """The joints by name, in the order of the robot file."""
-        return {name: joint.limits for name, joint in self._joints.items()}
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
@@ -149,18 +125,6 @@ class DynamixelJoints(Enabling):
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
-    def hold(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
-
-        Safe from any state; does not raise when offline. Joints that do not confirm it are told, and told again by the
-        driver's thread. Raises BadRequest for an unknown joint.
-        """
-        self._command(self._joints if joints is None else joints, stiff=True)
-
-    def relax(self, joints: Collection[str] | None = None) -> None:
-        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
-        self._command(self._joints if joints is None else joints, stiff=False)
-
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
@@ -170,7 +134,7 @@ class DynamixelJoints(Enabling):
         DeviceFault while it is latched.
         """
         asked, speeds = self._clock.now(), speeds or {}
-        check_move(self._name, goals, speeds, self._joints)
+        check_move(self.name, goals, speeds, self._joints)
         with self._lock:
             self._require(asked)
             now = self._clock.now()
@@ -189,7 +153,7 @@ class DynamixelJoints(Enabling):
         in order to end them.
         """
         asked = self._clock.now()
-        check_couplings(self._name, couplings, self._joints)
+        check_couplings(self.name, couplings, self._joints)
         with self._lock:
             if couplings:
                 self._require(asked)
@@ -216,7 +180,7 @@ class DynamixelJoints(Enabling):
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
         counters = counted(self._bus, self._joints, self._pace, connections=self._connections)
-        health = health_of(self._name, self._bus, self._joints, self._watch, runs=self._loop.alive)
+        health = health_of(self.name, self._bus, self._joints, self._watch, runs=self._loop.alive)
         return replace(health, counters=counters, returned=self._absence.returned)
 
     def _quality(self, reading: Reading[JointState]) -> Quality:
@@ -229,8 +193,8 @@ class DynamixelJoints(Enabling):
         self._bus.require()
         absent = self._absence.unheard(self._clock.now()) or self._absence.before_return(asked)
         if absent or not self._watch.connected:
-            raise NotConnected(f"{self._name}: {self._bus.port}: looking for the servos", hint="try again")
-        self._absence.require(self._name)
+            raise NotConnected(f"{self.name}: {self._bus.port}: looking for the servos", hint="try again")
+        self._absence.require(self.name)
 
     def _command(self, names: Collection[str], *, stiff: bool) -> None:
         """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
@@ -242,7 +206,7 @@ class DynamixelJoints(Enabling):
 
     def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
         """Hold or relax; return the joints whose servo did not confirm it."""
-        check_names(self._name, set(names), self._joints)
+        check_names(self.name, set(names), self._joints)
         with self._lock:
             self._leading.end(names)
             joints = [self._joints[name] for name in names]
@@ -309,4 +273,4 @@ class DynamixelJoints(Enabling):
         """Report what is wrong with the driver itself, unless it is the same as before."""
         if (fault := f"{type(error).__name__}: {error}") != self._fault:
             self._fault = fault
-            self._report(Notice(self._name, "fault", fault))
+            self._report(DeviceStatus(self.name, "fault", fault))

@@ -8,7 +8,7 @@ from drivers.api import Coupling
 RUN_IN = radians(50)
 """rad/s at most for a follower that is brought over to where it is led."""
 
-NEAR = radians(5)
+FOLLOWING_TOLERANCE = radians(5)
 """Within this angle of where it is led a follower has come over, and goes as fast as it may from then on."""
 
 PAUSE = 0.25
@@ -68,7 +68,7 @@ class Following:
         for follower, goal in goals.items():
             if now - self._led_at.get(follower, -inf) > PAUSE:
                 self._come.discard(follower)
-            if abs(positions.get(follower, inf) - goal) <= NEAR:
+            if abs(positions.get(follower, inf) - goal) <= FOLLOWING_TOLERANCE:
                 self._come.add(follower)
             self._led_at[follower] = now
         return {follower: RUN_IN for follower in goals if follower not in self._come}

@@ -1,6 +1,6 @@
 """A head of two Dynamixel servos on the arm's bus: leads them on a thread of its own."""
 
-from drivers.api import Joints, Notice, unheard
+from drivers.api import DeviceStatus, Joints, ignore
 from drivers.joints_head import PERIOD, JointsHead
 from drivers.loop import Loop, MakeLoop, ThreadLoop
 
@@ -17,7 +17,7 @@ class DynamixelHead(JointsHead[Joints]):
         """Use the joints as soon as they are there; does nothing while it is open."""
         super().open()
         if self._loop is None:
-            self._loop = self.make_loop(f"{self.name} joints", self._turn, unheard)
+            self._loop = self.make_loop(f"{self.name} joints", self._turn, ignore)
         self._loop.start()
 
     def close(self) -> None:
@@ -32,5 +32,5 @@ class DynamixelHead(JointsHead[Joints]):
         except BaseException as error:  # SystemExit too: without this thread the head would not even brake
             if (fault := f"{type(error).__name__}: {error}") != self._fault:
                 self._fault = fault
-                self._report(Notice(self.name, "fault", fault))
+                self._report(DeviceStatus(self.name, "fault", fault))
         return PERIOD

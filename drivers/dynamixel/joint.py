@@ -4,10 +4,11 @@ Two scales of angle meet here and nowhere else. The *servo's* has its zero at th
 anticlockwise seen facing the horn. The *joint's* is the robot's: ``servo = zero + direction * joint``.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf, isfinite, radians
 
 from drivers.api import JointLimits, JointState, Quality, Reading
+from drivers.api.quick import dataclass
 from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.bus import At
 from drivers.dynamixel.models import MODELS, Model

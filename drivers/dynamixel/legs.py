@@ -6,7 +6,7 @@ the way comes to rest by itself where that ends, and stays stiff.
 
 from math import inf, radians
 
-from drivers.dynamixel.following import NEAR, RUN_IN
+from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import Joint
 
 AHEAD = 0.3
@@ -51,7 +51,7 @@ def paced(joint: Joint, goal: float, speed: float, here: float | None) -> float:
     """
     if joint.strayed and here is not None:
         slow = joint.goal is not None and joint.speed <= RUN_IN  # it was sent on its way before
-        joint.strayed = min(abs(goal - here), abs((joint.goal or 0.0) - here) if slow else inf) > NEAR
+        joint.strayed = min(abs(goal - here), abs((joint.goal or 0.0) - here) if slow else inf) > FOLLOWING_TOLERANCE
     return min(speed, RUN_IN) if joint.strayed else speed
 
 

@@ -4,12 +4,11 @@ A model is one row at the end of this file. Positive is anticlockwise, seen faci
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from difflib import get_close_matches
 from math import radians
 from types import MappingProxyType
 from typing import Literal
 
+from drivers.api.quick import dataclass
 from drivers.dynamixel.register import Register, Table
 from drivers.dynamixel.tables import (
     MOVING_SPEED,
@@ -24,8 +23,7 @@ from drivers.dynamixel.tables import (
     TABLE_X,
     TABLE_X_CURRENT,
 )
-from drivers.dynamixel.units import RPM, Protocol, baud_of
-from drivers.errors import BadRequest
+from drivers.dynamixel.units import RPM, Protocol
 
 Reads = Literal["single", "bulk", "sync"]
 """How the state of several servos is read best: one by one, by one bulk read, or by one sync read."""
@@ -60,11 +58,6 @@ class Model:
     effort_unit: float
     bus: Wiring
     defaults: Mapping[str, int]
-
-    @property
-    def default_baud(self) -> int:
-        """The rate that it runs at as delivered."""
-        return baud_of(self.default(self.table["baud"]), self.protocol)
 
     @property
     def top_speed(self) -> float:
@@ -110,16 +103,6 @@ class Model:
 def model_of(number: int) -> Model | None:
     """Return the model that answers with ``number``; None if it is not one of ours."""
     return next((model for model in MODELS.values() if model.number == number), None)
-
-
-def model_named(name: str) -> Model:
-    """Return the model that somebody has called ``name``. Raises BadRequest, with what may be meant."""
-    if name in MODELS:
-        return MODELS[name]
-    near = [known for known in MODELS if known.startswith(name.upper())]
-    near = near or get_close_matches(name.upper(), MODELS, cutoff=0.6)
-    meant = f"did you mean {' or '.join(near)}?" if near and name else f"models are {', '.join(MODELS)}"
-    raise BadRequest(f"no servo model {name!r}", hint=meant)
 
 
 @dataclass(frozen=True, slots=True)

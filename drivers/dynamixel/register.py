@@ -5,11 +5,11 @@ Numbers are little-endian. What stands in which model's table is in ``tables``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 from typing import NamedTuple
 
+from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 
 CLOCKWISE = 0x400

@@ -67,7 +67,7 @@ def frame(protocol: Protocol, servo: int, instruction: int, parameters: bytes = 
         size = len(parameters) + 3
         packet = [0xFF, 0xFF, 0xFD, 0, servo, size & 0xFF, size >> 8, instruction, *parameters, 0, 0]
     port = _Bytes()
-    possible = 0 <= servo <= wire.BROADCAST and len(parameters) <= wire2.LONGEST
+    possible = 0 <= servo <= wire.BROADCAST and len(parameters) <= wire2.MAX_PARAMETERS
     if not possible or _HANDLERS[protocol].txPacket(port, packet) != COMM_SUCCESS:
         raise ValueError(f"the vendor's code takes no packet of {len(parameters)} parameters to servo {servo}")
     return port.written

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from math import degrees, inf
 
-from drivers.api import Notice, Report
+from drivers.api import DeviceStatus, Report
 from drivers.dynamixel.gathering import duration
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.wire import Fault
@@ -151,7 +151,7 @@ class Telling:
         return frozenset(name for name, joint in self._joints.items() if joint.unsettled)
 
     def _tell(self, kind: str, what: str, hint: str = "") -> None:
-        self._report(Notice(self._name, kind, what, hint))
+        self._report(DeviceStatus(self._name, kind, what, hint))
 
 
 def _wanting(joints: Iterable[Joint], *, stiff: bool) -> list[str]:

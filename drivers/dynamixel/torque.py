@@ -21,7 +21,7 @@ RECENT = 0.06
 STOOD = 0.15
 """The same for one that is stiff and at rest: nobody turns it, and it is read ten times a second."""
 
-PATIENCE, TRIES = 1.0, 10
+RELEASE_TIMEOUT, TRIES = 1.0, 10
 """Seconds for which, and how often, joints are told to rest that have not confirmed that they do."""
 
 REBOOT = 0.5
@@ -223,7 +223,7 @@ def _settled(bus: Bus, joint: Joint, place: int | None, *, stiff: bool, now: flo
 
 def insisting(bus: Bus, failed: Collection[Joint], clock: Clock) -> Iterator[None]:
     """Count out the tries in which those that have ``failed`` to confirm their rest yet may, as long as some can."""
-    until = clock.now() + PATIENCE
+    until = clock.now() + RELEASE_TIMEOUT
     for _ in range(TRIES):
         able = any(joint.driven or not joint.answers for joint in failed)
         if not (able and bus.is_open and clock.now() < until):

@@ -26,7 +26,7 @@ SLOWLY = 1.0
 SOON = 0.05
 """Seconds after which a servo is told again that has not confirmed that it is held or limp."""
 
-PATIENCE = 0.2
+REST_AFTER_MISSES = 0.2
 """Seconds for which a servo that has missed two readings in a row is left alone, lest it slow the others down."""
 
 
@@ -192,7 +192,7 @@ class Watch:
         """Ask again in the next round, then once more after a while; then count the servo as missing."""
         joint.failures += 1
         now = self._clock.now()
-        joint.due = now + PATIENCE if joint.failures > 1 else now
+        joint.due = now + REST_AFTER_MISSES if joint.failures > 1 else now
         if joint.failures >= MISSING_AFTER:
             joint.complaint, joint.answers, joint.due = "does not answer", False, now + SLOWLY
             self._telling.gone(joint, self.hint)

@@ -19,7 +19,7 @@ LAST_ID = 0xFD
 GAP = 0.1
 """Seconds of silence inside a packet after which a servo forgets what it has heard of it."""
 
-LONGEST = 0xFF - 2
+MAX_PARAMETERS = 0xFF - 2
 """Parameters that one packet can hold, in bytes."""
 
 BUFFER = 143
@@ -107,8 +107,8 @@ def status(servo: int, error: int = 0, parameters: bytes = b"") -> bytes:
 def _frame(servo: int, code: int, parameters: bytes) -> bytes:
     if not 0 <= servo <= BROADCAST:
         raise ValueError(f"a servo's ID is 0..{LAST_ID} or {BROADCAST} for all, not {servo}")
-    if len(parameters) > LONGEST:
-        raise ValueError(f"a packet holds {LONGEST} parameters, not {len(parameters)}")
+    if len(parameters) > MAX_PARAMETERS:
+        raise ValueError(f"a packet holds {MAX_PARAMETERS} parameters, not {len(parameters)}")
     body = bytes((servo, len(parameters) + 2, code)) + parameters
     return HEADER + body + bytes((checksum(body),))
 

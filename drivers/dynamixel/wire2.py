@@ -21,11 +21,11 @@ STATUS = 0x55
 ALERT = 0x80
 """The bit of the error byte that says: the hardware has a fault, read register 70."""
 
-LONGEST = 1000
+MAX_PARAMETERS = 1000
 """Parameters that we put into one packet, in bytes before stuffing: no control table is longer."""
 
 _OVERHEAD = len(HEADER) + 3  # the bytes that LEN does not count
-_MOST = (LONGEST + 2) * 4 // 3 + 3  # the largest LEN, when as much as can be is stuffed
+_MAX_LEN = (MAX_PARAMETERS + 2) * 4 // 3 + 3  # the largest LEN, when as much as can be is stuffed
 
 _FORBIDDEN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
@@ -129,8 +129,8 @@ def status(servo: int, error: int = 0, parameters: bytes = b"") -> bytes:
 def _frame(servo: int, instruction: int, parameters: bytes) -> bytes:
     if not (0 <= servo <= LAST_ID or servo == BROADCAST):
         raise ValueError(f"a servo's ID is 0..{LAST_ID} or {BROADCAST} for all, not {servo}")
-    if len(parameters) > LONGEST:
-        raise ValueError(f"a packet holds {LONGEST} parameters, not {len(parameters)}")
+    if len(parameters) > MAX_PARAMETERS:
+        raise ValueError(f"a packet holds {MAX_PARAMETERS} parameters, not {len(parameters)}")
     body = stuff(bytes((instruction,)) + parameters)
     frame = HEADER + bytes((servo,)) + (len(body) + 2).to_bytes(2, "little") + body
     return frame + crc(frame).to_bytes(2, "little")
@@ -145,7 +145,7 @@ class Parser(wire.Parser):
     def _size(self) -> int | None:
         servo, length = self._buffer[4], self._buffer[5] | self._buffer[6] << 8
         named = servo <= LAST_ID or servo == BROADCAST
-        return length + _OVERHEAD if named and 3 <= length <= _MOST else None
+        return length + _OVERHEAD if named and 3 <= length <= _MAX_LEN else None
 
     def _packet(self, frame: bytes) -> Packet:
         body = unstuff(frame[_OVERHEAD:-2])

@@ -1,9 +1,9 @@
 """How fast the base may go, and how quickly it may change that. Pure arithmetic."""
 
-from dataclasses import dataclass
 from math import isfinite
 
 from drivers.api import BaseLimits, Velocity
+from drivers.api.quick import dataclass
 
 BRAKING = 1.2
 """How much harder than it speeds up the base may slow down."""

@@ -1,14 +1,15 @@
 """The ear of the driver: bytes of the base in, states of the base out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from drivers.api import BaseState
+from drivers.api.quick import dataclass
 from drivers.delays import Delays
 from drivers.kobuki.commands import Extra
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
 from drivers.kobuki.senses import Senses
-from drivers.kobuki.wire import FrameFinder, Part, decode
+from drivers.kobuki.wire import FrameFinder, decode
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +37,10 @@ class Listener:
         self._unknown = self._malformed = 0
         self._gaps = Delays()
         self._reported_at: float | None = None
-        self.newest: dict[type[Part], Part] = {}
-        """The newest part of each kind, replaced one by one."""
 
     def restart(self) -> None:
         """Begin anew on a port just opened: it may be another base, but the pose goes on from where it was."""
         self.identity = Identity()
-        self.newest = {}
         self._finder.clear()
         self._reported_at = None
         self._senses.odometry.anchor()
@@ -76,7 +74,6 @@ class Listener:
         inertia: Inertia | None = None
         dock: DockInfrared | None = None
         for part in decoded.parts:
-            self.newest[type(part)] = part
             match part:
                 case Core():
                     core = part

@@ -1,4 +1,4 @@
-"""The one word of the base that switches sockets, supplies and lights: each changed without touching the others."""
+"""The word that switches the base's sockets, supplies and lights. A light changes none of the others."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -19,12 +19,8 @@ class Outputs:
     def __init__(self) -> None:
         self.word = OUTPUTS_AT_START
 
-    def switch(self, output: Output, *, on: bool) -> None:
-        """Switch sockets or supplies on or off."""
-        self.word = self.word | output if on else self.word & ~output
-
     def light(self, number: int, colour: Lamp) -> None:
         """Let a light show a colour: red and green together are orange. Raises KeyError for another number."""
         red, green = _LIGHTS[number]
-        self.switch(red, on=colour in (Lamp.RED, Lamp.ORANGE))
-        self.switch(green, on=colour in (Lamp.GREEN, Lamp.ORANGE))
+        for output, colours in ((red, (Lamp.RED, Lamp.ORANGE)), (green, (Lamp.GREEN, Lamp.ORANGE))):
+            self.word = self.word | output if colour in colours else self.word & ~output

@@ -1,9 +1,9 @@
-"""What a Kobuki has beside its wheels: tunes, lights, sockets, supplies, and the gains of its motors."""
+"""The tunes and lights of a Kobuki."""
 
 from threading import RLock
 
 from drivers.api import Lamp, Tune
-from drivers.kobuki.commands import GetGains, Output, SetGains, SetOutputs, SoundSequence
+from drivers.kobuki.commands import SetOutputs, SoundSequence
 from drivers.kobuki.outputs import Outputs
 from drivers.kobuki.requests import TUNES, check_light, tone
 from drivers.kobuki.wire import encode
@@ -11,13 +11,12 @@ from drivers.link import Link
 
 
 class Panel:
-    """Commands that do not move the base, sent over ``link``. Safe between threads."""
+    """Commands that do not move the base, sent over ``link``. Safe between threads, which ``lock`` is for."""
 
-    def __init__(self, name: str, link: Link) -> None:
+    def __init__(self, name: str, link: Link, lock: "RLock") -> None:
         self._name = name
         self._link = link
-        # Held from the choice of a command until it is written, so that no older one can follow the zero of a stop.
-        self._lock = RLock()
+        self._lock = lock
         self._outputs = Outputs()
 
     def play(self, tune: Tune) -> None:
@@ -34,20 +33,6 @@ class Panel:
         with self._lock:
             self._outputs.light(number, colour)
             self._link.write(encode(SetOutputs(self._outputs.word)))
-
-    def switch(self, output: Output, *, on: bool) -> None:
-        """Switch sockets or supplies, and leave all others as they are. Raises NotConnected."""
-        with self._lock:
-            self._outputs.switch(output, on=on)
-            self._link.write(encode(SetOutputs(self._outputs.word)))
-
-    def set_gains(self, gains: SetGains) -> None:
-        """Set the gains of the wheel controller until the base is switched off. Raises NotConnected."""
-        self._link.write(encode(gains))
-
-    def ask_gains(self) -> None:
-        """Ask for the gains, which ``telemetry`` has once the base has answered. Raises NotConnected."""
-        self._link.write(encode(GetGains()))
 
     def restore(self) -> None:
         """Switch everything as it was told so far, for a base that may have been off meanwhile. Raises NotConnected."""

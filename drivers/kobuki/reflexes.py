@@ -1,10 +1,10 @@
 """What the base does by itself with what it feels, whoever commands. Its time and its state are handed in."""
 
-from dataclasses import dataclass
 from math import hypot
 from typing import Literal
 
 from drivers.api import STILL, BaseState, Pose2D, Reflexes, Sides, Velocity
+from drivers.api.quick import dataclass
 
 BACK_OFF_TIME = 1.0
 """Seconds that backing off may take beyond what its way needs: then something holds it."""
@@ -29,8 +29,8 @@ class _BackingOff:
     because: str
 
 
-class ReflexArc:
-    """From what is felt to what is done. Tell it every state by ``feel``; then ask it what is permitted.
+class SafetyController:
+    """The reflexes of a base. Tell it every state by ``feel``; then ask it what is permitted.
 
     ``latching`` says why somebody must enable the base before it drives again; empty when there is no reason.
     """

@@ -14,7 +14,7 @@ TUNES: Mapping[Tune, commands.Tune] = MappingProxyType({tune: commands.Tune[tune
 """The tunes by what they are called, as the base numbers them."""
 
 LOWEST, HIGHEST = 6.0, 20_000.0
-LONGEST = 0.255
+MAX_TONE_DURATION = 0.255
 
 
 def check(who: str, velocity: Velocity, source: Source) -> None:
@@ -42,9 +42,9 @@ def check_light(who: str, number: int) -> None:
 
 def tone(who: str, frequency: float, seconds: float) -> Sound:
     """Return one tone of ``frequency`` hertz. Raises BadRequest for one that the base cannot play."""
-    if not (LOWEST <= frequency <= HIGHEST and 0 < seconds <= LONGEST):
+    if not (LOWEST <= frequency <= HIGHEST and 0 < seconds <= MAX_TONE_DURATION):
         raise BadRequest(
             f"{who}: no tone of {frequency} Hz for {seconds} s",
-            hint=f"{LOWEST:g} to {HIGHEST:g} Hz, for {LONGEST} s at most",
+            hint=f"{LOWEST:g} to {HIGHEST:g} Hz, for {MAX_TONE_DURATION} s at most",
         )
     return Sound.of(frequency, seconds)

@@ -1,9 +1,10 @@
 """From the reports of the Kobuki to the state of a base, and to what is worth telling of a change."""
 
-from dataclasses import dataclass
+from functools import cache
 
 from drivers.api import BaseState, DockBeam, DockSignals, Sides
-from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, Charger, Core, DockInfrared, Inertia, Side
+from drivers.api.quick import dataclass
+from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, Core, DockInfrared, Inertia, Side
 from drivers.kobuki.odometry import Odometry
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
@@ -41,14 +42,14 @@ class Senses:
             velocity=self.odometry.velocity,
             bumper=_sides(core.bumper),
             cliff=_sides(core.cliff),
-            wheel_drop=Sides(left=bool(core.wheel_drop & DROPPED_LEFT), right=bool(core.wheel_drop & DROPPED_RIGHT)),
-            buttons=frozenset(number for number in range(3) if core.buttons >> number & 1),
+            wheel_drop=_wheels(core.wheel_drop, left=DROPPED_LEFT, right=DROPPED_RIGHT),
+            buttons=_buttons(core.buttons),
             battery_voltage=core.voltage,
             battery_percent=battery_percent(core.voltage, self._full_voltage),
-            charging=bool(core.charger & Charger.CHARGING),
-            docked=bool(core.charger & Charger.POWERED) and not core.charger & Charger.ADAPTER,
+            charging=core.charging,
+            docked=core.docked,
             dock=_heard(self._dock),
-            overcurrent=Sides(left=bool(core.overcurrent & 1), right=bool(core.overcurrent & 2)),
+            overcurrent=_wheels(core.overcurrent, left=1, right=2),
         )
 
 
@@ -84,8 +85,19 @@ def _heard(dock: DockInfrared) -> DockSignals:
     return DockSignals(DockBeam(dock.left), DockBeam(dock.centre), DockBeam(dock.right))
 
 
+@cache
 def _sides(bits: int) -> Sides:
     return Sides(left=bool(bits & Side.LEFT), centre=bool(bits & Side.CENTRE), right=bool(bits & Side.RIGHT))
+
+
+@cache
+def _wheels(bits: int, *, left: int, right: int) -> Sides:
+    return Sides(left=bool(bits & left), right=bool(bits & right))
+
+
+@cache
+def _buttons(bits: int) -> frozenset[int]:
+    return frozenset(number for number in range(3) if bits >> number & 1)
 
 
 def _risen(before: Sides, after: Sides) -> str:

@@ -4,9 +4,9 @@ A payload is a row of parts (sub-payloads) ``ID SIZE data``. LEN counts the byte
 and the payload, and all numbers are little-endian. What the parts mean is in ``commands.py`` and ``feedback.py``.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import xor
 from struct import Struct, error
 from typing import ClassVar, Self
@@ -15,7 +15,7 @@ BAUD = 115200
 """The one rate of the base, 8N1."""
 
 HEADER = b"\xaa\x55"
-SHORTEST, LONGEST = 3, 255
+MIN_PAYLOAD, MAX_PAYLOAD = 3, 255
 """How many bytes a payload may have."""
 
 
@@ -56,8 +56,8 @@ def checksum(data: bytes | bytearray) -> int:
 
 def frame(payload: bytes) -> bytes:
     """Put header, length and checksum around a payload. Raises ValueError for one of an impossible length."""
-    if not SHORTEST <= len(payload) <= LONGEST:
-        raise ValueError(f"a Kobuki payload has {SHORTEST} to {LONGEST} bytes, not {len(payload)}")
+    if not MIN_PAYLOAD <= len(payload) <= MAX_PAYLOAD:
+        raise ValueError(f"a Kobuki payload has {MIN_PAYLOAD} to {MAX_PAYLOAD} bytes, not {len(payload)}")
     body = bytes([len(payload)]) + payload
     return HEADER + body + bytes([checksum(body)])
 
@@ -87,10 +87,16 @@ def decode(payload: bytes, kinds: Mapping[int, type[Part]]) -> Decoded:
             unknown += 1
         else:
             try:
-                parts.append(kind.unpack(data))
+                parts.append(_unpacked(kind.unpack, data))
             except (error, ValueError):
                 malformed += 1
     return Decoded(tuple(parts), unknown, malformed)
+
+
+@lru_cache(maxsize=64)
+def _unpacked(unpack: Callable[[bytes], Part], data: bytes) -> Part:
+    """Read a part; most are the same as in the report before."""
+    return unpack(data)
 
 
 def _split(payload: bytes) -> Iterator[tuple[int, bytes | None]]:
@@ -123,7 +129,7 @@ class FrameFinder:
         payloads = []
         while self._align():
             end = len(HEADER) + 1 + self._buffer[2] + 1
-            if self._buffer[2] < SHORTEST:
+            if self._buffer[2] < MIN_PAYLOAD:
                 self._skip(1)
             elif len(self._buffer) < end:
                 break

@@ -6,7 +6,7 @@ from threading import Lock
 
 import numpy as np
 
-from drivers.api import Health, Notice, Report, unreported
+from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.api.microphone import SOUND_RATE, Sound
 from drivers.clock import Clock
 from drivers.guard import guarded
@@ -35,19 +35,19 @@ class CapturedMicrophone:
     is one of miniaudio's, for tests. When no more sound comes, recording begins anew.
     """
 
+    name = "microphone"
+
     def __init__(
         self,
         clock: Clock,
         *,
         device: str = "",
         backend: str = "",
-        report: Report = unreported,
-        name: str = "microphone",
+        report: Report = ignore,
     ) -> None:
-        self.name = name
         self._clock = clock
         self._report = guarded(report)
-        self._worker = Worker(name, PROGRAM, clock, arguments=(device, backend), hint=HINT, report=report)
+        self._worker = Worker(self.name, PROGRAM, clock, arguments=(device, backend), hint=HINT, report=report)
         self._lock = Lock()  # over all below
         self._kept: deque[Sound] = deque()
         self._pieces = self._gaps = 0
@@ -104,7 +104,7 @@ class CapturedMicrophone:
     def received(self, message: Message, body: bytes) -> None:
         """Keep a piece of sound."""
         if "ready" in message:
-            self._report(Notice(self.name, "online", f"records through {message['ready']}"))
+            self._report(DeviceStatus(self.name, "online", f"records through {message['ready']}"))
         if body:
             self._keep(np.frombuffer(body, "<i2").astype(np.int16))
 

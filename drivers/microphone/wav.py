@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.api import SOUND_RATE, Health, Notice, Report, Samples, Sound, unreported
+from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -16,7 +16,7 @@ PIECE = 320
 KEPT = 250
 """Pieces that are kept: 5 s."""
 
-LONGEST = 300.0
+MAX_DURATION = 300.0
 """Seconds that a recording may last: it is read as a whole."""
 
 RATES = (4_000, 384_000)
@@ -30,16 +30,15 @@ class WavMicrophone:
     it is silent.
     """
 
-    def __init__(
-        self, path: Path, clock: Clock, *, loop: bool = False, report: Report = unreported, name: str = "microphone"
-    ) -> None:
-        self.name = name
+    name = "microphone"
+
+    def __init__(self, path: Path, clock: Clock, *, loop: bool = False, report: Report = ignore) -> None:
         self._path = path
         self._clock = clock
         self._loop = loop
         self._report = guarded(report)
         self._sound: Samples | None = None
-        self._trouble = NotConnected(f"{name}: {path}: not opened yet", hint="open it first")
+        self._trouble = NotConnected(f"{self.name}: {path}: not opened yet", hint="open it first")
         self._began = 0.0
 
     def open(self) -> None:
@@ -50,10 +49,10 @@ class WavMicrophone:
             self._sound = load(self.name, self._path)
         except NotConnected as error:
             self._trouble = error
-            self._report(Notice(self.name, "offline", str(error), error.hint))
+            self._report(DeviceStatus(self.name, "offline", str(error), error.hint))
         else:
             self._began = self._clock.now()
-            self._report(Notice(self.name, "online", f"{self._path} plays"))
+            self._report(DeviceStatus(self.name, "online", f"{self._path} plays"))
 
     def rest(self) -> None:
         """Do nothing: a microphone moves nothing."""
@@ -104,9 +103,10 @@ def load(name: str, path: Path) -> Samples:
             if not RATES[0] <= rate <= RATES[1]:
                 low, high = RATES
                 raise NotConnected(f"{name}: {path}: says {rate} samples a second: {low} to {high} can be", hint=hint)
-            if frames > LONGEST * rate:
-                what = f"{name}: {path}: lasts {frames / rate / 60:.0f} min, and {LONGEST / 60:.0f} are the most"
-                raise NotConnected(what, hint=f"`ffmpeg -i {path} -t {LONGEST:.0f} shorter.wav` keeps its beginning")
+            if frames > MAX_DURATION * rate:
+                what = f"{name}: {path}: lasts {frames / rate / 60:.0f} min, and {MAX_DURATION / 60:.0f} are the most"
+                cure = f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning"
+                raise NotConnected(what, hint=cure)
             data = file.readframes(frames)
     except NotConnected:
         raise

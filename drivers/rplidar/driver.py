@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 
-from drivers.api import Health, Notice, Quality, RangeScan, Reading, Report, unheard, unreported
+from drivers.api import DeviceStatus, Health, Quality, RangeScan, Reading, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NoReply
 from drivers.guard import guarded
@@ -44,6 +44,8 @@ class RPLidar:
     Raises ValueError for an unknown model, and for a place that is not finite.
     """
 
+    name = "range"
+
     def __init__(
         self,
         link: Link,
@@ -52,13 +54,11 @@ class RPLidar:
         model: str = "a1",
         place: Place = (0.0, 0.0, 0.0),
         blind: Sequence[Sector] = (),
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "range",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
     ) -> None:
         if model not in MODELS:
-            raise ValueError(f"{name}: no model '{model}': there are {', '.join(MODELS)}")
-        self.name = name
+            raise ValueError(f"{self.name}: no model '{model}': there are {', '.join(MODELS)}")
         self._model = MODELS[model]
         self._mounting = Mounting(place, tuple(blind))
         self._link = link
@@ -167,7 +167,7 @@ class RPLidar:
         self._turned_at = now  # last: who sees it fresh also sees the turn
         if self._trouble is not None:
             self._trouble = None
-            self._report(Notice(self.name, "online", f"{self._link.port}: whole turns come again"))
+            self._report(DeviceStatus(self.name, "online", f"{self._link.port}: whole turns come again"))
         self._changed()
 
     def _require_turns(self) -> None:
@@ -187,7 +187,7 @@ class RPLidar:
         """Report what is the matter, if that is new, and begin once more after a while."""
         if str(error) != str(self._trouble):
             kind = "fault" if isinstance(error, DeviceFault) else "offline"
-            self._report(Notice(self.name, kind, str(error), error.hint))
+            self._report(DeviceStatus(self.name, kind, str(error), error.hint))
         self._trouble = error
         self._session.again(AGAIN)
 

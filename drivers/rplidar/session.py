@@ -4,7 +4,7 @@ from collections.abc import Generator, Iterator
 from math import inf
 from struct import Struct
 
-from drivers.api import Notice, Report
+from drivers.api import DeviceStatus, Report
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.link import Link
@@ -23,7 +23,7 @@ SILENCE = 0.05
 STUBBORN = 1.0
 """Seconds of noise after which it is told to stop again."""
 
-PATIENCE = 0.5
+REPLY_TIMEOUT = 0.5
 """Seconds that it has for an answer."""
 
 TRIES = 3
@@ -168,7 +168,7 @@ class Session:
         """Send a request; return the ``size`` bytes behind the descriptor of its answer. Raises NoReply."""
         for _ in range(tries):
             self._link.write(request)
-            end = self._clock.now() + PATIENCE
+            end = self._clock.now() + REPLY_TIMEOUT
             while self._clock.now() < end:
                 start = self._buffer.find(descriptor)
                 stop = start + len(descriptor) + size
@@ -204,4 +204,4 @@ class Session:
         """Report a fault, once in a connection."""
         if what not in self._told:
             self._told.add(what)
-            self._report(Notice(self._name, "fault", f"{self._who()}: {what}", hint))
+            self._report(DeviceStatus(self._name, "fault", f"{self._who()}: {what}", hint))

@@ -16,7 +16,7 @@ SECTOR = 10
 LOST = 4
 """Sectors that a turn may lack, lost on the wire; with more it is not a whole turn."""
 
-MOST = 8000
+MAX_NODES = 8000
 """Nodes kept at most while no turn ends, as when the first node of each is lost: four seconds of them."""
 
 METRES = 0.00025
@@ -52,7 +52,7 @@ class Turns:
         return scan
 
     def _keep(self, nodes: Nodes, start: int, end: int, now: float) -> None:
-        if self._count > MOST:
+        if self._count > MAX_NODES:
             self.restart()
         if start < end:
             self._kept.append((nodes.angle[start:end], nodes.distance[start:end], self._came(nodes, start, now)))

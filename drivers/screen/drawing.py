@@ -1,9 +1,9 @@
 """The face as shapes, from its expression: the one drawing that pages, pictures and films show."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import cos, sin
 
+from drivers.api.quick import dataclass
 from drivers.screen.expression import Expression
 from drivers.screen.shape import Point, Shape, chain, oval, part, ring
 from drivers.screen.words import Words, arranged

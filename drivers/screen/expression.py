@@ -1,9 +1,10 @@
 """How a face looks at a moment: its mood, the mouth, a blink now and then, and eyes that do not stare."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi, radians, sin
 
 from drivers.api import Mood, Shown
+from drivers.api.quick import dataclass
 
 BLINK_EVERY, BLINK = 4.0, 0.24
 """Seconds from blink to blink on average, and how long one takes; people blink a little oftener than that."""

@@ -17,8 +17,9 @@ class KeptScreen:
     It is ``awake`` until it rests, and again when it is opened after that.
     """
 
-    def __init__(self, clock: Clock, *, name: str, rest: Mood, awake: Mood) -> None:
-        self.name = name
+    name = "screen"
+
+    def __init__(self, clock: Clock, *, rest: Mood, awake: Mood) -> None:
         self._clock = clock
         self._resting = Shown(rest)
         self._awake = Shown(awake)

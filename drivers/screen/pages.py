@@ -2,7 +2,7 @@
 
 from threading import Event, Thread
 
-from drivers.api import Health, Mood, Notice, Report, unreported
+from drivers.api import DeviceStatus, Health, Mood, Report, ignore
 from drivers.clock import Clock
 from drivers.guard import guarded
 from drivers.screen.kept import KeptScreen
@@ -34,10 +34,9 @@ class PageScreen(KeptScreen):
         port: int = 0,
         rest: Mood = Mood.ASLEEP,
         awake: Mood = Mood.NEUTRAL,
-        report: Report = unreported,
-        name: str = "screen",
+        report: Report = ignore,
     ) -> None:
-        super().__init__(clock, name=name, rest=rest, awake=awake)
+        super().__init__(clock, rest=rest, awake=awake)
         self._host = host
         self._ports = (port,) if port else (*range(PORT, PORT + PORTS), 0)
         self._report = guarded(report)
@@ -66,7 +65,7 @@ class PageScreen(KeptScreen):
         self._open = True
         self._ending.clear()
         if not self._served():
-            self._report(Notice(self.name, "fault", self._trouble, self._hint()))
+            self._report(DeviceStatus(self.name, "fault", self._trouble, self._hint()))
             self._waiting = Thread(target=self._wait, name=f"screen {self.name}", daemon=True)
             self._waiting.start()
 
@@ -105,5 +104,5 @@ class PageScreen(KeptScreen):
     def _wait(self) -> None:
         while not self._ending.wait(RETRY):
             if self._served():
-                self._report(Notice(self.name, "online", f"the face is at {self.address}"))
+                self._report(DeviceStatus(self.name, "online", f"the face is at {self.address}"))
                 return

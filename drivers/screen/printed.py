@@ -18,9 +18,8 @@ class PrintedScreen(KeptScreen):
         *,
         rest: Mood = Mood.ASLEEP,
         awake: Mood = Mood.NEUTRAL,
-        name: str = "screen",
     ) -> None:
-        super().__init__(clock, name=name, rest=rest, awake=awake)
+        super().__init__(clock, rest=rest, awake=awake)
         self._out = guarded(out)
         self._open = False
 

@@ -11,7 +11,7 @@ import socket
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
@@ -19,6 +19,7 @@ from threading import Event, Lock, Thread
 from typing import Any
 from urllib.parse import urlsplit
 
+from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 
 EVENTS = "/events"
@@ -34,7 +35,7 @@ LISTENERS = 4
 TALKS = 32
 """Browsers that are talked with at once, with those that listen: more are hung up on."""
 
-PATIENCE = 5.0
+REQUEST_TIMEOUT = 5.0
 """Seconds that a browser has to ask, and to take what it is sent, however slowly it goes on."""
 
 FAREWELL = 0.2
@@ -149,7 +150,7 @@ class _Server(ThreadingTCPServer):
         )
         with self.talks.lock:
             self.talks.sockets[request] = thread
-            self.talks.due[request] = self.clock.now() + PATIENCE
+            self.talks.due[request] = self.clock.now() + REQUEST_TIMEOUT
         thread.start()
 
     def shutdown_request(self, request: Any) -> None:
@@ -189,7 +190,7 @@ class _Talk(BaseHTTPRequestHandler):
     server: _Server
     server_version = "MissionTree"
     sys_version = ""
-    timeout = PATIENCE
+    timeout = REQUEST_TIMEOUT
 
     def do_GET(self) -> None:
         """Send a document or the news."""

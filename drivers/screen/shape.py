@@ -1,9 +1,11 @@
 """What a face is drawn of: chains of cubic Bézier curves, which every way of drawing knows, and numbers can move."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import cos, sin
+
+from drivers.api.quick import dataclass
 
 Point = tuple[float, float]
 

@@ -2,7 +2,8 @@
 
 import textwrap
 import unicodedata
-from dataclasses import dataclass
+
+from drivers.api.quick import dataclass
 
 TOP, ROOM, ACROSS = 164.0, 70.0, 308.0
 """Where the words begin below the small face, and their room, on the sheet of 320 x 240."""
@@ -18,7 +19,7 @@ LEADING = 1.15
 
 LARGEST = 44.0
 
-MOST = 240
+MAX_TEXT_LENGTH = 240
 """Letters that are looked at: a few more than there is ever room for. What is longer costs no more."""
 
 NO_LETTERS = ("Cc", "Cs", "Cn", "Co")
@@ -37,11 +38,11 @@ class Words:
 def plain(text: str) -> str:
     """Return ``text`` in one line, with spaces for what is no letter: controls, halves of letters, what is unassigned.
 
-    What is longer than ``MOST`` letters ends there in an ellipsis.
+    What is longer than ``MAX_TEXT_LENGTH`` letters ends there in an ellipsis.
     """
     text = " ".join(text.split())
-    if len(text) > MOST:
-        text = text[:MOST] + "…"
+    if len(text) > MAX_TEXT_LENGTH:
+        text = text[:MAX_TEXT_LENGTH] + "…"
     return "".join(" " if unicodedata.category(letter) in NO_LETTERS else letter for letter in text)
 
 

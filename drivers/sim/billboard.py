@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from drivers.sim.canvas import Sprite
-from drivers.sim.painter import NEAR, Painter
+from drivers.sim.painter import NEAR_PLANE, Painter
 from drivers.sim.viewpoint import Floats
 
 _SMALLEST = 16  # pixels of the shorter side of a sheet
@@ -27,7 +27,7 @@ def hang(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floa
     lead along its edges, one pixel of the first size far.
     """
     middle = corner + across * (sizes[0].shape[1] / 2) + down * (sizes[0].shape[0] / 2)
-    away = max(NEAR, float(np.linalg.norm(middle - painter.eye)))
+    away = max(NEAR_PLANE, float(np.linalg.norm(middle - painter.eye)))
     finest = painter.lens.focal * float(np.linalg.norm(across))  # metres from which a pixel of it is one of the picture
     level = int(np.clip(np.log2(away / finest), 0, len(sizes) - 1))
     sheet, step = sizes[level], 2**level
@@ -39,10 +39,10 @@ def hang(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floa
 
 
 def _rows_in_front(plane: Floats, width: int, height: int) -> slice | None:
-    """Return the rows of a sheet that lie wholly beyond ``NEAR``; None for none. Depth is linear along the sheet."""
+    """Return the rows of a sheet wholly beyond ``NEAR_PLANE``; None for none. Depth is linear along the sheet."""
     v = np.arange(height)
     depth = plane[2, 2] + plane[2, 1] * v + min(0.0, plane[2, 0] * width)
-    seen = np.flatnonzero(depth > NEAR)
+    seen = np.flatnonzero(depth > NEAR_PLANE)
     return slice(int(seen[0]), int(seen[-1]) + 1) if seen.size > 1 else None
 
 

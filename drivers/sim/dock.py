@@ -25,7 +25,7 @@ REACH = 0.015
 ASIDE, ASKEW = 0.04, radians(20)
 """How far a base may stand beside its middle (metres), and how far turned, for the contacts to meet."""
 
-NEAR, FAR = 0.6, 2.5
+NEAR_RANGE, FAR_RANGE = 0.6, 2.5
 """Metres from its middle up to which the base hears the near beams, and the far ones."""
 
 _SECTORS = (
@@ -76,12 +76,12 @@ class Dock:
         """Return what the receivers of a base hear; ``clear`` says whether nothing is between two places."""
         dx, dy = base.x - self.x, base.y - self.y
         away = hypot(dx, dy)
-        if away > FAR:
+        if away > FAR_RANGE:
             return NO_SIGNALS
         bearing = remainder(atan2(dy, dx) - self.heading, tau)
         # Added up as plain numbers: flags are slow.
         beams = sum(
-            (near if away <= NEAR else far).value for low, high, near, far in _SECTORS if low <= bearing <= high
+            (near if away <= NEAR_RANGE else far).value for low, high, near, far in _SECTORS if low <= bearing <= high
         )
         way = remainder(atan2(-dy, -dx) - base.heading, tau)
         heard = [low <= way <= high for low, high in _RECEIVERS]

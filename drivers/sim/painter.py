@@ -12,7 +12,7 @@ from drivers.sim.block import Solid
 from drivers.sim.room import Colour
 from drivers.sim.viewpoint import Floats, Pinhole, Viewpoint
 
-NEAR = 0.1
+NEAR_PLANE = 0.1
 """Metres in front of the lens within which nothing is drawn."""
 
 _SHIFT = 4  # bits of sub-pixel accuracy in OpenCV's drawing functions
@@ -36,7 +36,7 @@ class Painter:
         across, _, depth = self.view.sees(solid.x, solid.y, (solid.bottom + solid.top) / 2)
         radius = hypot(solid.reach, (solid.top - solid.bottom) / 2)
         wide = float(self._reach[0])
-        return depth < NEAR - radius or abs(across) - wide * depth > radius * hypot(1.0, wide)
+        return depth < NEAR_PLANE - radius or abs(across) - wide * depth > radius * hypot(1.0, wide)
 
     def fill(self, corners: Floats, colours: Sequence[Colour]) -> None:
         """Draw quadrilaterals, float64 of shape (n, 4, 3) in metres, in their order."""
@@ -44,8 +44,8 @@ class Painter:
         depth = seen[..., 2]
         limits = depth[..., None] * self._reach  # (n, 4, 2)
         beyond = np.concatenate((seen[..., :2] > limits, seen[..., :2] < -limits), axis=2).all(axis=1)  # (n, 4)
-        shown = (depth.max(axis=1) > NEAR) & (beyond.sum(axis=1) == 0)
-        whole = depth.min(axis=1) > NEAR
+        shown = (depth.max(axis=1) > NEAR_PLANE) & (beyond.sum(axis=1) == 0)
+        whole = depth.min(axis=1) > NEAR_PLANE
         pixels = self._pixels(seen)
         for index in np.flatnonzero(shown).tolist():
             polygon = pixels[index] if whole[index] else self._pixels(np.array([_clipped(seen[index].tolist())]))[0]
@@ -53,18 +53,18 @@ class Painter:
 
     def _pixels(self, points: Floats) -> npt.NDArray[np.int32]:
         """Return the pixels (n, k, 2) of points (n, k, 3) in camera coordinates, as OpenCV draws with ``_SHIFT``."""
-        exact = points[..., :2] * (self.lens.focal / np.maximum(points[..., 2:], NEAR)) + self._middle
+        exact = points[..., :2] * (self.lens.focal / np.maximum(points[..., 2:], NEAR_PLANE)) + self._middle
         pixels: npt.NDArray[np.int32] = np.rint(exact * 2**_SHIFT).astype(np.int32)
         return pixels
 
 
 def _clipped(corners: list[list[float]]) -> list[list[float]]:
-    """Cut off what of a polygon lies nearer than ``NEAR`` (Sutherland and Hodgman, for this one plane)."""
+    """Cut off what of a polygon lies nearer than ``NEAR_PLANE`` (Sutherland and Hodgman, for this one plane)."""
     kept = []
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-        if a[2] > NEAR:
+        if a[2] > NEAR_PLANE:
             kept.append(a)
-        if (a[2] > NEAR) != (b[2] > NEAR):
-            share = (NEAR - a[2]) / (b[2] - a[2])
+        if (a[2] > NEAR_PLANE) != (b[2] > NEAR_PLANE):
+            share = (NEAR_PLANE - a[2]) / (b[2] - a[2])
             kept.append([p + share * (q - p) for p, q in zip(a, b, strict=True)])
     return kept

@@ -1,6 +1,7 @@
 """Draws the simulated world as a camera would see it."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -10,12 +11,12 @@ from drivers.api import Image
 from drivers.sim.billboard import halved
 from drivers.sim.canvas import Sprite
 from drivers.sim.depth import back_to_front
+from drivers.sim.drawable import Drawable, PaintedPerson, PaintedRover, marker_sheets, painted_things
 from drivers.sim.figure import paint_figure
 from drivers.sim.looks import LOOKS
 from drivers.sim.painter import Painter
 from drivers.sim.panels import holes, panels
 from drivers.sim.people import Presence
-from drivers.sim.standing import PaintedPerson, PaintedRover, Standing, marker_sheets, painted_things
 from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
 
@@ -26,9 +27,8 @@ _SPREAD = 64  # pixels by which the sheet of noise is larger than a picture, so 
 class Renderer:
     """Draws pictures of one world through one lens.
 
-    ``noise`` is the standard deviation of the Gaussian noise in grey levels (0..255), drawn from ``seed``. People are
-    painted when first seen and kept; so is the room until the camera moves, and the whole picture until anything does.
-    Not safe between threads.
+    ``noise`` is the standard deviation of the Gaussian noise in grey levels (0..255), drawn from ``seed``. The room is
+    kept until the camera moves, and the whole picture until anything does. Not safe between threads.
     """
 
     def __init__(self, world: World, lens: Pinhole, *, noise: float = 3.0, seed: int = 0) -> None:
@@ -37,7 +37,6 @@ class Renderer:
         self._noise = noise
         self._random = np.random.default_rng(seed)
         self._grain: npt.NDArray[np.uint8] | None = None
-        self._figures: dict[tuple[str, float, bool], tuple[Sprite, ...]] = {}
         parts = (*panels(world.room), *holes(world.edges))
         self._corners = np.stack([part.corners for part in parts])  # (n, 4, 3), metres
         self._colours = [part.colour for part in parts]
@@ -56,7 +55,7 @@ class Renderer:
             self._picture = (scene, self._drawn(view, [*robots, *(self._painted(who, view) for who in people)]))
         return self._exposed(self._picture[1], self._world.light_at(time))
 
-    def _drawn(self, view: Viewpoint, moving: Sequence[Standing]) -> Image:
+    def _drawn(self, view: Viewpoint, moving: Sequence[Drawable]) -> Image:
         """Return what is seen in even light, without noise."""
         if self._room is None or self._room[0] != view:
             empty: Image = np.full((self._lens.height, self._lens.width, 3), 128, np.uint8)
@@ -77,11 +76,7 @@ class Renderer:
 
     def _painted(self, presence: Presence, view: Viewpoint) -> PaintedPerson:
         person, from_behind = presence.person, not presence.shows_face(view.x, view.y)
-        key = (person.look, person.height, from_behind)
-        if key not in self._figures:
-            figure = paint_figure(LOOKS[person.look], person.height, from_behind=from_behind)
-            self._figures[key] = halved(figure)
-        return PaintedPerson(presence, self._figures[key])
+        return PaintedPerson(presence, _figure(person.look, person.height, from_behind))
 
     def _exposed(self, image: Image, light: float) -> Image:
         """Scale by the light and add noise, in one pass: the noise lies about 128, which is taken off again."""
@@ -92,3 +87,11 @@ class Renderer:
         x, y = (int(value) for value in self._random.integers(0, _SPREAD, 2))
         grain = self._grain[y : y + self._lens.height, x : x + self._lens.width]
         return np.asarray(cv2.addWeighted(image, light, grain, 1.0, -128.0), np.uint8)
+
+
+@lru_cache(maxsize=12)
+def _figure(look: str, height: float, from_behind: bool) -> tuple[Sprite, ...]:
+    """Return somebody in sizes as ``halved`` makes them; painted once in a process: it takes as long as 50 pictures."""
+    figure = paint_figure(LOOKS[look], height, from_behind=from_behind)
+    figure.setflags(write=False)
+    return halved(figure)

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+SERVO_SPEED = 400.0
+"""Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""
+
 FRICTION = 0.05
 """Share of the stall torque that it takes to turn an unburdened shaft."""
 

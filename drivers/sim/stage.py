@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from drivers.api import HeadPose, Pose2D, Report, Steered, unheard, unreported, unsteered
+from drivers.api import HeadPose, Pose2D, Report, Steered, ignore
 from drivers.clock import Clock
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
@@ -37,9 +37,9 @@ class Stage:
     pose: Callable[[float], Pose2D]
     physics: Physics = Physics()
     seed: int = 0
-    report: Report = unreported
-    changed: Callable[[], None] = unheard
-    steered: Steered = unsteered
+    report: Report = ignore
+    changed: Callable[[], None] = ignore
+    steered: Steered = ignore
     parts: Mapping[str, Any] = field(default_factory=dict)
     keys: Mapping[str, Any] = field(default_factory=dict)
 
@@ -51,16 +51,6 @@ class Stage:
     def body(self) -> Body:
         """Return the body of a base that stands there."""
         return Body(wheels=self.wheels(), ground=self.world, battery=self.physics.battery)
-
-
-class Stepped(Protocol):
-    """A twin that is stepped every ``PERIOD`` seconds of simulated time."""
-
-    PERIOD: float
-
-    def step(self) -> None:
-        """Go on to the clock's time."""
-        ...
 
 
 class TrueBase(Protocol):

@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 from itertools import count
+from typing import Protocol
 
 from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.units import RETURN_DELAY_STEP, baud_code
 from drivers.dynamixel.wire import GAP, Packet
 from drivers.virtual import obey1, obey2
-from drivers.virtual.mishaps import Mishaps
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.slots import Slot, overlaid
 from drivers.virtual.terminal import agree
@@ -24,10 +24,22 @@ BITS = 10
 """Bits on the wire for a byte: a start bit, eight, and a stop bit."""
 
 
+class FaultInjection(Protocol):
+    """What goes wrong with bytes between a virtual chain and its host."""
+
+    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+        """Return what becomes of ``reply``: pieces, each with the seconds by which it is late. Empty if it is lost."""
+        ...
+
+    def echoes(self) -> bool:
+        """Say whether the adapter hands the next request back to the computer."""
+        ...
+
+
 class VirtualServoBus:
     """The chain as its wire shows it: a ``WireDevice`` that is ``Punctual`` and ``Tunable``.
 
-    ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``mishaps`` may be
+    ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``injection`` may be
     replaced at any time.
     """
 
@@ -37,11 +49,11 @@ class VirtualServoBus:
         baud: int = 1_000_000,
         *,
         paced: bool = False,
-        mishaps: Mishaps | None = None,
+        injection: FaultInjection | None = None,
     ) -> None:
         self.servos = tuple(servos)
         self.paced = paced
-        self.mishaps = mishaps
+        self.injection = injection
         self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
         for protocol, parser, obey in ((1, wire.Parser(), obey1.obey), (2, wire2.Parser(), obey2.obey)):
             if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
@@ -88,7 +100,7 @@ class VirtualServoBus:
                 parser.reset()
         self._heard_at = now
         self._occupy(len(data), now)
-        if self.mishaps and self.mishaps.echoes():
+        if self.injection and self.injection.echoes():
             self._send(data, now)
         for parser, obey, in_tune in self._listeners():
             for packet in parser.feed(data):
@@ -149,7 +161,7 @@ class VirtualServoBus:
         reply = overlaid([data for _, data in slot])
         delay = max(servo.settings.return_delay for servo, _ in slot) * RETURN_DELAY_STEP
         due = self._occupy(len(reply), now, delay)
-        for late, piece in self.mishaps.arrange(reply) if self.mishaps else [(0.0, reply)]:
+        for late, piece in self.injection.arrange(reply) if self.injection else [(0.0, reply)]:
             self._send(piece, due + late)
 
     def _send(self, data: bytes, due: float) -> None:

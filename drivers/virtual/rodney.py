@@ -5,11 +5,8 @@ from threading import Lock
 
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS
-from drivers.sim.servo import Shaft
+from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.virtual.rosserial import Ear
-
-SERVO_SPEED = 400.0
-"""Degrees per second: a hobby servo needs about 0.15 s for 60 degrees."""
 
 ATTACHED = (92.7, 92.7, 92.7, 92.7)
 """Degrees at which the servos stand that were attached and sent nowhere: pulses of 1500 microseconds."""

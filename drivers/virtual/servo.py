@@ -82,11 +82,6 @@ class VirtualServo(Memory):
         """Whether it can hear the bus, at the right rate."""
         return self.present and self._starts_at is None
 
-    @property
-    def alarm(self) -> bool:
-        """True while the LED blinks for a fault."""
-        return bool(self.faults & (Fault(self.get("alarm_led")) if self.has("alarm_led") else self.faults))
-
     def turn_by_hand(self, angle: float) -> None:
         """Turn the shaft to ``angle``; a stiff one stays where it is."""
         if self.limp:

@@ -6,7 +6,7 @@ from threading import Event, Lock, Thread
 
 import numpy as np
 
-from drivers.api import SOUND_RATE, Health, Manner, Notice, Report, Samples, Sound, unreported
+from drivers.api import SOUND_RATE, DeviceStatus, Health, Manner, Report, Samples, Sound, ignore
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.microphone.wav import KEPT, PIECE, resampled
@@ -33,6 +33,8 @@ class VoicedMicrophone:
     People let the robot finish: they begin once ``deaf(start, end)`` is over.
     """
 
+    name = "microphone"
+
     def __init__(
         self,
         clock: Clock,
@@ -40,10 +42,8 @@ class VoicedMicrophone:
         voice_of: Callable[[str], Manner],
         *,
         deaf: Callable[[float, float], bool] = never,
-        report: Report = unreported,
-        name: str = "microphone",
+        report: Report = ignore,
     ) -> None:
-        self.name = name
         self._clock = clock
         self._engine = engine
         self._voice_of = voice_of
@@ -121,7 +121,7 @@ class VoicedMicrophone:
             except Exception as error:  # whatever it is: the next one may be heard
                 if not self._ending.is_set():
                     hint = error.hint if isinstance(error, DriverError) else ""
-                    self._report(Notice(self.name, "fault", f"{reply.who} cannot be heard: {error}", hint))
+                    self._report(DeviceStatus(self.name, "fault", f"{reply.who} cannot be heard: {error}", hint))
 
     def _speak(self, reply: Reply) -> None:
         """Make a sound of what somebody says, and let them say it when the robot is silent."""

@@ -2,11 +2,11 @@
 
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from drivers.api import AS_USUAL, Manner, Report, Voice, unheard, unreported
+from drivers.api import AS_USUAL, Manner, Report, Voice, ignore
+from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.voice.engines import Engine, Espeak, Piper
 from drivers.voice.player import Player
@@ -37,32 +37,31 @@ def make_voice(
     clock: Clock,
     out: Callable[[str], None],
     *,
-    report: Report = unreported,
-    changed: Callable[[], None] = unheard,
-    name: str = "voice",
+    report: Report = ignore,
+    changed: Callable[[], None] = ignore,
 ) -> Voice:
     """Return a voice; ``out`` prints what cannot be heard."""
-    engine = _engine(wish, clock, report, name)
+    engine = _engine(wish, clock, report)
     if engine is None:
-        return PrintedVoice(clock, out, usual=wish.usual, changed=changed, name=name)
-    player = Player(clock, device=wish.device, volume=wish.volume, backend=wish.backend, report=report, name=name)
-    return SpeechVoice(clock, engine, player, out, usual=wish.usual, report=report, changed=changed, name=name)
+        return PrintedVoice(clock, out, usual=wish.usual, changed=changed)
+    player = Player(clock, device=wish.device, volume=wish.volume, backend=wish.backend, report=report)
+    return SpeechVoice(clock, engine, player, out, usual=wish.usual, report=report, changed=changed)
 
 
-def _engine(wish: Wish, clock: Clock, report: Report, name: str) -> Engine | None:
+def _engine(wish: Wish, clock: Clock, report: Report) -> Engine | None:
     installed = find_synthesiser(volume=wish.volume) if wish.driver in ("auto", "program") else None
     match wish.driver:
         case "espeak":
-            return Espeak(clock, usual=wish.usual, report=report, name=name)
+            return Espeak(clock, usual=wish.usual, report=report)
         case "auto" if all(find_spec(wheel) for wheel in WHEELS):
-            return Espeak(clock, usual=wish.usual, report=report, name=name)
+            return Espeak(clock, usual=wish.usual, report=report)
         case "piper":
-            return Piper(Path(wish.model).expanduser(), clock, name=name)
+            return Piper(Path(wish.model).expanduser(), clock)
         case "command":
             program, *arguments = shlex.split(wish.command)
-            return Speaker(Synthesiser(program, tuple(arguments), wish.volume), clock, name=name)
+            return Speaker(Synthesiser(program, tuple(arguments), wish.volume), clock)
         case "auto" | "program" if installed is not None:
-            return Speaker(installed, clock, name=name)
+            return Speaker(installed, clock)
         case "program":  # which will say that it is missing
-            return Speaker(Synthesiser("espeak-ng", KNOWN["espeak-ng"]), clock, name=name)
+            return Speaker(Synthesiser("espeak-ng", KNOWN["espeak-ng"]), clock)
     return None

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Protocol
 
-from drivers.api import Manner, Notice, Report, unreported
+from drivers.api import DeviceStatus, Manner, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.pipe import Message, Worker
@@ -55,7 +55,7 @@ class Espeak(Partner):
 
     speaks_itself = False
 
-    def __init__(self, clock: Clock, *, usual: Manner, report: Report = unreported, name: str = "voice") -> None:
+    def __init__(self, clock: Clock, *, usual: Manner, report: Report = ignore, name: str = "voice") -> None:
         worker = Worker(name, PROGRAM, clock, hint=HINT, report=report)
         super().__init__(worker, clock, report=report, hint=HINT)
         self._usual = espeak_name(usual)
@@ -79,7 +79,7 @@ class Espeak(Partner):
         """Return the answer taken apart: here, where that keeps nobody from breaking it off."""
         return None if self._answer is None else speech(*self._answer)
 
-    def _take(self, message: Message, body: bytes) -> Notice | None:
+    def _take(self, message: Message, body: bytes) -> DeviceStatus | None:
         if message.get("id") != self._number:
             return None
         self._answer = message, body
@@ -87,7 +87,7 @@ class Espeak(Partner):
             return None
         name = self._worker.name
         what = f"{name}: {message['trouble']}: it speaks with {self._usual or 'en'!r} instead"
-        return Notice(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
+        return DeviceStatus(name, "fault", what, "such as `voice: en-us+f2`; docs/speaking.md says which there are")
 
 
 class Piper:
@@ -96,11 +96,11 @@ class Piper:
     speaks_itself = False
     broken = ""
 
-    def __init__(self, model: Path, clock: Clock, *, program: str = "piper", name: str = "voice") -> None:
+    def __init__(self, model: Path, clock: Clock, *, program: str = "piper") -> None:
         self._model = model
         self._clock = clock
         self._program = program
-        self._name = name
+        self._name = "voice"
 
     def open(self) -> None:
         """Do nothing: it is run for each text."""

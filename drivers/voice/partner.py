@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from threading import Condition
 
-from drivers.api import Notice, Report, unreported
+from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NoReply, NotConnected
 from drivers.guard import guarded
@@ -24,7 +24,7 @@ HOPELESS = 3
 class Partner(ABC):
     """Talks with ``worker``: a ``drivers.pipe.Talker``. A subclass says what its answers mean."""
 
-    def __init__(self, worker: Worker, clock: Clock, *, report: Report = unreported, hint: str = "") -> None:
+    def __init__(self, worker: Worker, clock: Clock, *, report: Report = ignore, hint: str = "") -> None:
         self._worker = worker
         self._clock = clock
         self._report = guarded(report)
@@ -34,7 +34,7 @@ class Partner(ABC):
         self._since = 0.0  # when it was started last
         self._deaths = 0  # in a row
         self._absent = ""
-        self._told: set[Notice] = set()
+        self._told: set[DeviceStatus] = set()
         self._open = False
 
     def open(self) -> None:
@@ -87,7 +87,7 @@ class Partner(ABC):
             self._news.notify_all()
 
     @abstractmethod
-    def _take(self, message: Message, body: bytes) -> Notice | None:
+    def _take(self, message: Message, body: bytes) -> DeviceStatus | None:
         """Keep what was told, under the lock; return what is to be reported of it, once."""
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
@@ -106,13 +106,13 @@ class Partner(ABC):
             self._told.add(notice)
             self._report(notice)
 
-    def _noted(self, message: Message, body: bytes) -> Notice | None:
+    def _noted(self, message: Message, body: bytes) -> DeviceStatus | None:
         if "ready" in message:
             self._ready, self._deaths = True, 0
             return None
         if "absent" in message:
             self._absent = f"{self._worker.name}: {message['absent']}"
-            return Notice(self._worker.name, "fault", self._absent, self._hint)
+            return DeviceStatus(self._worker.name, "fault", self._absent, self._hint)
         return self._take(message, body)
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.api import Notice, Report, unreported
+from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NoReply
 from drivers.pipe import Message, Worker
@@ -41,10 +41,9 @@ class Player(Partner):
         device: str = "",
         volume: float = 1.0,
         backend: str = "",
-        report: Report = unreported,
-        name: str = "voice",
+        report: Report = ignore,
     ) -> None:
-        worker = Worker(name, PROGRAM, clock, arguments=(device, backend, str(volume)), hint=HINT, report=report)
+        worker = Worker("voice", PROGRAM, clock, arguments=(device, backend, str(volume)), hint=HINT, report=report)
         super().__init__(worker, clock, report=report, hint=HINT)
         self.mute = ""
         self._number = 0  # of the sound below
@@ -125,11 +124,11 @@ class Player(Partner):
         self.mute = ""
         super().lost(why)
 
-    def _take(self, message: Message, body: bytes) -> Notice | None:  # noqa: ARG002 - the player sends no sound
+    def _take(self, message: Message, body: bytes) -> DeviceStatus | None:  # noqa: ARG002 - the player sends no sound
         match message:
             case {"mute": why}:
                 self.mute = f"{self._worker.name}: {why}: what is said is printed"
-                return Notice(self._worker.name, "fault", self.mute, self._hint)
+                return DeviceStatus(self._worker.name, "fault", self.mute, self._hint)
             case {"taken": self._number}:
                 self._taken += 1
             case {"started": self._number, "seconds": seconds}:

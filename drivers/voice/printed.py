@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import RLock
 
-from drivers.api import AS_USUAL, Health, Manner, MouthShape, Priority, Utterance, unheard
+from drivers.api import AS_USUAL, Health, Manner, MouthShape, Priority, Utterance, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.voice.manner import filled, seconds_of
@@ -19,16 +19,16 @@ class PrintedVoice:
     has the speed; of a file, the name is printed.
     """
 
+    name = "voice"
+
     def __init__(
         self,
         clock: Clock,
         out: Callable[[str], None],
         *,
         usual: Manner = AS_USUAL,
-        changed: Callable[[], None] = unheard,
-        name: str = "voice",
+        changed: Callable[[], None] = ignore,
     ) -> None:
-        self.name = name
         self._clock = clock
         self._out = out
         self._usual = usual

@@ -5,9 +5,9 @@ import shlex
 import signal
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 
+from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.pipe import last_words

@@ -9,8 +9,9 @@ there is of it so far, and what was heard. Both say ``{"ready": WHAT}`` first, o
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from drivers.api.quick import dataclass
 
 Message = dict[str, Any]
 

@@ -18,7 +18,7 @@ from typing import Any
 PERIOD_MS = 20
 """Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
 
-LONGEST = 600.0
+MAX_DURATION = 600.0
 """Seconds that a file may last, which is decoded as a whole: of WAV files, which may lie, the robot sees to it."""
 
 USUAL_RATE = 22_050
@@ -132,8 +132,9 @@ class Player:
     def _decode(self, number: int, path: str) -> None:
         rate = self._device.sample_rate
         minutes = _seconds_of(path) / 60
-        if minutes > LONGEST / 60:
-            self._pipe.tell(refused=number, why=f"lasts {minutes:.0f} min, and a sound may last {LONGEST / 60:.0f}")
+        if minutes > MAX_DURATION / 60:
+            why = f"lasts {minutes:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
+            self._pipe.tell(refused=number, why=why)
             return
         try:
             sound = miniaudio.decode_file(path, miniaudio.SampleFormat.SIGNED16, nchannels=1, sample_rate=rate)

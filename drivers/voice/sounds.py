@@ -7,14 +7,11 @@ from pathlib import Path
 from drivers.errors import BadRequest
 from drivers.voice.heads import playable
 
-SUFFIXES = (".wav", ".mp3", ".flac", ".ogg")
-"""What the names of files end in that can be played."""
-
 BYTES_A_SECOND = 16_000
 """Of compressed sound at 128 kbit/s, which is common."""
 
 
-LONGEST = 600.0
+MAX_DURATION = 600.0
 """Seconds that a sound may last: it is decoded as a whole, and what is not WAV is measured where that is done."""
 
 
@@ -36,9 +33,9 @@ def checked(name: str, path: Path) -> Path:
             f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played",
             hint=f"`file {path}` shows what it is",
         )
-    if is_wav and length_of(path) > LONGEST:
-        what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {LONGEST / 60:.0f}"
-        raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {LONGEST:.0f} shorter.wav` keeps its beginning")
+    if is_wav and length_of(path) > MAX_DURATION:
+        what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
+        raise BadRequest(what, hint=f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning")
     return path
 
 

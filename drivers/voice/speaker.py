@@ -19,10 +19,10 @@ class Speaker:
     speaks_itself = True
     broken = ""
 
-    def __init__(self, synthesiser: Synthesiser, clock: Clock, *, name: str = "voice") -> None:
+    def __init__(self, synthesiser: Synthesiser, clock: Clock) -> None:
         self._synthesiser = synthesiser
         self._clock = clock
-        self._name = name
+        self._name = "voice"
 
     def open(self) -> None:
         """Do nothing: the program is run for each text."""

@@ -6,14 +6,13 @@ from threading import Condition, Thread
 
 from drivers.api import (
     AS_USUAL,
+    DeviceStatus,
     Health,
     Manner,
-    Notice,
     Priority,
     Report,
     Utterance,
-    unheard,
-    unreported,
+    ignore,
 )
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
@@ -36,6 +35,8 @@ class SpeechVoice:
     has ended.
     """
 
+    name = "voice"
+
     def __init__(
         self,
         clock: Clock,
@@ -44,11 +45,9 @@ class SpeechVoice:
         out: Callable[[str], None],
         *,
         usual: Manner = AS_USUAL,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "voice",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
     ) -> None:
-        self.name = name
         self._clock = clock
         self._engine = engine
         self._player = player
@@ -207,7 +206,7 @@ class SpeechVoice:
             self._counters["failed"] += 1
             known, self._trouble = trouble == self._trouble, trouble
         if not known and not isinstance(error, NotConnected):  # which the program's keeper has told already
-            self._report(Notice(self.name, "fault", *trouble))
+            self._report(DeviceStatus(self.name, "fault", *trouble))
 
     def _print(self, words: SpokenWords, cut: Cut) -> bool:
         """Print what cannot be heard, and take as long, or what is left of that; False when it was broken off."""

@@ -2,9 +2,9 @@
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from drivers.api import Manner
+from drivers.api.quick import dataclass
 from drivers.voice.manner import espeak_name
 
 _ESPEAK = ("--stdin", "-v{name}", "-s{speed}", "-a{volume}")

@@ -14,8 +14,8 @@ from drivers.port_kind import refuse_other_than_serial
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
 from missions.assembly.order import with_carriers
-from missions.assembly.together import Audience, Wishes, made_by, put_together
-from missions.folders import state_folder
+from missions.assembly.together import Hooks, Overrides, made_by, put_together
+from missions.library.folders import state_folder
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
@@ -32,7 +32,7 @@ BY_HAND: Mapping[str, str] = {
 class Place:
     """Where a robot is put together in real time: on the metal, or on virtual devices in a world."""
 
-    def __init__(self, config: RobotConfig, clock: Clock, wishes: Wishes, audience: Audience) -> None:
+    def __init__(self, config: RobotConfig, clock: Clock, wishes: Overrides, audience: Hooks) -> None:
         self.config = config
         self.clock = clock
         self.wishes = wishes
@@ -94,7 +94,7 @@ class Place:
 
 
 def assemble(
-    config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Wishes, audience: Audience
+    config: RobotConfig, chosen: frozenset[str], clock: Clock, wishes: Overrides, audience: Hooks
 ) -> Assembled:
     """Put together the ``chosen`` parts of a robot, and those that carry them; opens nothing.
 
@@ -106,7 +106,7 @@ def assemble(
     place.refuse_other_ports(chosen)
     robot, devices = put_together(config, chosen, place)
     if wishes.pad is not None and robot.base_part is not None:
-        beside, pad_at = resolved("missions.teleop.beside:Beside"), resolved("missions.teleop.pad:pad_at")
+        beside, pad_at = resolved("missions.hands.teleop.beside:Beside"), resolved("missions.hands.teleop.pad:pad_at")
         devices["pad"] = beside(robot.base_part, partial(pad_at, wishes.pad, clock), clock, report=audience.report)
     robot = replace(robot, lag=place.lags.lag)
     return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.lags)

@@ -1,17 +1,24 @@
 """A robot, put together: its parts, its eyes, and, where simulated, the virtual devices behind them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from behaviours.robot import Robot
-from behaviours.run import log
-from drivers.api import Device, Health
+from behaviours.run import Run, log
+from drivers.api import Device, DeviceStatus, Health, Report
 from drivers.api.kinds import KINDS
+from drivers.api.quick import dataclass
+from drivers.errors import NotConnected
 from missions.assembly.lags import Lags
 
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
+
+CONNECT_TIME = 6.0
+"""Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
+
+REMARK_TIME = 1.0
+"""Seconds after which a part that is still missing is mentioned."""
 
 
 class Looking(Protocol):
@@ -38,8 +45,8 @@ class Looking(Protocol):
 class Assembled:
     """Everything that a run opens and must close.
 
-    ``devices`` are the parts by name, in the order in which they open. ``settle`` and ``close`` do their work on every
-    part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
+    ``devices`` are the parts by name, in the order in which they open. ``safe_stop`` and ``close`` do their work on
+    every part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
     """
 
     name: str
@@ -69,7 +76,29 @@ class Assembled:
             missing.setdefault("camera", ("camera: no picture has been searched yet", ""))
         return missing
 
-    def settle(self, claims: frozenset[str]) -> None:
+    def wait_until_complete(self, run: Run, report: Report, stopping: Callable[[], bool]) -> None:
+        """Wait until every part is there; those that let wait for them are told.
+
+        Raises NotConnected with all that are not there after ``CONNECT_TIME``.
+        """
+        begun = run.now()
+        mentioned: set[str] = set()
+        while (missing := self.missing()) and not stopping():
+            waited = run.now() - begun
+            for part, (detail, hint) in missing.items():
+                if waited > REMARK_TIME and part not in mentioned:
+                    mentioned.add(part)
+                    what = f"waiting for it: {detail.removeprefix(f'{part}: ')}"
+                    report(DeviceStatus(part, "offline", what, hint))
+            if waited > CONNECT_TIME:
+                details = "\n".join(f"  {detail}" for detail, _ in missing.values())
+                hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
+                raise NotConnected(f"{self.name} is not complete:\n{details}", hint="\n       ".join(hints))
+            run.wait(0.02)
+            run.woken.clear()
+            run.beat()
+
+    def safe_stop(self, claims: frozenset[str]) -> None:
         """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
 
         Each for itself, whatever goes wrong with another; that is told in the log.

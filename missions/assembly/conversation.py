@@ -14,7 +14,7 @@ from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
 from missions.assembly.duplex import HalfDuplex
 from missions.assembly.face import FRAME, Lips
-from missions.assembly.together import Audience
+from missions.assembly.together import Hooks
 from missions.assembly.twins import Twins
 from perception.api import Words
 from perception.hearing.grammar import Grammar
@@ -27,9 +27,7 @@ class Conversation:
     robot listens for.
     """
 
-    def __init__(
-        self, twins: Twins, world: WorldConfig, audience: Audience, phrases: tuple[str, ...], seed: int
-    ) -> None:
+    def __init__(self, twins: Twins, world: WorldConfig, audience: Hooks, phrases: tuple[str, ...], seed: int) -> None:
         self._twins = twins
         self._world = world
         self._audience = audience

@@ -9,7 +9,7 @@ from math import atan2
 import numpy as np
 
 from config.people import PersonConfig
-from drivers.api import Notice, Report
+from drivers.api import DeviceStatus, Report
 from drivers.sim.looks import LOOKS
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
@@ -45,7 +45,7 @@ def drawn_gallery(people: Sequence[PersonConfig], report: Report) -> Recogniser:
     for names in alike.values():
         if len(names) > 1:
             hint = "give each a look of their own in the world file"
-            report(Notice("camera", "fault", f"{' and '.join(names)} look alike", hint))
+            report(DeviceStatus("camera", "fault", f"{' and '.join(names)} look alike", hint))
     if not known:
         return Nobody()
     others = [_drawn(look) for look in LOOKS if look not in alike]

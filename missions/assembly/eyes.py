@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from config.colours import COLOURS
 from config.robot import Section
-from drivers.api import Base, Camera, Head, Notice, Report
+from drivers.api import Base, Camera, DeviceStatus, Head, Report
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
 from drivers.clock import Clock
@@ -14,19 +14,19 @@ from missions.assembly.detectors import face_detector
 from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
 from missions.assembly.watchful import WatchfulSight
-from perception.api import Face, Frame, Gaze, View
+from perception.api import Face, Frame, Gaze, Marker, Thing, View, ignore
 from perception.change import MotionSense
 from perception.delay import Delay
-from perception.eyes import Eyes, Vision, unwatched
+from perception.eyes import Eyes, Vision
 from perception.finder import FaceDetector, FaceFinder
 from perception.identity import NamedFaces, Recogniser
-from perception.markers import MarkerSense
 from perception.senses import FaceSense, Sense, Senses
-from perception.things import ThingSense
 from perception.tracks import Tracker
+from perception.wanted import Wanted
 
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place
+    from perception.markers import MarkerKind
 
 
 def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, WatchfulSight]:
@@ -92,7 +92,7 @@ def vision(
     lens: CameraKeys | None,
     report: Report,
     seen: Callable[[View], None],
-    watched: Callable[[Frame, Gaze | None], None] = unwatched,
+    watched: Callable[[Frame, Gaze | None], None] = ignore,
     recogniser: Recogniser | None = None,
     delay: Delay | None = None,
 ) -> Vision:
@@ -105,8 +105,8 @@ def vision(
     faces: Sense[Face] = FaceSense(finder, Tracker())
     senses = Senses(
         faces=(faces if recogniser is None else NamedFaces(faces, recogniser)) if interests.faces else None,
-        things=ThingSense(interests.wanted, COLOURS) if interests.wanted else None,
-        markers=None if interests.markers is None else MarkerSense(interests.markers),
+        things=_things(interests.wanted) if interests.wanted else None,
+        markers=None if interests.markers is None else _markers(interests.markers),
         scene=MotionSense() if interests.motion else None,
     )
     return Vision(
@@ -120,5 +120,17 @@ def vision(
         afresh=finder.reset,
         on_view=seen,
         on_frame=watched,
-        on_trouble=lambda error: report(Notice("camera", "fault", f"a picture could not be searched: {error}")),
+        on_trouble=lambda error: report(DeviceStatus("camera", "fault", f"a picture could not be searched: {error}")),
     )
+
+
+def _things(wanted: tuple[Wanted, ...]) -> Sense[Thing]:
+    from perception.things import ThingSense  # noqa: PLC0415 - most missions look for none
+
+    return ThingSense(wanted, COLOURS)
+
+
+def _markers(kind: "MarkerKind") -> Sense[Marker]:
+    from perception.markers import MarkerSense  # noqa: PLC0415 - as above
+
+    return MarkerSense(kind)

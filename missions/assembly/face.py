@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 from config.robot import Section
 from drivers.api import (
     Device,
+    DeviceStatus,
     Health,
     Mood,
     Mouth,
-    Notice,
     Report,
     Screen,
     Shown,
     Voice,
-    unreported,
+    ignore,
 )
 from drivers.clock import Clock
 
@@ -91,7 +91,7 @@ class LivelyScreen:
     A robot without a voice has no such thread. Where it is a page, its address is told to ``report``.
     """
 
-    def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: Report = unreported) -> None:
+    def __init__(self, screen: Screen, voice: Voice | None, clock: Clock, report: Report = ignore) -> None:
         self.name = screen.name
         self.mood: Callable[[Mood], None] = screen.mood
         self.show: Callable[[str], None] = screen.show
@@ -113,7 +113,7 @@ class LivelyScreen:
         self._open = True
         self._screen.open()
         if isinstance(self._screen, Served) and self._screen.address:
-            self._report(Notice(self.name, "online", f"the face is at {self._screen.address}"))
+            self._report(DeviceStatus(self.name, "online", f"the face is at {self._screen.address}"))
         if self._lips is not None:
             self._ending.clear()
             self._thread = Thread(target=self._run, args=(self._lips,), name="lips", daemon=True)

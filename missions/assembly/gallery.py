@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from config.people import PersonConfig
-from drivers.api import Notice, Report
+from drivers.api import DeviceStatus, Report
 from drivers.api.senses import CameraKeys
 from missions.assembly.detectors import yunet_file
 from missions.assembly.interests import Interests
-from missions.people import People, PeopleError, folder
+from missions.assembly.people import People, PeopleError, folder
 from perception.api import Box, Image
 from perception.dlib_people import DlibDescriber, DlibPeople
 from perception.identity import Look, Nobody, Recogniser
@@ -33,7 +33,7 @@ def recogniser(
     """
     if not interests.names:
         return None
-    notices = list[Notice]()
+    notices = list[DeviceStatus]()
     if camera is None:
         from missions.assembly.drawn import drawn_gallery  # noqa: PLC0415 - the metal imports no simulation
 
@@ -46,7 +46,7 @@ def recogniser(
 class _Remarking:
     """A recogniser that tells, at the first look at somebody, what is the matter with its pictures."""
 
-    def __init__(self, recogniser: Recogniser, notices: Sequence[Notice], report: Report) -> None:
+    def __init__(self, recogniser: Recogniser, notices: Sequence[DeviceStatus], report: Report) -> None:
         self._recogniser = recogniser
         self._notices = list(notices)
         self._report = report
@@ -64,18 +64,22 @@ def gallery(camera: CameraKeys, report: Report) -> Recogniser:
     """
 
     def told(error: PeopleError) -> None:
-        report(Notice("camera", "fault", str(error), error.hint))
+        report(DeviceStatus("camera", "fault", str(error), error.hint))
 
     people = people_of(camera)
     try:
         if people.shut():
-            report(Notice("camera", "fault", f"others could read the pictures of people in {people.where}; not now"))
+            report(
+                DeviceStatus("camera", "fault", f"others could read the pictures of people in {people.where}; not now")
+            )
         portraits = people.portraits(told)
     except PeopleError as error:
-        report(Notice("camera", "fault", f"nobody can be recognised: {error}", error.hint))
+        report(DeviceStatus("camera", "fault", f"nobody can be recognised: {error}", error.hint))
         return Nobody()
     if not portraits:
-        report(Notice("camera", "fault", "it knows nobody yet, so that all are unknown", "mission person add NAME"))
+        report(
+            DeviceStatus("camera", "fault", "it knows nobody yet, so that all are unknown", "mission person add NAME")
+        )
         return Nobody()
     if camera.identity.method == "sface":
         model = Path(camera.identity.model).expanduser()

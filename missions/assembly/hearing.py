@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from config.robot import Section
-from drivers.api import Device, Health, Microphone, Notice, Report, Voice
+from drivers.api import Device, DeviceStatus, Health, Microphone, Report, Voice
 from drivers.api.driver import resolved
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
@@ -13,12 +13,12 @@ from drivers.pipe import Worker
 from missions.assembly.duplex import HalfDuplex
 from missions.assembly.pronouncing import lexicon_for
 from perception.api import Hearing as Heard
-from perception.api import Words
+from perception.api import Words, ignore
 from perception.hearing.acceptance import learned
 from perception.hearing.ears import Ears
 from perception.hearing.engines import MODELLED, Modelled, Sphinx
 from perception.hearing.grammar import Grammar
-from perception.hearing.listener import Listener, never, unheard
+from perception.hearing.listener import Listener, never
 
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place
@@ -37,7 +37,7 @@ class Hearing:
             listener,
             worker,
             on_trouble=lambda error: report(
-                Notice(microphone.name, "fault", f"what was said could not be searched: {error}")
+                DeviceStatus(microphone.name, "fault", f"what was said could not be searched: {error}")
             ),
         )
 
@@ -113,7 +113,7 @@ def hearing(
     *,
     report: Report,
     deaf: Callable[[float, float], bool] = never,
-    changed: Callable[[], None] = unheard,
+    changed: Callable[[], None] = ignore,
 ) -> Hearing:
     """Return ears that understand ``phrases`` of what comes from ``source``.
 

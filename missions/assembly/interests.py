@@ -1,13 +1,16 @@
 """What a mission looks for and listens for: a detector that nobody asks does not run."""
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from drivers.api.quick import dataclass
 from drivers.api.senses import CameraKeys
-from missions.assembly.things import looked_for
 from missions.language.phrases import phrases_of
 from missions.language.plan import Step
-from perception.markers import MarkerKind
+from missions.library.things import looked_for
 from perception.wanted import Wanted
+
+if TYPE_CHECKING:
+    from perception.markers import MarkerKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +21,7 @@ class Interests:
     """
 
     wanted: tuple[Wanted, ...] = ()
-    markers: MarkerKind | None = None
+    markers: "MarkerKind | None" = None
     motion: bool = False
     faces: bool = True
     names: bool = False
@@ -28,14 +31,19 @@ class Interests:
 def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
     """Return what the behaviours and expressions of a mission look for, with the markers of the robot file."""
     senses = tree.senses
-    kind = MarkerKind()
-    if camera is not None and camera.markers is not None:
-        kind = MarkerKind(camera.markers.family, camera.markers.size, camera.markers.robots)
     return Interests(
         wanted=looked_for(tree) if "things" in senses else (),
-        markers=kind if "markers" in senses else None,
+        markers=_markers(camera) if "markers" in senses else None,
         motion="motion" in senses,
         faces="faces" in senses or "names" in senses,
         names="names" in senses,
         phrases=phrases_of(tree),
     )
+
+
+def _markers(camera: CameraKeys | None) -> "MarkerKind":
+    from perception.markers import MarkerKind  # noqa: PLC0415 - most missions look for none
+
+    if camera is None or camera.markers is None:
+        return MarkerKind()
+    return MarkerKind(camera.markers.family, camera.markers.size, camera.markers.robots)

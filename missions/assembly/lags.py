@@ -15,7 +15,7 @@ from behaviours.tracking import lag
 from behaviours.tracking.lag import Lag
 from config.reading import read_regular
 from config.robot import RobotConfig
-from missions.folders import state_folder
+from missions.library.folders import state_folder
 from perception import delay
 from perception.delay import Delay
 
@@ -25,14 +25,14 @@ KNOWN = 0.015
 ENOUGH = 30
 """Pairs of pictures, or reports of the base, from which it must have been learnt."""
 
-LONGEST = 1000
+MAX_FILE_SIZE = 1000
 """Bytes that such a file has at most."""
 
 CAMERA, BASE = "camera", "base"
 """The keys of the two delays, in seconds."""
 
 LEAST = {CAMERA: float(delay.GRID[0]), BASE: lag.GRID[0]}
-MOST = {CAMERA: float(delay.GRID[-1]), BASE: lag.GRID[-1]}
+MAX_LAGS = {CAMERA: float(delay.GRID[-1]), BASE: lag.GRID[-1]}
 """Seconds that each can be."""
 
 
@@ -80,7 +80,7 @@ def _fingerprint(config: RobotConfig) -> str:
 def _kept(robot: str, file: str) -> dict[str, float]:
     """Return the delays in seconds that were kept of a robot with such a ``file``; what is not sound counts as none."""
     try:
-        found = json.loads(read_regular(lags_file(robot), LONGEST))
+        found = json.loads(read_regular(lags_file(robot), MAX_FILE_SIZE))
         if found["robot_file"] != file:
             return {}
         kept = {CAMERA: found.get(CAMERA), BASE: found.get(BASE)}
@@ -89,7 +89,7 @@ def _kept(robot: str, file: str) -> dict[str, float]:
     return {
         key: value
         for key, value in kept.items()
-        if isinstance(value, float) and LEAST[key] <= value <= MOST[key]  # and so it is no NaN either
+        if isinstance(value, float) and LEAST[key] <= value <= MAX_LAGS[key]  # and so it is no NaN either
     }
 
 

@@ -10,7 +10,7 @@ from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from missions.assembly.interests import Interests
-from missions.assembly.truth import Flaws, Truth
+from missions.assembly.truth import SensorNoise, Truth
 from missions.assembly.truth_names import TrueNames
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
 from perception.eyes import NewestView
@@ -21,7 +21,7 @@ from perception.sighting import Sighting
 from perception.things import ThingSighting
 from perception.tracks import Tracker
 
-__all__ = ["Flaws", "Glimpse", "SteppedEyes", "TrueSight"]
+__all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 
 T = TypeVar("T")
 
@@ -98,7 +98,7 @@ class TrueSight(NewestView):
         gaze: Callable[[float], Gaze | None],
         lens: Pinhole,
         *,
-        flaws: Flaws,
+        flaws: SensorNoise,
         seed: int,
         on_view: Callable[[View], None],
         interests: Interests | None = None,

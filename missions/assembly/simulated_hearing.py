@@ -6,7 +6,7 @@ from threading import Event, Lock, Thread
 
 from config.people import PersonConfig
 from config.world import WorldConfig
-from drivers.api import Health, Manner, Notice, Report, Voice
+from drivers.api import DeviceStatus, Health, Manner, Report, Voice
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
@@ -132,7 +132,7 @@ def simulated_hearing(
         )
     )
     why = "people's words come as text: nothing speaks and understands them"
-    report(Notice("microphone", "fault", why, "`pip install 'missiontree[speak,listen]'` makes sound of them"))
+    report(DeviceStatus("microphone", "fault", why, "`pip install 'missiontree[speak,listen]'` makes sound of them"))
     return text, text.hear
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from config.robot import RobotConfig
 from config.world import NOISE, PhysicsConfig, WorldConfig
-from drivers.api import Camera, HeadPose, Pose2D
+from drivers.api import Camera, HeadPose, Pose2D, ignore
 from drivers.api.driver import resolved
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
@@ -23,10 +23,6 @@ from missions.assembly.order import making_order
 from missions.assembly.worlds import build_physics, build_world
 
 D = TypeVar("D")
-
-
-def unheard(who: str, text: str) -> None:
-    """Do nothing: nobody listens to what people say."""
 
 
 def deaf(reply: Reply) -> None:
@@ -47,7 +43,7 @@ class Simulation:
         clock: Clock,
         *,
         world: WorldConfig | None = None,
-        answered: Callable[[str, str], None] = unheard,
+        answered: Callable[[str, str], None] = ignore,
         seed: int = 0,
     ) -> None:
         self._config = world

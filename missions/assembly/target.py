@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 
-from behaviours.reach import Reach
+from behaviours.joint_ranges import JointRanges
 from config.robot import RobotConfig
 from drivers.api.senses import MicrophoneKeys
 from missions.language.claims import Target
@@ -13,7 +13,7 @@ def target_of(robot: RobotConfig) -> Target:
     """Return what the checker must know of a robot."""
     reach = None
     if robot.arm is not None:
-        reach = Reach(robot.arm.limits, robot.arm.groups)
+        reach = JointRanges(robot.arm.limits, robot.arm.groups)
     if robot.microphone is None:
         return Target(robot.name, robot.parts, reach)
     ears = robot.microphone

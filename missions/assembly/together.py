@@ -1,14 +1,15 @@
 """Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from behaviours.robot import Robot
 from config.robot import RobotConfig, Section
-from drivers.api import Base, Device, Head, Report, Steered, unsteered
+from drivers.api import Base, Device, Head, Report, Steered, ignore
 from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS
+from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
 from missions.assembly.order import making_order
@@ -18,13 +19,9 @@ if TYPE_CHECKING:
     from config.world import WorldConfig
 
 
-def unwatched(frame: Frame, gaze: Gaze | None) -> None:
-    """Do nothing: nobody looks at the pictures."""
-
-
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """What the caller asks for beyond the robot file.
+class Overrides:
+    """Settings of the caller beyond the robot file.
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
     camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
@@ -40,8 +37,8 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True)
-class Audience:
-    """Who is told: of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
+class Hooks:
+    """Callbacks, told of a device's notices, of anything worth a tick, of what is said aloud, and of each percept.
 
     ``answered`` is told who in a simulated world has said which words, ``steered`` who commands the base, as that
     changes. ``watched`` gets each frame that was searched, and where the camera looked then.
@@ -52,8 +49,8 @@ class Audience:
     out: Callable[[str], None]
     seen: Callable[[View], None]
     answered: Callable[[str, str], None]
-    steered: Steered = unsteered
-    watched: Callable[[Frame, Gaze | None], None] = unwatched
+    steered: Steered = ignore
+    watched: Callable[[Frame, Gaze | None], None] = ignore
 
 
 class Stands(Protocol):

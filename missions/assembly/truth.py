@@ -32,12 +32,12 @@ SMALLEST_MARKER = 24.0
 """Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""
 
 MARKER_HEIGHT = MARKER_SIZE * 4 / 3
-"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.standing``)."""
+"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.drawable``)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Flaws:
-    """What true eyes lack: the share of things missed in each picture, and pixels of noise (one sigma) in each box.
+class SensorNoise:
+    """The noise of true eyes: the share of things missed in each picture, and pixels of noise (one sigma) in each box.
 
     ``mistaken`` is the share of looks at a face that take somebody known for a stranger, or the other way round.
     """
@@ -53,7 +53,7 @@ class Truth:
     ``random`` decides what is missed and how far off a box is.
     """
 
-    def __init__(self, world: World, lens: Pinhole, flaws: Flaws, random: Random) -> None:
+    def __init__(self, world: World, lens: Pinhole, flaws: SensorNoise, random: Random) -> None:
         self._world = world
         self._lens = lens
         self._flaws = flaws

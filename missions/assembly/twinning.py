@@ -24,8 +24,8 @@ from missions.assembly.eyes import vision
 from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
 from missions.assembly.order import with_carriers
-from missions.assembly.seeing import Flaws, Glimpse, SteppedEyes, TrueSight
-from missions.assembly.together import Audience, gaze, made_by, put_together
+from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
+from missions.assembly.together import Hooks, gaze, made_by, put_together
 from missions.assembly.truth_names import TrueNames
 from missions.assembly.twins import Twins
 from missions.assembly.worlds import build_physics, build_world
@@ -49,7 +49,7 @@ def twin_robot(
     chosen: frozenset[str],
     timeline: Timeline,
     world: WorldConfig,
-    audience: Audience,
+    audience: Hooks,
     *,
     interests: Interests,
     seed: int,
@@ -80,7 +80,7 @@ class _Place:
         twins: Twins,
         config: RobotConfig,
         world: WorldConfig,
-        audience: Audience,
+        audience: Hooks,
         interests: Interests,
         seed: int,
         *,
@@ -173,7 +173,7 @@ class _Place:
             lambda _: twins.viewpoint(),
             self._gaze,
             lens,
-            flaws=Flaws(),
+            flaws=SensorNoise(),
             seed=self._seed,
             on_view=self._audience.seen,
             interests=self._interests,
@@ -206,7 +206,7 @@ class _Place:
         if not self._interests.names:
             return None
         own = Random(f"names {self._seed}")  # noqa: S311 - which looks are mistaken is no secret
-        return TrueNames(self._world.people, Flaws().mistaken, own)
+        return TrueNames(self._world.people, SensorNoise().mistaken, own)
 
     def _gaze(self, stamp: float) -> Gaze:
         parts = self._twins.parts

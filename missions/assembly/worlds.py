@@ -2,7 +2,7 @@
 
 from config.colours import COLOURS
 from config.people import ActConfig, PersonConfig
-from config.things import BallConfig, BoxConfig, RoverConfig
+from config.things import BoxConfig, RoverConfig, Spot, ThingConfig
 from config.world import PhysicsConfig, WorldConfig
 from drivers.api import Pose2D
 from drivers.sim.acts import Act
@@ -24,10 +24,10 @@ def build_world(config: WorldConfig) -> World:
         light=Light(
             config.light, tuple(Change(change.at, change.light, change.over) for change in config.light_changes)
         ),
-        walls=tuple(Wall(wall.start, wall.end, wall.height) for wall in config.walls),
-        furniture=tuple(_box(box) for box in config.furniture),
+        walls=tuple(Wall(wall.start, wall.end, wall.height or config.height) for wall in config.walls),
+        furniture=tuple(_box(box, box.size) for box in config.furniture),
         edges=tuple(Edge(edge.x, edge.y, edge.length, edge.width) for edge in config.edges),
-        objects=tuple(_ball(it) if isinstance(it, BallConfig) else _box(it) for it in config.objects),
+        objects=tuple(_thing(thing) for thing in config.objects),
         robots=tuple(_rover(rover) for rover in config.robots),
         dock=None if config.dock is None else Dock(config.dock.x, config.dock.y, config.dock.heading),
         start=Pose2D(config.start.x, config.start.y, config.start.heading),
@@ -75,20 +75,15 @@ def _act(config: ActConfig) -> Act:
     )
 
 
-def _box(config: BoxConfig) -> Box:
-    return Box(
-        config.name,
-        config.x,
-        config.y,
-        config.size,
-        COLOURS[config.colour],
-        heading=config.heading,
-        bottom=config.bottom,
-    )
-
-
-def _ball(config: BallConfig) -> Ball:
+def _thing(config: ThingConfig) -> Box | Ball:
+    if not isinstance(config.size, float):
+        return _box(config, config.size)
     return Ball(config.name, config.x, config.y, config.size, COLOURS[config.colour], bottom=config.bottom)
+
+
+def _box(config: BoxConfig | ThingConfig, size: Spot) -> Box:
+    colour = COLOURS[config.colour]
+    return Box(config.name, config.x, config.y, size, colour, heading=config.heading, bottom=config.bottom)
 
 
 def _rover(config: RoverConfig) -> Rover:

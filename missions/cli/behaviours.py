@@ -10,14 +10,14 @@ from rich.table import Table
 
 from behaviours.leaf import Leaf
 from config.units import UNITS
-from missions.catalogue import shown_default, summary, terms
 from missions.cli.console import console, echo
 from missions.cli.options import behaviours_option, own_files
 from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import word_meant
-from missions.vocabulary import vocabulary
+from missions.library.catalogue import shown_default, summary, terms
+from missions.library.vocabulary import vocabulary
 
 
 @click.command()

@@ -9,7 +9,7 @@ import click
 
 from config.editing import NotEditableError
 from config.units import in_dimension
-from drivers.api import Image, Notice
+from drivers.api import DeviceStatus, Image
 from drivers.camera.choose import open_source
 from drivers.camera.devices import list_devices
 from drivers.camera.pictures import pictures
@@ -130,7 +130,7 @@ def _live(source: str, seconds: float, size: tuple[int, int] | None) -> Iterator
                 raise NotConnected(health.detail, hint=health.hint)
 
 
-def _report(notice: Notice) -> None:
+def _report(notice: DeviceStatus) -> None:
     if notice.kind != "online":
         click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, InvalidFileError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.library import UnknownNameError
 from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for, target
 from missions.language.phrases import confusions
-from missions.library import TESTS, shipped_missions
+from missions.library.shipped import TESTS, shipped_missions
 
 
 @click.command()
@@ -27,8 +27,8 @@ def command(
     """Check missions and their tests: names, files or folders; all that ship with MissionTree when none is given."""
     robots = robots_for(robot)
     leaves = leaves_for(files)
-    found: list[Fault] = []
-    hints: list[Fault] = []
+    found: list[Diagnostic] = []
+    hints: list[Diagnostic] = []
     for name in [file for each in names for file in files_of(each)] or list(shipped_missions()):
         said, faults, advice = _checked(name, params, robots, leaves, files)
         found += faults
@@ -51,7 +51,7 @@ def _checked(
     robots: Sequence[Path],
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     files: Sequence[Path],
-) -> tuple[str, Sequence[Fault], Sequence[Fault]]:
+) -> tuple[str, Sequence[Diagnostic], Sequence[Diagnostic]]:
     """Check one mission for the first of ``robots``, or one file of tests.
 
     Return what to tell, its mistakes, and hints about what is no mistake.
@@ -66,14 +66,14 @@ def _checked(
     except InvalidFileError as error:
         return str(error), error.faults, []
     except UnknownNameError as error:
-        return f"mission: {error}", [Fault(Source(name, ""), Mark(), str(error))], []
+        return f"mission: {error}", [Diagnostic(Source(name, ""), Mark(), str(error))], []
     count = sum(1 for _ in plan.tree.walk())
     other = "" if able == robots[0] else f", for robot '{able.stem}'"
     said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
     return said, [], confusions(plan.tree, target(able))
 
 
-def _as_dict(fault: Fault, severity: str) -> dict[str, object]:
+def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:
     """Return a mistake or a hint as an editor takes it; line and column count from 1."""
     return {
         "file": fault.source.name,

@@ -8,7 +8,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from missions.printable import printable, terminal
+from missions.views.printable import printable, terminal
 
 
 class PrintableConsole(Console):

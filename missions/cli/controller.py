@@ -12,9 +12,9 @@ from config.controller import ControllerConfig, load_controller
 from config.library import find, shipped
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
-from missions.controllers.scenario import DELAYS
-from missions.controllers.words import lines_about
+from missions.testing.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
+from missions.testing.controllers.scenario import DELAYS
+from missions.testing.controllers.words import lines_about
 
 LAG = TrackFace.lag
 """Seconds that a base is believed to take until that is learnt, as missions have it."""
@@ -52,7 +52,7 @@ def show(name: str, output: Path | None) -> None:
         click.echo(line)
     if output is not None:
         try:
-            from missions.controllers.plots import draw_controller  # noqa: PLC0415 - an extra, and slow to import
+            from missions.testing.controllers.plots import draw_controller  # noqa: PLC0415 - an extra, and slow to import
         except ImportError as error:
             raise click.UsageError(NO_PLOTS) from error
         _drawn(output, lambda: draw_controller(output, config))
@@ -89,7 +89,7 @@ def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int
             click.echo(line)
     if output is not None:
         try:
-            from missions.controllers.plots import draw_bench  # noqa: PLC0415 - an extra, and slow to import
+            from missions.testing.controllers.plots import draw_bench  # noqa: PLC0415 - an extra, and slow to import
         except ImportError as error:
             raise click.UsageError(NO_PLOTS) from error
         _drawn(output, lambda: draw_bench(output, rows))

@@ -9,7 +9,7 @@ import cv2
 from drivers.api import Image
 from drivers.camera.source import Kind, kind_of
 from missions.cli.outputs import writing
-from missions.recording.outputs import write_private
+from missions.records.recording.outputs import write_private
 
 
 class Drawings:

@@ -2,42 +2,29 @@
 
 import json
 import sys
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping
 from math import degrees, radians, sin
 from types import MappingProxyType
-from typing import Any
 
 import click
 
-from behaviours.head import Arrival, shown
 from config.editing import NotEditableError
 from config.library import find
-from config.world import load_world
-from drivers.api import Head, HeadPose, Notice, unheard, unreported
-from drivers.api.sections import Wired
-from drivers.arduino.declared import ArduinoKeys, ServoKeys
+from drivers.api import HeadPose
+from drivers.arduino.declared import ServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.vigil import Life
-from drivers.clock import Clock, SystemClock
-from drivers.dynamixel.declared import NeckJointKeys, NeckKeys
-from drivers.errors import NotConnected
-from drivers.pantilt import AHEAD, Trimmable
-from missions.assembly.assemble import assemble
-from missions.assembly.interests import Interests
-from missions.assembly.lags import ENOUGH, Lags
-from missions.assembly.together import Audience, Wishes
-from missions.cli.keys import Keys, interruptible
+from drivers.dynamixel.declared import NeckJointKeys
+from drivers.pantilt import AHEAD
+from missions.assembly.lags import ENOUGH
+from missions.cli.head_bench import Bench, opened, pause, robot_options
+from missions.cli.keys import Keys
 from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
 from missions.cli.trims import check_keepable, keep_trims
-from missions.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
-from missions.runner import CONNECT_TIME
 
 STARTED: Mapping[Life, str] = MappingProxyType(
     {
@@ -47,68 +34,8 @@ STARTED: Mapping[Life, str] = MappingProxyType(
 )
 """How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
 
-PAUSE = 0.02
-"""Seconds between two looks at the head."""
-
-NEAREST = radians(0.51)
-"""As near as a servo of whole degrees comes to any goal."""
 SWING, PACE = radians(15), 2.5
 """How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
-
-PATIENCE = 15.0
-"""Seconds for any turn of a head."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bench:
-    """A head that is open and there."""
-
-    head: Head
-    trimmer: Trimmable
-    config: ArduinoKeys | NeckKeys
-    clock: Clock
-    lags: Lags | None = None
-
-    def look(self, target: HeadPose) -> int:
-        """Look there, wait until the head does, and say it; return the exit code."""
-        goal = self.head.look(target)
-        if not self.arrives(goal):
-            here = self.head.pose().value
-            click.echo(f"the head rests at {'?' if here is None else shown(here)}, not at {shown(goal)}", err=True)
-            return FAILURE
-        click.echo(f"looks at {shown(goal)}" + ("" if goal == target else f", the limit for {shown(target)}"))
-        return SUCCESS
-
-    def arrives(self, goal: HeadPose) -> bool:
-        """Wait until the head is at ``goal``; say whether it has got there."""
-        arrival, start = Arrival(NEAREST), self.clock.now()
-        while not arrival(self.head.pose(), goal, self.clock.now()):
-            if arrival.stuck or self.clock.now() - start > PATIENCE:
-                return False
-            pause()
-        return True
-
-    def where(self) -> dict[str, dict[str, float]]:
-        """Return where each axis is, its limits and its trim, in degrees, by the name of the joint."""
-        pose, limits, trims = self.head.pose().value, self.head.limits, self.trimmer.trim()
-        found = {}
-        for number, (axis, ends) in enumerate(((self.config.pan, limits.pan), (self.config.tilt, limits.tilt))):
-            figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
-            if pose is not None:
-                figures["angle"] = (pose.pan, pose.tilt)[number]
-            found[axis.joint] = {name: round(degrees(value), 2) + 0.0 for name, value in figures.items()}
-        return found
-
-
-def robot_options(command: Any) -> Any:
-    """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
-    for option in (
-        click.option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
-        click.option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
-        click.option("--robot", metavar="NAME", help="The robot (a name or a file); its head moves. Else simulated."),
-    ):
-        command = option(command)
-    return command
 
 
 @click.group()
@@ -250,54 +177,3 @@ def _by_hand(bench: Bench) -> tuple[float, float] | None:
 def _sign(axis: ServoKeys | NeckJointKeys) -> int:
     """Return -1 for a servo that turns the other way than the head."""
     return -1 if isinstance(axis, ServoKeys) and axis.flip else 1
-
-
-@contextmanager
-def opened(
-    name: str | None, *, simulate: bool, port: str | None, stay: bool = False, camera: bool = False
-) -> Iterator[Bench]:
-    """Open the head of a robot, with its ``camera`` if wanted, and wait until it is there; close it whatever comes.
-
-    It goes to its start first, unless it is to ``stay``.
-    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
-    """
-    config = load_robot(find("robots", name or DEFAULT_ROBOT))
-    keys = config.head
-    if keys is None:
-        raise click.UsageError(f"{config.name} has no head")
-    virtual = simulate or name is None
-    if virtual and port is not None:
-        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
-    part = "head" if isinstance(keys, Wired) else "arm"
-    wishes = Wishes(
-        world=load_world(find("worlds", "empty")) if virtual else None,
-        ports={} if port is None else {part: port},
-        interests=Interests(faces=False),
-    )
-    clock = SystemClock()
-    audience = Audience(unreported if stay else _warned, unheard, click.echo, lambda *_: None, lambda *_: None)
-    robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
-    head, trimmer = robot.robot.head, robot.devices["head"]
-    if not isinstance(trimmer, Trimmable) or not isinstance(keys, ArduinoKeys | NeckKeys):
-        raise click.UsageError(f"the head of {config.name} cannot be trimmed")
-    if stay:
-        trimmer.stay()
-    with interruptible(), closing(robot):
-        robot.open()
-        while not (head.health().online and head.pose().good):
-            if clock.now() > CONNECT_TIME:
-                health = head.health()
-                raise NotConnected(health.detail, hint=health.hint)
-            pause()
-        yield Bench(head, trimmer, keys, clock, None if robot.eyes is None else robot.lags)
-
-
-def _warned(notice: Notice) -> None:
-    """Tell a person at the terminal what is wrong with the head, before it is moved."""
-    if notice.kind == "fault":
-        click.echo(f"{notice.device}: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
-
-
-def pause() -> None:
-    """Wait a moment for the head's own thread."""
-    threading.Event().wait(PAUSE)

@@ -11,13 +11,14 @@ import click
 
 from config.library import find
 from config.robot import Section
-from drivers.api import SOUND_RATE, Notice
+from drivers.api import SOUND_RATE, DeviceStatus
 from drivers.api.driver import Site
 from drivers.api.kinds import KINDS
 from drivers.api.senses import MOST_SURE, MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
+from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.hearing import Hearing, hearing
 from missions.assembly.pronouncing import confusable_for
 from missions.assembly.together import made_by
@@ -25,10 +26,9 @@ from missions.cli.numbers import Real
 from missions.cli.options import behaviours_option, leaves_for, params_option
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
-from missions.drivers import Table, load_robot
 from missions.language.phrases import phrases_of
-from missions.library import load_mission
-from missions.runner import CONNECT_TIME
+from missions.library.drivers import Table, load_robot
+from missions.library.shipped import load_mission
 from perception.api import Words
 from perception.hearing.engines import MODELLED, Sphinx
 from perception.hearing.grammar import Grammar, fault_of
@@ -42,7 +42,7 @@ QUIET, BAR = -70.0, 40
 STEP, REST = 2.0, 2.0
 """Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
 
-PATIENCE = 20.0
+RECOGNITION_TIMEOUT = 20.0
 """Seconds that the recogniser may take to start, or for what was said."""
 
 
@@ -168,8 +168,8 @@ def _wait(holds: Callable[[], bool], ears: Hearing, hint: str) -> None:
     """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
     clock, pause = SystemClock(), Event()
     while not holds():
-        if clock.now() > PATIENCE:
-            silent = f"microphone: the recogniser has said nothing for {PATIENCE:g} s"
+        if clock.now() > RECOGNITION_TIMEOUT:
+            silent = f"microphone: the recogniser has said nothing for {RECOGNITION_TIMEOUT:g} s"
             raise NoReply(ears.health().detail or silent, hint=hint)
         pause.wait(PAUSE / 10)
 
@@ -194,7 +194,7 @@ def _bar(level: float) -> str:
     return f"{level:6.1f} dB  {'#' * signs}"
 
 
-def _complain(notice: Notice) -> None:
+def _complain(notice: DeviceStatus) -> None:
     """Tell what goes wrong."""
     if notice.kind == "fault":
         click.echo(f"mission: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

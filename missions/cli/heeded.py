@@ -20,9 +20,8 @@ def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[N
     for file in files:
         with suppress(OSError, ValueError):  # it is none of the system's, or closed
             numbers.add(file.fileno())
-    over, end = os.pipe()
 
-    def watch() -> None:
+    def watch(over: int) -> None:
         poll = select.poll()
         poll.register(over, 0)
         for number in numbers:
@@ -30,7 +29,15 @@ def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[N
         if all(number != over for number, _ in poll.poll()):
             gone(GONE)
 
-    thread = Thread(target=watch, name="heeded", daemon=True)
+    with watching("heeded", watch):
+        yield
+
+
+@contextmanager
+def watching(name: str, watch: Callable[[int], None]) -> Iterator[None]:
+    """Have ``watch`` look at something on a thread of its own; the descriptor that it gets is readable in the end."""
+    over, end = os.pipe()
+    thread = Thread(target=watch, args=(over,), name=name, daemon=True)
     thread.start()
     try:
         yield

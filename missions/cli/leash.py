@@ -5,18 +5,18 @@ import os
 import select
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from threading import Thread
+from contextlib import AbstractContextManager, contextmanager
 
 import click
 
+from missions.cli.heeded import watching
 from missions.cli.numbers import Whole
 from missions.executive.events import Event, Notified, Stream
 from missions.executive.executive import Executive
 
 GONE = "the server has gone"
 
-PATIENCE = 5.0
+STOP_TIMEOUT = 5.0
 """Seconds that a run has to stop once its leash is loose; then it gets a SIGTERM, which its watchdog hears as well."""
 
 
@@ -52,23 +52,13 @@ def tell_home(event: Event) -> None:
         click.echo(json.dumps({"notice": event.text}))
 
 
-@contextmanager
-def _watched(leash: int, stop: Callable[[str], None]) -> Iterator[None]:
-    over, end = os.pipe()
-
-    def watch() -> None:
+def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[None]:
+    def watch(over: int) -> None:
         ready, _, _ = select.select([leash, over], [], [])
         if over in ready:
             return
         stop(GONE)
-        if not select.select([over], [], [], PATIENCE)[0]:
+        if not select.select([over], [], [], STOP_TIMEOUT)[0]:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    thread = Thread(target=watch, name="leash", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        os.close(end)
-        thread.join()
-        os.close(over)
+    return watching("leash", watch)

@@ -10,7 +10,7 @@ from config.marked import read_source
 from config.robot import RobotConfig
 from config.units import written
 from drivers.api.senses import CameraKeys, DistortionKeys
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
 """The coefficients by which a lens bends a picture, in the order that OpenCV has."""

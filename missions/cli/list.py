@@ -12,8 +12,8 @@ from config.object import load_object
 from config.world import load_world
 from drivers.api.driver import BrokenDriver
 from missions.cli.console import echo
-from missions.drivers import Table, load_robot
-from missions.library import load_mission, shipped_missions
+from missions.library.drivers import Table, load_robot
+from missions.library.shipped import load_mission, shipped_missions
 
 KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "drivers")
 

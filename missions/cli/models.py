@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
+from missions.assembly.models import MODELS, FetchError, fetch, folder, is_there
 from missions.cli.root import FAILURE, SUCCESS
-from missions.models import MODELS, FetchError, fetch, folder, is_there
 
 
 @click.group(invoke_without_command=True)

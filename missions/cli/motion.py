@@ -3,7 +3,7 @@
 import click
 
 from missions.cli import run
-from missions.library import load_mission
+from missions.library.shipped import load_mission
 
 MOTIONS = {
     "1": "forward",

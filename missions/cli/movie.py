@@ -18,7 +18,7 @@ import cv2
 from drivers.api import Image
 from drivers.camera.decode import hush
 from missions.cli.outputs import check_folder
-from missions.recording.outputs import private, write_private
+from missions.records.recording.outputs import private, write_private
 
 CODECS = {".webm": "VP80", ".mp4": "vp09", ".avi": "MJPG"}
 """By the ending of a film, codecs of OpenCV's wheels; browsers play the first two, of which VP8 is written quicker.

@@ -11,8 +11,8 @@ import click
 
 from behaviours.leaf import Leaf
 from config.units import in_dimension
-from missions.library import TESTS, behaviour_files
-from missions.vocabulary import found_beside, vocabulary
+from missions.library.shipped import TESTS, behaviour_files
+from missions.library.vocabulary import found_beside, vocabulary
 
 
 class Seconds(click.ParamType[float]):

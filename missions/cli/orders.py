@@ -9,10 +9,10 @@ from drivers.api.kinds import WIRED
 from drivers.camera.source import Kind, kind_of
 from missions.cli.movie import check_place
 from missions.language.plan import Plan
-from missions.order import Order
+from missions.order import RunRequest
 
 
-def check_order(order: Order) -> None:
+def check_order(order: RunRequest) -> None:
     """Raise click.UsageError for options that contradict each other, or could only be ignored."""
     simulated = order.simulation is not None
     if order.simulation != "fast" and (order.eyes == "truth" or order.speed != inf):
@@ -39,7 +39,7 @@ def _check_camera(source: str) -> None:
         raise click.UsageError(f"--camera: '{source}': no such file, and no index, device or address of a camera")
 
 
-def check_pad(order: Order, plan: Plan) -> None:
+def check_pad(order: RunRequest, plan: Plan) -> None:
     """Raise click.UsageError for a pad that would have nothing to drive."""
     if order.pad is not None and "base" not in plan.tree.parts:
         raise click.UsageError(f"--pad drives the base, which {plan.mission} does not use")
@@ -52,7 +52,7 @@ def check_events(path: Path, plan: Plan) -> None:
             raise click.UsageError(f"--events would write over the mission {path}")
 
 
-def check_film(path: Path, order: Order) -> None:
+def check_film(path: Path, order: RunRequest) -> None:
     """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
     if order.simulation != "fast":
         raise click.UsageError("--film is made in simulated time: add --simulate fast")

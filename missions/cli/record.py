@@ -1,19 +1,22 @@
 """``mission record``: what a record holds, mending one that was not closed, pieces of it, and files made of it."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
 from missions.cli.options import SECONDS
 from missions.cli.outputs import check_folder
-from missions.recording.export import to_csv, to_folder, to_jsonl
-from missions.recording.faults import InvalidRecordError
-from missions.recording.info import lines_about
-from missions.recording.outputs import ExistsError
-from missions.recording.read import open_record
+from missions.records.recording.export import to_csv, to_folder, to_jsonl
+from missions.records.recording.faults import InvalidRecordError
+from missions.records.recording.info import lines_about
+from missions.records.recording.outputs import ExistsError
+from missions.records.recording.read import open_record
+from missions.views.columns import in_columns
 
 RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
 FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
@@ -40,6 +43,47 @@ def _in_words() -> Iterator[None]:
         raise click.ClickException(f"{error.filename or 'the file'}: {error.strerror or error}") from error
 
 
+@command.command(name="list")
+@click.argument("folder", required=False, type=click.Path(exists=True, file_okay=False, path_type=Path))
+def list_command(folder: Path | None) -> None:
+    """List the records in a folder, the newest first; else those that are kept by default, of runs on robots.
+
+    Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; MISSION_RECORD=no in the
+    environment neither, unless --record asks for it.
+    """
+    from missions.studio.looking_back import entry  # noqa: PLC0415 - it needs mcap, as open_record says
+    from missions.studio.ring import records_folder, records_in  # noqa: PLC0415
+
+    where = records_folder() if folder is None else folder
+    with _in_words():
+        rows = [_row(entry(path)) for path in records_in(where)]
+    if not rows:
+        click.echo(f"no records in {where}")
+        return
+    click.echo(in_columns(("began", "mission", "robot", "seconds", "MB", "result", "record"), rows, left=LEFT))
+    click.echo(f"\nin {where}")
+
+
+LEFT = frozenset({"began", "mission", "robot", "result", "record"})
+
+
+def _row(found: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what the list says of a record."""
+    began = datetime.fromtimestamp(found["began"]).astimezone()
+    result = found.get("result") or "cut off"
+    reason = f": {found['reason']}" if found.get("reason") else ""
+    simulated = f" ({found['simulated']})" if found.get("simulated") else ""
+    return (
+        f"{began:%Y-%m-%d %H:%M}",
+        found.get("mission", "-"),
+        f"{found.get('robot', '-')}{simulated}",
+        f"{found.get('seconds', 0.0):.0f}",
+        f"{found['bytes'] / 1e6:.1f}",
+        found.get("trouble") or f"{result}{reason}",
+        found["name"],
+    )
+
+
 @command.command()
 @RECORD
 def info(path: Path) -> None:
@@ -58,7 +102,7 @@ def mend(path: Path) -> None:
     """
     with _in_words():
         open_record(path)  # says in words what is none of ours
-        from missions.recording.mend import mend as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
+        from missions.records.recording.mend import mend as mend_file  # noqa: PLC0415 - it needs mcap, as open_record says
 
         mended = mend_file(path)
         until = open_record(path).until
@@ -123,7 +167,7 @@ def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None
             raise click.UsageError(f"{path} ends at {record.until:.2f} s, before {start:g} s")
         if output.exists() and output.samefile(path):
             raise click.UsageError(f"{output} is the record itself: name another file with -o")
-        from missions.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
+        from missions.records.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
     click.echo(f"wrote {count} messages to {output}\n  try: mission record info {output}")

@@ -3,25 +3,26 @@
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, ParamSpec, Self
 
 import click
 
 from config.reading import files_read
-from drivers.api import Notice
+from drivers.api import DeviceStatus
+from drivers.api.quick import dataclass
 from drivers.clock import time_of_day
 from missions.cli.numbers import Real
 from missions.cli.options import SIZE
 from missions.executive.events import FaultRaised, Listener
 from missions.executive.executive import Result
-from missions.order import Order
-from missions.recording.outlet import CannotRecordError
-from missions.recording.recorder import FRAMES, LIMIT, Recorder
+from missions.order import RunRequest
+from missions.records.recording.budget import FRAMES, LIMIT
 from missions.runner import Runner
+from missions.studio import ring
+from missions.studio.pictures import Pictures
 
 ENDING = ".mcap"
 """What the name of a record ends in."""
@@ -35,6 +36,8 @@ class RecordWish:
     limit: float = LIMIT
     frames: float = FRAMES
     overwrite: bool = False
+    asked: bool = True
+    """False for a record that is kept by default: where it cannot be, the run goes on without."""
 
 
 def record_options(command: Any) -> Any:
@@ -55,6 +58,9 @@ def record_options(command: Any) -> Any:
             "become rarer.",
         ),
         click.option(
+            "--no-record", is_flag=True, help="Keep nothing of a run on a robot, which is recorded otherwise."
+        ),
+        click.option(
             "--record",
             type=click.Path(path_type=Path),
             metavar="FILE",
@@ -67,19 +73,55 @@ def record_options(command: Any) -> Any:
 
 
 def record_wish(
-    record: Path | None, limit: float | None, frames: float | None, *, overwrite: bool, mission: str
+    record: Path | None,
+    limit: float | None,
+    frames: float | None,
+    *,
+    overwrite: bool,
+    mission: str,
+    otherwise: bool = False,
 ) -> RecordWish | None:
-    """Return what the options ask for. Raises click.UsageError for options that could only be ignored."""
+    """Return what the options ask for; a record in the user's own folder where nothing is asked, and ``otherwise``.
+
+    Raises click.UsageError for options that could only be ignored.
+    """
+    asked = record is not None
+    if record is None and otherwise and ring.wanted():
+        record = ring.records_folder()
+        try:
+            ring.make_room(record, time_of_day().timestamp())
+        except OSError as error:  # such as a full disk: a robot does not refuse to move for that
+            click.echo(f"mission: not recorded: {record}: {error.strerror or error}", err=True)
+            record = None
     if record is None:
         if limit is not None or frames is not None or overwrite:
             raise click.UsageError(f"--record-limit, --record-frames and --overwrite go with --record FILE{ENDING}")
         return None
     if record.is_dir():
-        record /= f"{Path(mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}{ENDING}"
+        record = _new(record, f"{Path(mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}")
     elif record.suffix != ENDING:
         raise click.BadParameter(f"{record}: a record's name ends in {ENDING}", param_hint="--record")
     wish = RecordWish(record, overwrite=overwrite)
-    return RecordWish(record, limit or wish.limit, wish.frames if frames is None else frames, overwrite)
+    return RecordWish(record, limit or wish.limit, wish.frames if frames is None else frames, overwrite, asked)
+
+
+def _new(folder: Path, name: str) -> Path:
+    """Return a file in ``folder`` that is not there yet: two runs may begin in one second."""
+    numbered = (folder / f"{name}{more}{ENDING}" for more in ("", *(f"-{number}" for number in range(2, 100))))
+    return next((path for path in numbered if not path.exists()), folder / f"{name}{ENDING}")
+
+
+P = ParamSpec("P")
+
+
+def both(one: Callable[P, object], other: Callable[P, object]) -> Callable[P, None]:
+    """Return what calls both."""
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> None:
+        one(*args, **kwargs)
+        other(*args, **kwargs)
+
+    return call
 
 
 class Recording:
@@ -90,8 +132,16 @@ class Recording:
     """
 
     def __init__(
-        self, wish: RecordWish, order: Order, *, listeners: Sequence[Listener], give_up: Callable[[Result], None]
+        self,
+        wish: RecordWish,
+        order: RunRequest,
+        *,
+        listeners: Sequence[Listener],
+        give_up: Callable[[Result], None],
+        pictures: Pictures,
     ) -> None:
+        from missions.records.recording.recorder import Recorder  # noqa: PLC0415 - a run without a record needs none
+
         self._wish = wish
         self._order = order
         self._recorder = recorder = Recorder(
@@ -107,13 +157,14 @@ class Recording:
                 listeners=[*listeners, recorder],
                 give_up=give_up,
                 on_moment=recorder.moment,
-                on_view=recorder.view,
-                on_frame=recorder.frame,
+                on_view=both(recorder.view, pictures.view),
+                on_frame=both(recorder.frame, pictures.frame),
             )
         recorder.watch(self.runner.root)
 
     def __enter__(self) -> Self:
-        from missions.recording.gather import contents_of  # noqa: PLC0415 - a run without a record needs none of it
+        from missions.records.recording.gather import contents_of  # noqa: PLC0415 - a run without a record needs none of it
+        from missions.records.recording.outlet import CannotRecordError  # noqa: PLC0415
 
         wish, runner = self._wish, self.runner
         if wish.path.resolve() in self._files:
@@ -132,6 +183,9 @@ class Recording:
         try:
             self._recorder.open(contents, runner.clock, report=self._report, check=runner.assembled.health)
         except CannotRecordError as error:
+            if not wish.asked:
+                click.echo(f"mission: not recorded: {error}", err=True)
+                return self
             hint = f"\n  try: {error.hint}" if error.hint else ""
             raise click.BadParameter(f"{error}{hint}", param_hint="--record") from error
         return self
@@ -144,6 +198,6 @@ class Recording:
             with suppress(OSError):
                 click.echo(f"mission: {self._wish.path}: {loss}", err=True)
 
-    def _report(self, notice: Notice) -> None:
+    def _report(self, notice: DeviceStatus) -> None:
         stream, now = self.runner.stream, self.runner.clock.now()
         stream.emit(FaultRaised(now, notice.device, notice.kind, notice.what, notice.hint))

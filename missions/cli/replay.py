@@ -19,10 +19,10 @@ from missions.cli.movie import Movie, check_place
 from missions.cli.numbers import Real
 from missions.cli.options import SECONDS, behaviours_option
 from missions.cli.root import FAILURE, SUCCESS, USAGE
-from missions.recording.read import Record, open_record
+from missions.records.recording.read import Record, open_record
 
 if TYPE_CHECKING:
-    from missions.replay.sources import Sources
+    from missions.records.replay.sources import Sources
 
 RATE = 12.5
 """Pictures a second in a film."""
@@ -93,8 +93,8 @@ def command(
 
 def _play(record: Record, at: float, speed: float) -> int:
     """Play it with keys or, without a terminal, write all that happened from ``at`` on."""
-    from missions.replay.play import Player  # noqa: PLC0415 - as below, what one option needs is not loaded for all
-    from missions.replay.screen import Screen, lines  # noqa: PLC0415
+    from missions.records.replay.play import Player  # noqa: PLC0415 - as below, what one option needs is not loaded for all
+    from missions.records.replay.screen import Screen, lines  # noqa: PLC0415
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         for line in lines(record, at):
@@ -118,7 +118,7 @@ def _play(record: Record, at: float, speed: float) -> int:
 
 
 def _film(record: Record, path: Path) -> int:
-    from missions.replay.frames import annotated, steady  # noqa: PLC0415
+    from missions.records.replay.frames import annotated, steady  # noqa: PLC0415
 
     with Movie(path, rate=RATE, option="--frames") as movie:
         pictures = annotated(record)
@@ -134,7 +134,7 @@ def _film(record: Record, path: Path) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Again:
-    """With which files a record is decided or seen again: see ``missions.replay.sources.Sources``."""
+    """With which files a record is decided or seen again: see ``missions.records.replay.sources.Sources``."""
 
     code: Sequence[Path]
     recorded: bool
@@ -143,8 +143,8 @@ class _Again:
 
 def _decide(record: Record, mission: str | None, again: _Again) -> int:
     """Decide it again, and say whether all is as it was."""
-    from missions.replay.rerun import rerun  # noqa: PLC0415
-    from missions.replay.words import about_rerun  # noqa: PLC0415
+    from missions.records.replay.rerun import rerun  # noqa: PLC0415
+    from missions.records.replay.words import about_rerun  # noqa: PLC0415
 
     if problem := _undecidable(record):
         raise click.UsageError(problem)
@@ -161,8 +161,8 @@ def _decide(record: Record, mission: str | None, again: _Again) -> int:
 def _look(record: Record, mission: str | None, again: _Again) -> int:
     """Search the pictures again, and say whether all is found that was."""
     from missions.assembly.interests import interests_of  # noqa: PLC0415
-    from missions.replay.see import see  # noqa: PLC0415
-    from missions.replay.words import about_sight  # noqa: PLC0415
+    from missions.records.replay.see import see  # noqa: PLC0415
+    from missions.records.replay.words import about_sight  # noqa: PLC0415
 
     with _sources(record, again) as sources:
         config = sources.robot()
@@ -185,7 +185,7 @@ def _sources(record: Record, again: _Again) -> Iterator["Sources"]:
 
     Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
     """
-    from missions.replay.sources import Sources  # noqa: PLC0415
+    from missions.records.replay.sources import Sources  # noqa: PLC0415
 
     with TemporaryDirectory(prefix="mission-replay-") as folder:
         sources = Sources(

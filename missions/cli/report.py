@@ -7,10 +7,10 @@ import click
 
 from missions.cli.numbers import Whole
 from missions.cli.outputs import check_folder, writing
-from missions.recording.outputs import write_private
-from missions.recording.read import open_record
-from missions.report.page import page
-from missions.report.study import Study, study
+from missions.records.recording.outputs import write_private
+from missions.records.recording.read import open_record
+from missions.records.report.page import page
+from missions.records.report.study import Study, study
 
 MOST_PICTURES = 60
 """Pictures of 320 pixels: about a megabyte."""
@@ -71,7 +71,7 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
 
 def _plot(found: Study, folder: Path) -> None:
     try:
-        from missions.report.papers import draw  # noqa: PLC0415 - needs an extra
+        from missions.records.report.papers import draw  # noqa: PLC0415 - needs an extra
     except ImportError as error:
         raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
     for path in draw(found, folder):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from missions.printable import printable_streams
+from missions.views.printable import printable_streams
 
 SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
@@ -17,6 +17,8 @@ a fault of our own, Ctrl-C or SIGTERM."""
 
 COMMANDS = {
     "run": "Run a mission: simulated, unless a robot is named.",
+    "studio": "See, start, drive and stop robots on a page in the browser.",
+    "stop": "Stop what runs on this machine, at once; release it again.",
     "motion": "Run one of the eight motions of the TurtleBot course, by number.",
     "check": "Check missions without running them.",
     "test": "Play the tests of missions, in simulated time.",
@@ -115,7 +117,7 @@ def guarded(work: Callable[[], object]) -> int:
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
-    from missions.recording.faults import InvalidRecordError  # noqa: PLC0415
+    from missions.records.recording.faults import InvalidRecordError  # noqa: PLC0415
     from perception.faults import BadModel  # noqa: PLC0415
 
     try:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import click
 
+from missions.cli.companion import studio_beside, studio_option
 from missions.cli.leash import leash_option
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
@@ -18,13 +19,13 @@ from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
-from missions.order import Order, Simulate
-from missions.teleop.pad import FIRST
+from missions.hands.teleop.pad import FIRST
+from missions.order import RunRequest, Simulate
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
 
-LONGEST = 3600.0
+DEFAULT_DURATION = 3600.0
 """Seconds of simulated time after which a run that nobody watches is ended, unless somebody says otherwise."""
 
 LEVELS = ("wire", "fast")
@@ -116,6 +117,7 @@ class RunCommand(MissionCommand):
     is_flag=True,
     help="Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",
 )
+@studio_option
 @leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
 def command(
@@ -135,10 +137,12 @@ def command(
     film: Path | None,
     pad: str | None,
     record: Path | None,
+    no_record: bool,
     record_limit: float | None,
     record_frames: float | None,
     overwrite: bool,
     view: bool,
+    studio: bool,
     leash: int | None,
     as_json: bool,
 ) -> int:
@@ -155,7 +159,7 @@ def command(
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
     if view and simulate == "fast" and speed is None:
         speed = 1.0  # to be watched
-    order = Order(
+    order = RunRequest(
         name,
         params,
         robot,
@@ -169,15 +173,25 @@ def command(
         speed=inf if speed is None else speed,
         pad=pad,
     )
-    kept = record_wish(record, record_limit, record_frames, overwrite=overwrite, mission=name)
+    if no_record and record is not None:
+        raise click.UsageError("--record keeps it, --no-record does not: one of them")
+    kept = record_wish(
+        record,
+        record_limit,
+        record_frames,
+        overwrite=overwrite,
+        mission=name,
+        otherwise=order.simulation is None and not no_record,
+    )
     outputs = Outputs(events, film, kept, view=view, leash=leash)
     if until is None and simulate == "fast" and speed is None:
-        until = LONGEST
+        until = DEFAULT_DURATION
 
-    return EXIT_CODES[_told(order, outputs, until, as_json=as_json).result]
+    with studio_beside(wanted=studio):
+        return EXIT_CODES[_told(order, outputs, until, as_json=as_json).result]
 
 
-def _told(order: Order, outputs: Outputs, until: float | None, *, as_json: bool) -> Result:
+def _told(order: RunRequest, outputs: Outputs, until: float | None, *, as_json: bool) -> Result:
     """Run it, and say how it ended: in words for people while it goes on, or as one line for a program in the end."""
 
     def last_words(result: Result) -> None:

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -13,6 +12,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from config.units import written
+from drivers.api.quick import dataclass
 from missions.cli.heeded import GONE, heeded
 from missions.cli.leash import leashed
 from missions.cli.live import Watcher
@@ -24,11 +24,13 @@ from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
-from missions.library import behaviour_files
-from missions.order import Order
-from missions.recording.outputs import open_private
+from missions.library.shipped import behaviour_files
+from missions.order import DEFAULT_WORLD, RunRequest
+from missions.records.recording.outputs import open_private
 from missions.runner import Runner, end_process
-from missions.view.terminal import unviewable
+from missions.studio.control import ControlSocket
+from missions.studio.pictures import Pictures
+from missions.views.live.terminal import unviewable
 
 if TYPE_CHECKING:
     from missions.cli.film import Film
@@ -53,7 +55,7 @@ class Outputs:
 
 
 def run(
-    order: Order,
+    order: RunRequest,
     outputs: Outputs,
     out: TextIO,
     last_words: Callable[[Result], None],
@@ -86,9 +88,15 @@ def run(
 
     tell_found(behaviour_files(order.mission, order.behaviours), order.behaviours)
     # Reads and checks everything; nothing has been opened or written yet.
-    wish = outputs.record
-    recording = None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up)
-    runner = Runner(order, listeners=[watcher], give_up=give_up) if recording is None else recording.runner
+    wish, pictures = outputs.record, Pictures()
+    recording = (
+        None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up, pictures=pictures)
+    )
+    runner = (
+        Runner(order, listeners=[watcher], give_up=give_up, on_view=pictures.view, on_frame=pictures.frame)
+        if recording is None
+        else recording.runner
+    )
     check_pad(order, runner.plan)
     check_people(order, runner.plan)
     watcher.watch(runner.root)
@@ -101,12 +109,28 @@ def run(
         if outputs.view:
             shown = _view(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
-        with shown, leashed(outputs.leash, runner.executive, runner.stream):
+        control = ControlSocket(runner, pictures, simulated=order.simulation or "", world=world_of(order))
+        runner.stream.listeners.append(control)
+        with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
+            _tell_unreachable(control)
             result = runner.run()
     for lost in runner.stream.lost if result.reason != GONE else ():
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
+
+
+def _tell_unreachable(control: ControlSocket) -> None:
+    """Say where a run has no control socket; it is not refused for that: its terminal, and signals, stop it."""
+    if control.trouble:
+        click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)
+
+
+def world_of(order: RunRequest) -> str:
+    """Return the name of what a simulated robot stands in; empty for a robot that moves."""
+    if order.simulation is None:
+        return ""
+    return order.world if isinstance(order.world, str) else DEFAULT_WORLD
 
 
 def _view(runner: Runner, watcher: Watcher) -> "LiveView":

@@ -8,14 +8,14 @@ from pathlib import Path
 import click
 
 from config.library import find
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from drivers.camera.pictures import pictures
 from drivers.errors import BadRequest
 from missions.assembly.gallery import gallery
-from missions.assembly.things import wanted
 from missions.cli.drawings import Drawings
 from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
+from missions.library.things import wanted
 from perception.annotate import annotate
 from perception.api import Box, Marker, Thing
 from perception.faults import BadModel
@@ -76,7 +76,7 @@ def command(
     return 0
 
 
-def _warn(notice: Notice) -> None:
+def _warn(notice: DeviceStatus) -> None:
     click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 
 

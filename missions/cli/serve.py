@@ -6,20 +6,21 @@ from pathlib import Path
 
 import click
 
+from missions.cli.companion import studio_beside, studio_option
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
-from missions.folders import state_folder
-from missions.tasks.channels import channels_of
-from missions.tasks.courier import Courier
-from missions.tasks.lock import Taken, locked, run_lock, server_lock
-from missions.tasks.notices import channel_of
-from missions.tasks.outbox import Outbox
-from missions.tasks.queue import Queue
-from missions.tasks.schema import in_words, open_db, queue_file
-from missions.tasks.serve import Server
-from missions.tasks.task import TaskError
-from missions.tasks.times import local_zone, wall_clock
-from missions.tasks.work import Child
+from missions.library.folders import state_folder
+from missions.service.channels import channels_of
+from missions.service.courier import Courier
+from missions.service.lock import Taken, locked, run_lock, server_lock
+from missions.service.notices import channel_of
+from missions.service.outbox import Outbox
+from missions.service.queue import Queue
+from missions.service.schema import in_words, open_db, queue_file
+from missions.service.serve import Server
+from missions.service.task import TaskError
+from missions.service.times import local_zone, wall_clock
+from missions.service.work import Child
 
 LEAVE = 60.0
 """Seconds that a run without a server has to come to rest; it needs a few."""
@@ -30,14 +31,16 @@ FLUSH = 60.0
 
 @click.command()
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
-def command(once: bool) -> int:
+@studio_option
+def command(once: bool, studio: bool) -> int:
     """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
 
     `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and given up, or tried
     again where its task says so.
     """
     try:
-        serve(state_folder(), once=once)
+        with studio_beside(wanted=studio):
+            serve(state_folder(), once=once)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
         raise click.ClickException(f"{error}{hint}") from error

@@ -10,15 +10,15 @@ import click
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
 from missions.cli.outputs import writing
-from missions.library import load_mission
-from missions.pictures.compare import compare
-from missions.pictures.draw import at, drawing_of, folded
-from missions.pictures.drawing import Drawing
-from missions.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
-from missions.pictures.side_by_side import side_by_side
-from missions.pictures.states import now_of
-from missions.recording.outputs import write_private
-from missions.recording.read import open_record
+from missions.library.shipped import load_mission
+from missions.records.recording.outputs import write_private
+from missions.records.recording.read import open_record
+from missions.views.pictures.compare import compare
+from missions.views.pictures.draw import at, drawing_of, folded
+from missions.views.pictures.drawing import Drawing
+from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.views.pictures.side_by_side import side_by_side
+from missions.views.pictures.states import now_of
 
 RECORD = ".mcap"
 """What the name of a record ends in; all other names are missions."""

@@ -16,8 +16,8 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
 from missions.cli.numbers import Real
-from missions.drivers import load_robot
 from missions.executive.executive import GLANCE
+from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
 

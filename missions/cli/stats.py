@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 
 from missions.cli.root import SUCCESS, USAGE
-from missions.recording.faults import InvalidRecordError
-from missions.recording.read import open_record
-from missions.statistics.figures import Stats, merge
-from missions.statistics.gather import gather
-from missions.statistics.table import as_csv, as_json, lines_of
+from missions.records.recording.faults import InvalidRecordError
+from missions.records.recording.read import open_record
+from missions.records.statistics.figures import Stats, merge
+from missions.records.statistics.gather import gather
+from missions.records.statistics.table import as_csv, as_json, lines_of
 
 
 @click.command()

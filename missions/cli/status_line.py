@@ -4,7 +4,7 @@ import sys
 
 import click
 
-from missions.printable import printable, terminal
+from missions.views.printable import printable, terminal
 
 WIDTH = 78
 """Columns of such a line: a longer one would wrap, and could not be written over."""

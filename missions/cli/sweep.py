@@ -20,15 +20,15 @@ from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
 from missions.cli.running import Outputs
 from missions.cli.running import run as run_watched
-from missions.sweep.design import VariationError, Wish, design, told
-from missions.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
-from missions.sweep.knobs import known_names
-from missions.sweep.processes import run_here
-from missions.sweep.report import percent, report
-from missions.sweep.row import Row
-from missions.sweep.summary import Summary, summarise
-from missions.sweep.sweep import Sweep
 from missions.testing.many import cores
+from missions.testing.sweep.design import VariationError, Wish, design, told
+from missions.testing.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
+from missions.testing.sweep.knobs import known_names
+from missions.testing.sweep.processes import run_here
+from missions.testing.sweep.report import percent, report
+from missions.testing.sweep.row import Row
+from missions.testing.sweep.summary import Summary, summarise
+from missions.testing.sweep.sweep import Sweep
 
 
 def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
@@ -185,7 +185,7 @@ def _workers(sweep: Sweep, seeds: range, jobs: int, dask: str | None) -> tuple[G
     if dask is None:
         return run_here(sweep, seeds, jobs), f"{jobs} process{'es' if jobs > 1 else ''}"
     try:
-        from missions.sweep.cluster import run_on_cluster  # noqa: PLC0415 - only who has a cluster has Dask
+        from missions.testing.sweep.cluster import run_on_cluster  # noqa: PLC0415 - only who has a cluster has Dask
     except ImportError as error:
         raise click.UsageError("--dask needs Dask: pip install 'missiontree[cluster]'") from error
     return run_on_cluster(dask, sweep, seeds), f"the cluster at {dask}"
@@ -228,7 +228,7 @@ def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summa
     click.echo(report(summary, again))
     written = [RUNS, SUMMARY]
     try:
-        from missions.sweep.picture import draw  # noqa: PLC0415 - an extra, and slow to import
+        from missions.testing.sweep.picture import draw  # noqa: PLC0415 - an extra, and slow to import
     except ImportError:
         click.echo("mission: no picture without Matplotlib: pip install 'missiontree[plots]'", err=True)
     else:

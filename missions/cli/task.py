@@ -16,18 +16,18 @@ from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
-from missions.columns import in_columns
-from missions.folders import state_folder
 from missions.language.plan import Plan
-from missions.library import find_mission, shipped_missions
-from missions.order import Order, Simulate
-from missions.tasks.channels import channels_of
-from missions.tasks.lock import is_locked, server_lock
-from missions.tasks.outbox import Letter, Outbox
-from missions.tasks.queue import Queue
-from missions.tasks.schema import in_words, open_db, queue_file
-from missions.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
-from missions.tasks.times import first_time, local_zone, read_at, read_every, wall_clock
+from missions.library.folders import state_folder
+from missions.library.shipped import find_mission, shipped_missions
+from missions.order import RunRequest, Simulate
+from missions.service.channels import channels_of
+from missions.service.lock import is_locked, server_lock
+from missions.service.outbox import Letter, Outbox
+from missions.service.queue import Queue
+from missions.service.schema import in_words, open_db, queue_file
+from missions.service.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
+from missions.service.times import first_time, local_zone, read_at, read_every, wall_clock
+from missions.views.columns import in_columns
 
 LATE = 3600.0
 """Seconds after which a task that has a time is missed, unless somebody says otherwise."""
@@ -106,7 +106,7 @@ def add(
     eyes: Literal["pixels", "truth"],
 ) -> int:
     """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission serve`."""
-    order = Order(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
+    order = RunRequest(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
     plan = _check(order)
     time = wall_clock()
     due, repetition = _when(at, every, time)
@@ -135,7 +135,7 @@ def _as_json(task: Task) -> dict[str, object]:
     return asdict(task) | {"channels": [named(each) for each in task.channels]}
 
 
-def _check(order: Order) -> Plan:
+def _check(order: RunRequest) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
     from missions.cli.whom import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
     from missions.runner import load  # noqa: PLC0415
@@ -161,7 +161,7 @@ def _when(at: str | None, every: str | None, time: float) -> tuple[float, str]:
         raise click.UsageError(str(error)) from error
 
 
-def _options(order: Order) -> Iterator[str]:
+def _options(order: RunRequest) -> Iterator[str]:
     """Yield what `mission run` is to be told beside the mission, its params and the robot."""
     if order.simulate is not None:
         yield f"--simulate={order.simulate}"
@@ -225,6 +225,16 @@ def cancel(number: int) -> None:
     running = is_locked(server_lock(state_folder()))
     stopping = "is being stopped" if running else "is cancelled as soon as `mission serve` runs again"
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
+
+
+@command.command()
+@NUMBER
+@click.option("--priority", type=Whole(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
+def move(number: int, priority: int) -> None:
+    """Give a task that waits another priority: of those that are due, the highest is first."""
+    with _queue() as (queue, _):
+        queue.move(number, priority)
+    click.echo(f"task {number} has priority {priority}")
 
 
 @command.command()

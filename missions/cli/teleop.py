@@ -12,21 +12,21 @@ import click
 from config.library import find
 from config.units import in_dimension
 from config.world import load_world
-from drivers.api import Base, Head, unheard, unreported
+from drivers.api import Base, Head, ignore
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
-from missions.assembly.together import Audience, Wishes
+from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.together import Hooks, Overrides
 from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
-from missions.drivers import load_robot
+from missions.hands.teleop import keymap, pad
+from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
+from missions.hands.teleop.turns import drive_by_hand
+from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
-from missions.runner import CONNECT_TIME
-from missions.teleop import keymap, pad
-from missions.teleop.pilot import LEAST, MOST, Pilot
-from missions.teleop.turns import drive_by_hand
 
 SHOWN = 0.1
 """Seconds between two changes of that line: a slow line has to keep up with it."""
@@ -38,8 +38,8 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
         share = in_dimension(value, "share")
     except ValueError as error:
         raise click.BadParameter(str(error), ctx=ctx, param=option) from error
-    if not LEAST <= share <= MOST:
-        raise click.BadParameter(f"'{value}' is not within {LEAST:.0%} and {MOST:.0%}", ctx=ctx, param=option)
+    if not MIN_SHARE <= share <= MAX_SHARE:
+        raise click.BadParameter(f"'{value}' is not within {MIN_SHARE:.0%} and {MAX_SHARE:.0%}", ctx=ctx, param=option)
     return share
 
 
@@ -81,7 +81,7 @@ def command(
     if node is None and not sys.stdin.isatty():
         raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
     clock = SystemClock()
-    wishes = Wishes(
+    wishes = Overrides(
         world=load_world(find("worlds", world or DEFAULT_WORLD)) if virtual else None,
         ports={} if port is None else {"base": port},
     )
@@ -104,7 +104,7 @@ def command(
 
 
 @contextmanager
-def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
+def _opened(name: str | None, wishes: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
     """Open the base of a robot, and the head, if it has one, and wait for the base; in the end close them.
 
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
@@ -112,7 +112,7 @@ def _opened(name: str | None, wishes: Wishes, clock: Clock) -> Iterator[tuple[Ba
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
-    audience = Audience(unreported, unheard, click.echo, lambda *_: None, lambda *_: None)
+    audience = Hooks(ignore, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"base", "head"}), clock, wishes, audience)
     base = robot.robot.base
     try:

@@ -9,14 +9,14 @@ from pathlib import Path
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
 from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, tell_found
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
-from missions.library import behaviour_files
+from missions.library.shipped import behaviour_files
 from missions.testing import report
 from missions.testing.coverage import coverage, lines_of
 from missions.testing.coverage_page import page
@@ -83,7 +83,7 @@ def _chosen(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]
     """Return the cases to be played; ``own`` are files of behaviours. Raises InvalidFileError with all mistakes."""
     files = dict.fromkeys(path for name in names for path in named_tests(name)) if names else all_tests()
     cases: list[Case] = []
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     for path in files:
         try:
             cases += load_suite(path, own)

@@ -11,7 +11,7 @@ from config.robot import RobotConfig
 from config.units import written
 from drivers.arduino.declared import ArduinoKeys
 from drivers.dynamixel.declared import NeckKeys
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 AGAIN = "mission head trim --robot FILE --keep"
 

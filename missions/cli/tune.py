@@ -19,8 +19,8 @@ from missions.cli.keys import interruptible
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.cli.root import INTERRUPTED, SUCCESS
-from missions.controllers.bench import bench, table
-from missions.controllers.scenario import SCENARIOS
+from missions.testing.controllers.bench import bench, table
+from missions.testing.controllers.scenario import SCENARIOS
 
 RULES = ("pan", "turn")
 """The rule bases that can be tuned."""
@@ -64,7 +64,7 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
     Whatever ends it, the best numbers by then are in the new file.
     """
     try:
-        from missions.controllers.tuning import Tuning  # noqa: PLC0415 - an extra, and slow to import
+        from missions.testing.controllers.tuning import Tuning  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
         raise click.UsageError("tuning needs SciPy: pip install 'missiontree[tune]'") from error
     path = find("controllers", name)

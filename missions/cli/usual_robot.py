@@ -8,13 +8,13 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from config.library import find, shipped
 from missions.assembly.target import target_of
-from missions.drivers import load_robot
 from missions.language.claims import Target
 from missions.language.plan import Plan
-from missions.library import load_mission, shipped_missions
+from missions.library.drivers import load_robot
+from missions.library.shipped import load_mission, shipped_missions
 from missions.order import DEFAULT_ROBOT
 
 robot_option = click.option("--robot", metavar="NAME", help="Check that this robot can do it (a name or a file).")
@@ -23,7 +23,7 @@ robot_option = click.option("--robot", metavar="NAME", help="Check that this rob
 class NotForThisRobotError(InvalidFileError):
     """A mission that is right but for the usual robot; its text says so, and which robot can do it."""
 
-    def __init__(self, faults: Sequence[Fault], name: str, able: str) -> None:
+    def __init__(self, faults: Sequence[Diagnostic], name: str, able: str) -> None:
         super().__init__(faults)
         cure = f"robot '{able}' can do it: --robot {able}" if able else "for another robot: --robot NAME"
         self.args = (f"{self.args[0]}\n  {name} was checked for the usual robot; {cure}",)

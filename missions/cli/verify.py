@@ -14,9 +14,9 @@ from drivers.clock import SystemClock
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for
-from missions.library import shipped_missions
-from missions.verify.verdicts import PROVED, Report
-from missions.verify.verify import BOUND, LIMIT, verify
+from missions.library.shipped import shipped_missions
+from missions.testing.verify.verdicts import PROVED, Report
+from missions.testing.verify.verify import BOUND, LIMIT, verify
 
 
 @click.command()

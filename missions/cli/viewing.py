@@ -13,11 +13,11 @@ from drivers.clock import SystemClock
 from missions.cli.live import Watcher
 from missions.executive.events import CommandSent, Event, Logged, PerceptSeen, Ticked, VariableSet
 from missions.executive.parts import PartState, PartsWatch
-from missions.pictures.draw import drawing_of
-from missions.pictures.tree_json import to_json
 from missions.runner import Runner
-from missions.view.feed import Feed
-from missions.view.viewer import Viewer
+from missions.views.live.feed import Feed
+from missions.views.live.viewer import Viewer
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.tree_json import to_json
 
 MOST_KEPT = 20_000
 """Events that are kept to be shown as lines afterwards; older ones are dropped."""

@@ -8,11 +8,11 @@ import click
 from behaviours.sight import Faces
 from config.faults import did_you_mean
 from missions.language.plan import Plan, Step
-from missions.order import Order
+from missions.order import RunRequest
 from perception.api import UNKNOWN
 
 
-def check_people(order: Order, plan: Plan) -> None:
+def check_people(order: RunRequest, plan: Plan) -> None:
     """Raise click.UsageError for names in the mission, or in its params, that are nobody's whom the robot knows.
 
     What a variable holds is not known yet. A simulated robot knows the people of its world; where it knows nobody at
@@ -44,11 +44,11 @@ def _names(tree: Step) -> Iterator[str]:
                 yield name
 
 
-def _kept(order: Order) -> list[str]:
+def _kept(order: RunRequest) -> list[str]:
     """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
     # What looks at people is imported where a mission looks for somebody by name.
     from missions.assembly.gallery import people_of  # noqa: PLC0415
-    from missions.people import PeopleError  # noqa: PLC0415
+    from missions.assembly.people import PeopleError  # noqa: PLC0415
 
     camera = order.robot_file().camera
     if camera is None:

@@ -15,11 +15,11 @@ from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
 from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
-from missions.pictures.plan import plan
-from missions.pictures.png import png
-from missions.pictures.words import lines_about
+from missions.views.pictures.plan import plan
+from missions.views.pictures.png import png
+from missions.views.pictures.words import lines_about
 
 ZOOM = 1.5
 """Pixels of a PNG to a unit of the plan."""

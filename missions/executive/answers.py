@@ -6,7 +6,7 @@ from typing import Any, TypeVar, TypeVarTuple
 
 from behaviours.run import log
 from drivers.errors import DriverError
-from missions.executive.moment import Answer
+from missions.executive.tick_record import Answer
 
 T = TypeVar("T")
 A = TypeVarTuple("A")

@@ -105,7 +105,7 @@ class _Reactive(Composite):
     def _advance_before(self, child: Node, behind: Node) -> Status:
         """Tick a child of higher priority than the one that runs; where it takes over, that one is halted first.
 
-        A leaf that is about to drive an actuator halts it before it starts (through ``Run.make_way``). Others show
+        A leaf that is about to drive an actuator halts it before it starts (through ``Run.preempt``). Others show
         only by their status that they take over: it is halted before that status is published.
         """
         preemptible = self.run.preemptible

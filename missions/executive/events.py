@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from queue import SimpleQueue
 from threading import Thread
 from typing import ClassVar
@@ -10,6 +10,7 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from behaviours.node import Node
+from drivers.api.quick import dataclass
 
 STATUS_WORDS = {
     Status.RUNNING: "running",

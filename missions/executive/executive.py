@@ -1,7 +1,6 @@
 """The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import inf
 from queue import SimpleQueue
 
@@ -10,11 +9,12 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.run import Run
+from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
 from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
+from missions.executive.frozen_tick import FrozenTick, OnMoment
 from missions.executive.guard import Guard
-from missions.executive.moment import Moment
-from missions.executive.standstill import OnMoment, Standstill
+from missions.executive.tick_record import TickRecord
 from missions.executive.variables import Changes
 
 HALT_TIME = 2.0
@@ -72,7 +72,7 @@ class Executive:
         self.overruns = 0
         self._guard = guard
         self._looked_at = -inf
-        self._standstill = Standstill(run, answers or Answers(), Changes(root, run, stream), on_moment)
+        self._frozen_tick = FrozenTick(run, answers or Answers(), Changes(root, run, stream), on_moment)
         self._after_tick = after_tick
         self._alarm = ""  # why the guard has the tree halted
         self._halt_by: float | None = None
@@ -80,6 +80,7 @@ class Executive:
         self._woken = run.woken
         self._stop_reason: str | None = None
         self._paused = False
+        self._held = False
         self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
         run.observer = stream
         run.notify = self._notify
@@ -100,15 +101,28 @@ class Executive:
         self._paused = True
         self._woken.set()
 
-    def step(self) -> None:
-        """Tick once while paused."""
-        self._steps.put(None)
+    @property
+    def paused(self) -> bool:
+        """True from ``pause`` to ``resume``."""
+        return self._paused
+
+    def hold(self, *, held: bool) -> None:
+        """Pause, and neither tick nor step, whatever anybody asks for, until held no longer; it is paused then."""
+        self._paused = self._paused or held
+        self._held = held
         self._woken.set()
 
+    def step(self) -> None:
+        """Tick once while paused; nothing while held."""
+        if not self._held:
+            self._steps.put(None)
+            self._woken.set()
+
     def resume(self) -> None:
-        """Go on after ``pause``."""
-        self._paused = False
-        self._woken.set()
+        """Go on after ``pause``; nothing while held."""
+        if not self._held:
+            self._paused = False
+            self._woken.set()
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
@@ -117,19 +131,19 @@ class Executive:
         self.stream.emit(
             Started(self.time(), self.mission, file, robot, {name: str(value) for name, value in params.items()})
         )
-        self._standstill.tell_changes()
+        self._frozen_tick.tell_changes()
 
     def loop(self) -> Result:
         """Tick until the tree succeeds or fails, or ``stop`` is called; then halt what runs. Does not raise."""
         due = self.run.now()
         held = False
         while self._stop_reason is None:
-            step = not self._steps.empty()
+            step = not self._held and not self._steps.empty()
             if step:
                 self._steps.get()
             elif self._paused:
                 if not held:
-                    self.run.settle(self.root.claims - {"voice"})  # a sentence is not broken off for a pause
+                    self.run.safe_stop(self.root.claims - {"voice"})  # a sentence is not broken off for a pause
                     held = True
                 self._woken.wait(GLANCE)
                 self._woken.clear()
@@ -158,7 +172,7 @@ class Executive:
             self.overruns += missed
             due += (missed + 1) * self._period
         while self._stop_reason is None and (left := due - self.run.now()) > 0:
-            woken = self.run.let_pass(min(left, GLANCE))
+            woken = self.run.wait(min(left, GLANCE))
             self.run.beat()
             if woken:
                 break
@@ -167,12 +181,12 @@ class Executive:
     def tick(self, *, late: float = 0.0) -> Status:
         """Tick the tree once, which was due ``late`` seconds ago, and return its status."""
         self.run.tick += 1
-        self._standstill.begin()
+        self._frozen_tick.begin()
         try:
             self._look()
             status = self._give_up() if self._alarm else self.root.advance()
         finally:
-            self._standstill.end("tick", late)
+            self._frozen_tick.end("tick", late)
         if self.stream.wanted:
             told = late if late > self._period else None
             self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], told))
@@ -188,11 +202,11 @@ class Executive:
             self._look_on()
 
     def _look_on(self) -> None:
-        self._standstill.begin()
+        self._frozen_tick.begin()
         try:
             self._look()
         finally:
-            self._standstill.end("look")
+            self._frozen_tick.end("look")
 
     def _look(self) -> None:
         if self._guard is not None:
@@ -208,11 +222,11 @@ class Executive:
 
     def halt(self) -> bool:
         """Halt the tree; True once it is at rest. Leaves may need several ticks: they are given up after HALT_TIME."""
-        self._standstill.begin()
+        self._frozen_tick.begin()
         try:
             return self._at_rest()
         finally:
-            self._standstill.end("halt")
+            self._frozen_tick.end("halt")
 
     def _at_rest(self) -> bool:
         now = self.run.now()
@@ -225,7 +239,7 @@ class Executive:
         self._halt_by = None
         return True
 
-    def repeat(self, moment: Moment) -> None:
+    def repeat(self, moment: TickRecord) -> None:
         """Do over again what was done at a ``moment``; its time must be that of the run's clock.
 
         All that the parts of the robot are asked then is for the caller to answer as in the moment's ``answers``.
@@ -249,7 +263,7 @@ class Executive:
         due = self.run.now() + self._period
         while (left := due - self.run.now()) > 0:
             self._woken.clear()
-            self.run.let_pass(left)
+            self.run.wait(left)
 
     def time(self) -> float:
         """Seconds since the start of the run; from any thread."""
@@ -272,7 +286,7 @@ class Executive:
         while not self.halt():
             self.run.tick += 1
             self._woken.clear()
-            self.run.let_pass(self._period)
+            self.run.wait(self._period)
             self.run.beat()
 
     def tell_end(self, result: Result) -> None:

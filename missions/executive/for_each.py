@@ -13,7 +13,7 @@ from missions.language.for_each import Members
 from missions.language.plan import Step
 from missions.language.values import Value, shown
 
-LONGEST = 40
+MAX_SHOWN_LENGTH = 40
 """Characters of a member that a reason tells."""
 
 
@@ -81,4 +81,4 @@ class ForEach(Parent, Decorator):
         said = " ".join(shown(member).split()) if isinstance(member, str | int | float | None) else ""
         if not said:
             return f"member {self._place + 1}"
-        return said if len(said) <= LONGEST else f"{said[: LONGEST - 1]}…"
+        return said if len(said) <= MAX_SHOWN_LENGTH else f"{said[: MAX_SHOWN_LENGTH - 1]}…"

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from behaviours.run import Run
-from drivers.api import Base, BaseState, Reflexes, Sides, unheard
+from drivers.api import Base, BaseState, Reflexes, Sides, ignore
 from missions.executive.battery import BatteryWatch
 from missions.executive.events import ReflexFired, Stream
 
@@ -25,7 +25,7 @@ class Guard:
     """
 
     def __init__(
-        self, base: Base, reflexes: Reflexes, run: Run, stream: Stream, enabled: Callable[[], None] = unheard
+        self, base: Base, reflexes: Reflexes, run: Run, stream: Stream, enabled: Callable[[], None] = ignore
     ) -> None:
         self._enabled = enabled
         self._button = reflexes.enable_button

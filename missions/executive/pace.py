@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Pace:
-    """Stands in for ``Run.let_pass``: waiting makes the simulated world go on, in the same thread.
+    """Stands in for ``Run.wait``: waiting makes the simulated world go on, in the same thread.
 
     ``speed`` is how many times faster than real time it goes at most, by the run's ``wall`` clock, on which ``wait``
     waits.

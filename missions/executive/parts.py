@@ -2,12 +2,13 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import isfinite
 from typing import Literal, TypeVar
 
 from behaviours.robot import Robot
 from drivers.api import BaseState, Device, Health, JointState, Latching, Reading
+from drivers.api.quick import dataclass
 from missions.executive.events import Event, ReflexFired
 
 T = TypeVar("T")

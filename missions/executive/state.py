@@ -4,12 +4,12 @@ What nobody sees is None, so that a comparison with it fails with a reason inste
 does not report raises NotConnected, so that whatever asks waits for it.
 """
 
-from dataclasses import dataclass
 from math import radians
 from typing import TypeVar
 
 from behaviours.robot import Robot
 from drivers.api import BaseState, HeadPose, RangeScan, Reading
+from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.executive.battery import BatteryWatch

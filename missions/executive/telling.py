@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from math import isfinite
 
 from behaviours.run import Run, log
-from drivers.api import Notice, Source, Steering
+from drivers.api import DeviceStatus, Source, Steering
 from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen, Stream
 from perception.api import Face, Marker, Percept, Thing, View
 
@@ -24,7 +24,7 @@ class Teller:
         self._steered_by: Source | None = None
         self._commands: dict[str, tuple[str, Mapping[str, object]]] = {}  # the last of each part
 
-    def noticed(self, notice: Notice) -> None:
+    def noticed(self, notice: DeviceStatus) -> None:
         """Tell what a device says of itself."""
         self._stream.emit(FaultRaised(self._run.clock.now(), notice.device, notice.kind, notice.what, notice.hint))
         self._run.wake()
@@ -46,11 +46,7 @@ class Teller:
 
     def seen(self, view: View) -> None:
         """Tell what was found in a picture."""
-        faces, things, markers = (
-            tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
-        )
-        stamp = 0.0 if view.looked is None else view.looked
-        self._stream.emit(PerceptSeen(self._run.clock.now(), stamp, faces, things or None, markers or None))
+        self._stream.emit(percept_of(view, self._run.clock.now()))
         self._run.wake()
 
     def commanded(self, to: str, source: str, values: Mapping[str, object]) -> None:
@@ -106,6 +102,15 @@ class _Handler(logging.Handler):
         self._hear(record)
 
 
+def percept_of(view: View, t: float) -> PerceptSeen:
+    """Return the event that tells at ``t`` seconds what was found in a picture."""
+    faces, things, markers = (
+        tuple(_told(percept) for percept in kind) for kind in (view.faces, view.things, view.markers)
+    )
+    stamp = 0.0 if view.looked is None else view.looked
+    return PerceptSeen(t, stamp, faces, things or None, markers or None)
+
+
 def _told(percept: Percept) -> Mapping[str, object]:
     """Return a percept as events tell it: the angles in radians, the box in pixels."""
     box = percept.box
@@ -113,7 +118,10 @@ def _told(percept: Percept) -> Mapping[str, object]:
         "id": percept.id,
         "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
         "stamp": percept.stamp,
-        **{name: round(getattr(percept, name), 4) for name in ("bearing", "drop", "yaw", "pitch")},
+        "bearing": round(percept.bearing, 4),
+        "drop": round(percept.elevation, 4),
+        "yaw": round(percept.yaw, 4),
+        "pitch": round(percept.pitch, 4),
         "distance": round(percept.distance, 2) if isfinite(percept.distance) else None,
     }
     match percept:

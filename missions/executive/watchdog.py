@@ -2,13 +2,13 @@
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from threading import Event, Thread
 from types import TracebackType
 from typing import Self
 
 from behaviours.leaf import Leaf
 from behaviours.run import Run, log
+from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
 from missions.executive.events import FaultRaised, Stream

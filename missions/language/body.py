@@ -1,12 +1,12 @@
 """What every mission file holds, the one that is run and those that it runs: a header, params, a tree, and so on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from config.faults import one_of
 from config.marked import Mapping, Node, Scalar
 from config.synonyms import key_meant, ours_for
 from config.units import seen
+from drivers.api.quick import dataclass
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
 from missions.language.params import Param, read_params

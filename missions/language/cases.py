@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 from config.dimensions import NUMBER
-from config.faults import Fault
+from config.faults import Diagnostic
 from config.units import seen
 from missions.language.kinds import FLAG, TEXT, Kind, is_size, joined, kind_of_value, told
 from missions.language.plan import Step
@@ -14,12 +14,12 @@ MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 """What people write for true and false."""
 
 
-def misfit_cases(step: Step, kind: Kind) -> Iterator[Fault]:
+def misfit_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
     """Yield the mistakes in the cases of a switch whose expression is of a kind: those that it never is."""
     for case, mark in zip(step.cases, step.case_marks, strict=True):
         if not _can_be(case, kind):
             word = str(case).lower() if isinstance(case, bool) else shown(case)
-            yield Fault(step.source, mark, f"'on' is {told(kind)}, and never {seen(word)}", _cure(word, kind))
+            yield Diagnostic(step.source, mark, f"'on' is {told(kind)}, and never {seen(word)}", _cure(word, kind))
 
 
 def _can_be(case: object, kind: Kind) -> bool:

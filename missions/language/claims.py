@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from behaviours.reach import Reach
 from config.units import article
 from missions.language.nodes import AT_ONCE
 from missions.language.notes import Notes
@@ -27,7 +27,7 @@ class Target(NamedTuple):
 
     name: str
     parts: frozenset[str]
-    reach: Reach | None = None
+    reach: JointRanges | None = None
     unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
     confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
 
@@ -70,10 +70,10 @@ def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
         return
     for step in tree.walk():
         known = all(value.template is None for value in step.arguments.values())
-        if step.leaf is None or step.leaf.misfits is Leaf.misfits or not known:
+        if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
             continue
         leaf = step.leaf(step.name)
         for name, value in step.arguments.items():
             setattr(leaf, name, value.constant)
-        for misfit in leaf.misfits(robot.reach):
+        for misfit in leaf.joint_violations(robot.reach):
             notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")

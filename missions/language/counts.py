@@ -1,11 +1,11 @@
 """``success_count``, ``failure_count`` and ``wait_for_all``: how many children decide a ``parallel``."""
 
 from collections.abc import Mapping as Named
-from dataclasses import dataclass
 from functools import partial
 
 from config.marked import Mapping, Node, Scalar
 from config.units import seen
+from drivers.api.quick import dataclass
 from missions.language.notes import Notes
 from missions.language.values import UNREAD, Value, whole
 

@@ -5,7 +5,8 @@ from functools import cache
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
+from config.marked import Mapping as Entries
 from config.marked import compose, read_source
 from missions.language.answers import check_answers
 from missions.language.body import read_body
@@ -14,7 +15,7 @@ from missions.language.flow import check_flow
 from missions.language.for_each import check_names
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
-from missions.language.params import Param, take_params
+from missions.language.params import Param, read_params, take_params
 from missions.language.phrases import check_phrases
 from missions.language.plan import Plan, Step
 from missions.language.steps import read_step
@@ -59,6 +60,17 @@ def check_plan(
     return _check(source, words, (), params or {}, complete=complete, robot=robot)
 
 
+def declared_params(path: Path, leaves: Mapping[str, type[Leaf]], things: Mapping[str, Lookup]) -> Mapping[str, Param]:
+    """Read what params a mission has, and nothing else of it. Raises InvalidFileError for a mistake in them."""
+    source, faults = read_source(path), list[Diagnostic]()
+    root = compose(source, faults)
+    notes = Notes(source, Words(leaves, things, no_missions), (path.resolve(),), faults=faults)
+    found = read_params(notes, root.get("params") if isinstance(root, Entries) else None)
+    if notes.faults:
+        raise InvalidFileError(notes.faults)
+    return found
+
+
 def _check(
     source: Source,
     words: Words,
@@ -68,7 +80,7 @@ def _check(
     complete: bool,
     robot: Target | None,
 ) -> Plan:
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     root = compose(source, faults)
     # Each thing is looked up once, however often missions name it.
     words.things = {kind: cache(find) for kind, find in words.things.items()}

@@ -8,11 +8,11 @@ import ast
 import re
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from config.faults import one_of
 from config.units import UNITS, Quantity, seen
+from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
 from missions.language.kinds import STATE, dimensions_of
 from missions.language.members import members_in

@@ -3,12 +3,12 @@
 import ast
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from config.dimensions import NUMBER, DimensionError, common
-from config.faults import Fault, Mark, Source
+from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from config.units import UNITS, is_unit, quantity
+from drivers.api.quick import dataclass
 from missions.language.expressions import Expression
 from missions.language.inference import Inference
 from missions.language.kinds import FLAG, PERCENT, TEXT, Kind, ListOf, is_size, told
@@ -32,12 +32,12 @@ class Where:
         return self.node.mark
 
 
-def misfits(formula: Template | Expression, where: Where, kinds: Mapping[str, Kind]) -> list[Fault]:
+def mismatches(formula: Template | Expression, where: Where, kinds: Mapping[str, Kind]) -> list[Diagnostic]:
     """Return the mistakes in what is calculated here, where names are of these kinds."""
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
 
     def note(part: Expression, node: ast.expr, message: str, hint: str) -> None:
-        faults.append(Fault(where.source, where.place(*part.place(node)), f"{where.what}{message}", hint))
+        faults.append(Diagnostic(where.source, where.place(*part.place(node)), f"{where.what}{message}", hint))
 
     parts = formula.parts if isinstance(formula, Template) else (formula,)
     for number, part in enumerate(parts):

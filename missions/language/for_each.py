@@ -1,11 +1,11 @@
 """``for_each``: a behaviour done once for each member of a list."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import article, seen
+from drivers.api.quick import dataclass
 from missions.language import lists
 from missions.language.arguments import default_value
 from missions.language.modifiers import outdent, read_expression

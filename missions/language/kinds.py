@@ -5,13 +5,14 @@ is what may be anything. Classes declare their members in the annotations: ``dis
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from config.dimensions import NUMBER, DimensionError, common, named
 from config.units import UNITS, Quantity
+from drivers.api.quick import dataclass
 from missions.language.members import members_of
 
 TEXT, FLAG, NOTHING = "text", "flag", "nothing"

@@ -5,8 +5,9 @@ ticked stand in ``missions.executive``, each under the word of its kind.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
+
+from drivers.api.quick import dataclass
 
 SUCCESS, FAILURE = "success", "failure"
 

@@ -2,16 +2,17 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import get_origin
 
 from behaviours.leaf import Leaf
-from config.faults import Fault, Mark, Source, closest, note, one_of
+from config.faults import Diagnostic, Mark, Source, closest, note, one_of
 from config.marked import Node, Scalar
 from config.units import article, seen
+from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read
-from missions.language.fitting import Where, misfits
+from missions.language.fitting import Where, mismatches
 from missions.language.kinds import STATE, Kind, kind_of_value
 from missions.language.members import members_of
 from missions.language.operators import FUNCTIONS
@@ -65,7 +66,7 @@ class Notes:
     awaited: set[str] = field(default_factory=set)
     kept: dict[str, type[Leaf]] = field(default_factory=dict)
     kinds: dict[str, Kind] = field(default_factory=dict)
-    faults: list[Fault] = field(default_factory=list)
+    faults: list[Diagnostic] = field(default_factory=list)
     torn: bool = False
     loose: bool = False
 
@@ -87,12 +88,12 @@ class Notes:
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
         """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
         if sure or not self.torn:
-            note(self.faults, Fault(self.source, mark, message, suggestion))
+            note(self.faults, Diagnostic(self.source, mark, message, suggestion))
 
     def fault_at(self, step: Step, message: str, suggestion: str = "") -> None:
         """Note a mistake at a step, in whichever file that stands."""
         if not self.torn:
-            note(self.faults, Fault(step.source, step.mark, message, suggestion))
+            note(self.faults, Diagnostic(step.source, step.mark, message, suggestion))
 
     def new_name(self, node: Scalar, what: str) -> None:
         """Check the name that the mission gives to a param or a variable; ``what`` begins the message of a fault."""
@@ -134,7 +135,7 @@ class Notes:
         if any(name not in self.params or name in self.stored for name in names):
             return Value(template=formula, convert=convert, where=Where(self.source, node, what, wants))
         kinds = {name: kind_of_value(self.params[name]) for name in names}
-        if mistakes := misfits(formula, Where(self.source, node, what, wants), kinds):
+        if mistakes := mismatches(formula, Where(self.source, node, what, wants), kinds):
             for fault in () if self.torn else mistakes:
                 note(self.faults, fault)
             return UNREAD

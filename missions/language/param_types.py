@@ -1,13 +1,14 @@
 """The types of a mission's params: what a caller may give, and what is made of it."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from behaviours.leaf import Argument
 from config.dimensions import NUMBER
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Plain, Scalar, plain
 from config.units import UNITS, Quantity, article, quantity, seen
+from drivers.api.quick import dataclass
 from missions.language import lists
 from missions.language.arguments import NAMES, converter, default_value, read_argument
 from missions.language.kinds import FLAG, TEXT, Kind, ListOf
@@ -30,11 +31,17 @@ WRONG = object()
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
-    """What a param is: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list."""
+    """What a param is: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list.
+
+    A value, or a member, lies between ``low`` and ``high``, or is one of ``choices``, where there are some.
+    """
 
     kind: str
     of: str
     convert: Convert
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
 
     @property
     def values(self) -> Kind:
@@ -153,7 +160,8 @@ def kind_of(value: object) -> str:
 
 def _of_kind(notes: Notes, argument: Argument, *, many: bool = False) -> ParamType:
     one = _keeping(converter(notes, argument), argument.kind)
-    return ParamType(LIST if many else argument.kind, argument.kind, lists.of(one) if many else one)
+    bounds = argument.low, argument.high, argument.choices
+    return ParamType(LIST if many else argument.kind, argument.kind, lists.of(one) if many else one, *bounds)
 
 
 def _keeping(check: Convert, kind: str) -> Convert:

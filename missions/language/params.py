@@ -1,12 +1,12 @@
 """A mission's params: their names, types and defaults, and the values that a caller gives them."""
 
 from collections.abc import Mapping as Named
-from dataclasses import dataclass
 
 from behaviours.leaf import REQUIRED
-from config.faults import Fault, Mark, Source, note, one_of
+from config.faults import Diagnostic, Mark, Source, note, one_of
 from config.marked import Mapping, Node, Scalar
 from config.units import article, seen
+from drivers.api.quick import dataclass
 from missions.language.notes import Notes
 from missions.language.param_types import WRONG, ParamType, declared, inferred
 
@@ -91,7 +91,7 @@ def take_params(
                 source = Source("--param", "")
                 hint = f'--param {name}="..."' + (f"  ({param.help})" if param.help else "")
                 message = f"mission '{mission}' needs '{name}', {article(param.kind)}"
-                note(notes.faults, Fault(source, Mark(), message, hint))
+                note(notes.faults, Diagnostic(source, Mark(), message, hint))
     for name, text in given.items():
         source = Source(f"--param {name}", f"{name}={text}")
         if name not in params and name in notes.awaited:
@@ -99,10 +99,10 @@ def take_params(
         if name not in params:
             hint = one_of(name, params) or "it has none"
             message = f"mission '{mission}' has no param {seen(name)}"
-            note(notes.faults, Fault(source, Mark(1, 1, len(name)), message, hint))
+            note(notes.faults, Diagnostic(source, Mark(1, 1, len(name)), message, hint))
             continue
         try:
             notes.params[name] = params[name].take(text)
         except (ValueError, LookupError) as error:
             message = f"'{name}' {error.args[0] if error.args else error}"
-            note(notes.faults, Fault(source, Mark(1, len(name) + 2, max(1, len(text))), message))
+            note(notes.faults, Diagnostic(source, Mark(1, len(name) + 2, max(1, len(text))), message))

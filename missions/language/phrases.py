@@ -4,7 +4,7 @@ from dataclasses import replace
 from string import punctuation
 
 from behaviours.leaf import Leaf
-from config.faults import Fault
+from config.faults import Diagnostic
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.claims import Target
@@ -96,7 +96,7 @@ def check_phrases(notes: Notes, tree: Step, robot: Target) -> None:
             )
 
 
-def confusions(tree: Step, robot: Target) -> list[Fault]:
+def confusions(tree: Step, robot: Target) -> list[Diagnostic]:
     """Return a hint for each two phrases that the robot's ears easily take for each other, where the second stands."""
     places: dict[str, tuple[Step, str]] = {}
     for step in tree.walk():
@@ -106,11 +106,11 @@ def confusions(tree: Step, robot: Target) -> list[Fault]:
     return [_confused(places[one], places[other]) for one, other in found]
 
 
-def _confused(one: tuple[Step, str], other: tuple[Step, str]) -> Fault:
+def _confused(one: tuple[Step, str], other: tuple[Step, str]) -> Diagnostic:
     (first, earlier), (step, written) = one, other
     where = "" if first is step else f" (line {first.mark.line})"
     message = f"{seen(written)} is easily confused with {seen(earlier)}{where}"
-    return Fault(step.source, step.mark, message, "try another or a longer phrase (docs/speech.md)")
+    return Diagnostic(step.source, step.mark, message, "try another or a longer phrase (docs/speech.md)")
 
 
 def _written(word: str, phrase: str) -> str:

@@ -1,10 +1,11 @@
 """A checked mission: a tree of steps, each of which knows where in the file it stands."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from behaviours.leaf import Leaf
 from config.faults import Mark, Source
+from drivers.api.quick import dataclass
 from missions.language.expressions import Read
 from missions.language.nodes import MISSION
 from missions.language.values import Value

@@ -7,10 +7,11 @@ may have set something for another.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from behaviours.basics import Fail, Log, Set, Succeed
+from drivers.api.quick import dataclass
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES

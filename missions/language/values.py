@@ -3,11 +3,12 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from config.dimensions import example, named, unit_of
 from config.units import UNITS, Quantity, in_dimension
+from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read, parse
 from missions.language.operators import short
 

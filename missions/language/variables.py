@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from config.dimensions import NUMBER
-from config.faults import Fault, note
+from config.faults import Diagnostic, note
 from missions.language.cases import misfit_cases
-from missions.language.fitting import misfits
+from missions.language.fitting import mismatches
 from missions.language.for_each import Members, own_steps
 from missions.language.inference import kind_made
 from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
@@ -22,20 +22,20 @@ Kinds = Mapping[str, Kind]
 def check_kinds(notes: Notes, tree: Step, returns: Mapping[str, Value]) -> None:
     """Note every expression whose parts do not go together, or that does not fit where it stands."""
     given = {name: kind_of_value(value) for name, value in notes.params.items()} | notes.kinds
-    found: list[Fault] = []
+    found: list[Diagnostic] = []
     _check(tree, returns, given, found)
     for fault in dict.fromkeys(found):  # a mission that is used twice has its mistakes once
         if not notes.torn:
             note(notes.faults, fault)
 
 
-def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[Fault]) -> None:
+def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[Diagnostic]) -> None:
     """Check one mission, and those in it."""
     kinds = kinds_in(tree, given)
     values = [value for step in own_steps(tree) for value in step.arguments.values()]
     for value in (*values, *returns.values()):
         if value.template is not None and value.where is not None:
-            found += misfits(value.template, value.where, kinds)
+            found += mismatches(value.template, value.where, kinds)
     for step in own_steps(tree):
         if step.kind == MISSION:
             _check(step.children[0], step.returns, _given(step), found)

@@ -1,5 +1,6 @@
 """The schema of a section of a file, from the keys that a class declares; and what each takes, in words."""
 
+from config.marked import plain
 from config.units import EXAMPLES, article, written
 from drivers.api.keys import PERCENT, Key, declared
 from missions.schema.values import HOLE, SCALAR, Schema, quantity
@@ -35,7 +36,7 @@ def default_told(key: Key) -> str:
 def shown_default(key: Key) -> str:
     """Return the default of a key as a file would have it; empty where there is none, or where it is a section's."""
     value = key.default
-    if value is None or value in ("", ()) or key.of is not None or key.form in ("texts", "lists", "rest"):
+    if value is None or value in ("", ()) or key.form in ("section", "list", "named", "rest"):
         return ""
     if isinstance(value, bool):
         return str(value).lower()
@@ -54,25 +55,38 @@ def bounds_told(key: Key) -> str:
 
 def takes(key: Key) -> str:
     """Say in words what a key takes."""
-    unit = "a share" if key.dimension == PERCENT else article(key.dimension) if key.dimension else ""
-    among = ", ".join(f"`{word}`" for word in key.among)
+    unit = _unit(key)
+    if key.form == "either":
+        return "; or ".join(map(takes, key.options))
+    if key.inner is not None:
+        several = _several(key.inner)
+        return f"{several}, each under a name" if key.form == "named" else f"a list of {several}"
     return {
         "text": "a text",
-        "choice": among,
+        "choice": ", ".join(f"`{word}`" for word in key.among),
         "flag": "`true` or `false`",
         "number": "a number",
         "integer": "a whole number",
-        "quantity": unit,
+        "quantity": ", ".join([unit, *(f"`{word}`" for word in key.among)]),
         "span": f"two of {unit}: [low, high]",
-        "triple": f"three of {unit}: [x, y, z]",
-        "spans": f"a list of pairs of {unit}",
+        "vector": f"{' or '.join(_AXES[size] for size in key.sizes)}, each {unit}",
         "section": "a section",
-        "named": "sections, each under a name",
-        "texts": "texts, each under a name",
-        "lists": "lists of texts, each under a name",
-        "items": "a list of sections",
+        "any": "a value of its own",
         "rest": f"{unit}, under any name" if unit else "in a form of its own, under any name",
     }[key.form]
+
+
+_AXES = {2: "[x, y]", 3: "[x, y, z]"}
+
+
+def _unit(key: Key) -> str:
+    return "a share" if key.dimension == PERCENT else article(key.dimension) if key.dimension else ""
+
+
+def _several(key: Key) -> str:
+    """Say in words what stands under names."""
+    plural = {"text": "texts", "section": "sections", "integer": "whole numbers", "any": "values"}
+    return f"lists of {_several(key.inner)}" if key.form == "list" and key.inner else plural.get(key.form, takes(key))
 
 
 def _measured(key: Key, value: float) -> str:
@@ -81,34 +95,38 @@ def _measured(key: Key, value: float) -> str:
     return written(value, key.dimension) if key.dimension else f"{value:g}"
 
 
-_TEXT: Schema = {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a text"}
-
-
 def _value(key: Key) -> Schema:
-    if key.of is not None:
-        inside = keys_schema(key.of)
-        if key.form == "items":
-            return {"type": "array", "items": inside, "minItems": 1 if key.required else 0}
-        return inside if key.form == "section" else {"type": "object", "additionalProperties": inside}
-    if key.form in ("span", "triple", "spans"):
-        count = 3 if key.form == "triple" else 2
-        several: Schema = {"type": "array", "items": _quantity(key), "minItems": count, "maxItems": count}
-        return {"type": "array", "items": several} if key.form == "spans" else several
+    match key.form:
+        case "section":
+            return keys_schema(key.of or object)
+        case "list" if key.inner is not None:
+            return {"type": "array", "items": _value(key.inner), "minItems": int(key.required)}
+        case "named" if key.inner is not None:
+            return {"type": "object", "additionalProperties": _value(key.inner)}
+        case "either":
+            return {"anyOf": [_value(each) for each in key.options]}
+        case "span" | "vector":
+            least, most = min(key.sizes), max(key.sizes)
+            return {"type": "array", "items": _quantity(key), "minItems": least, "maxItems": most}
+        case "quantity":
+            return {"anyOf": [{"enum": list(key.among)}, _quantity(key)]} if key.among else _quantity(key)
+    return _plain(key)
+
+
+def _plain(key: Key) -> Schema:
+    """Return what a value without a unit looks like."""
     match key.form:
         case "choice":
-            return {"enum": list(key.among)}
+            numbers = [value for word in key.among if not isinstance(value := plain(word), str)]  # as YAML takes them
+            return {"enum": [*key.among, *numbers]}
+        case "any":
+            return {}
         case "flag":
             return {"type": "boolean", "errorMessage": "needs true or false"}
         case "number" | "integer":
             limits = {"minimum": key.low, "maximum": key.high}
             return {"type": key.form, **{word: bound for word, bound in limits.items() if bound is not None}}
-        case "quantity":
-            return _quantity(key)
-        case "texts":
-            return {"type": "object", "additionalProperties": _TEXT}
-        case "lists":
-            return {"type": "object", "additionalProperties": {"type": "array", "items": _TEXT, "minItems": 1}}
-    return _TEXT
+    return {"type": SCALAR, "errorMessage": "needs a text"} | ({} if key.blank else {"pattern": r"\S"})
 
 
 def _quantity(key: Key) -> Schema:

@@ -5,7 +5,7 @@ reports a mistake for the form that was written.
 """
 
 from behaviours.leaf import Argument, Leaf
-from missions.catalogue import details, example, summary, terms
+from missions.library.catalogue import details, example, summary, terms
 from missions.schema.values import NAME, Schema, Things, described, named, written
 
 

@@ -11,19 +11,19 @@ from config.gesture import load_gesture
 from config.kinds import KEYS
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
-from missions.catalogue import sentence
 from missions.language.body import IF_INTERRUPTED
 from missions.language.nodes import MISSION
 from missions.language.param_types import LIST, TYPES
 from missions.language.properties import FORMS, PROPERTIES
-from missions.library import shipped_missions
+from missions.library.catalogue import sentence
+from missions.library.shipped import shipped_missions
 from missions.schema.nodes import NODE, RESULTS, definitions
 from missions.schema.values import HOLE, NAME, SCALAR, Schema, Things
 
 _LOADERS: Named[str, Callable[[Path], object]] = {"gesture": load_gesture, "controller": load_controller}
 
 
-OTHERS = tuple(key for key in KEYS if key != "mission")
+OTHERS = (*(key for key in KEYS if key != "mission"), "move")
 """The keys by which files of other kinds are known."""
 
 

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
-from missions.catalogue import sentence, summary
 from missions.language.counts import COUNTS
 from missions.language.modifiers import NEITHER
 from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHERS, SWITCHES
 from missions.language.steps import ONLY_BESIDE
+from missions.library.catalogue import sentence, summary
 from missions.schema.leaves import leaf_value, needs_nothing
 from missions.schema.values import EXPRESSION, HOLE, NAME, SCALAR, Schema, Things, named, quantity
 

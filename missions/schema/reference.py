@@ -3,9 +3,9 @@
 from collections.abc import Collection, Iterable
 
 from drivers.api.driver import BrokenDriver, Driver
-from drivers.api.keys import declared
+from drivers.api.keys import Key, declared
 from drivers.api.kinds import KINDS
-from missions.drivers import Table
+from missions.library.drivers import Table
 from missions.schema.keys import bounds_told, shown_default, takes
 
 HEAD = ("key", "takes", "bounds", "default", "what it does")
@@ -25,18 +25,31 @@ def robot_reference(table: Table, among: Collection[tuple[str, str]] | None = No
     return "\n\n".join(parts)
 
 
-def keys_table(cls: type) -> str:
-    """Return the table of the keys of a class; those of its sections stand below them as ``section.key``."""
-    return table(HEAD, _rows(cls, ""))
+def keys_table(cls: type, apart: Collection[type] = ()) -> str:
+    """Return the table of the keys of a class; those of its sections stand below them as ``section.key``.
+
+    Those of sections ``apart`` do not.
+    """
+    return table(HEAD, _rows(cls, "", apart))
 
 
-def _rows(cls: type, within: str) -> Iterable[tuple[str, ...]]:
-    for key in declared(cls):
+def _rows(of: type, within: str, apart: Collection[type]) -> Iterable[tuple[str, ...]]:
+    for key in declared(of):
         word = "*NAME*" if key.form == "rest" else key.word
         default = "must be given" if key.required else code(shown) if (shown := shown_default(key)) else ""
         yield code(within + word), takes(key), bounds_told(key), default, key.help
-        if key.of is not None:
-            yield from _rows(key.of, f"{within}{key.word}." + {"named": "NAME.", "items": "N."}.get(key.form, ""))
+        for path, cls in _sections(key, key.word):
+            yield from () if cls in apart else _rows(cls, f"{within}{path}.", apart)
+
+
+def _sections(key: Key, path: str) -> Iterable[tuple[str, type]]:
+    """Yield the sections in a key, each with what leads to it."""
+    if key.of is not None:
+        yield path, key.of
+    for each in key.options:
+        yield from _sections(each, path)
+    if key.inner is not None:
+        yield from _sections(key.inner, f"{path}.{'NAME' if key.form == 'named' else 'N'}")
 
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:

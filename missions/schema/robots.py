@@ -2,7 +2,7 @@
 
 from drivers.api.driver import BrokenDriver, Driver
 from drivers.api.kinds import KINDS, Kind
-from missions.drivers import Table
+from missions.library.drivers import Table
 from missions.schema.keys import keys_schema
 from missions.schema.values import Schema
 

@@ -12,11 +12,11 @@ from typing import Any
 
 from behaviours.leaf import Argument
 from config.units import EXAMPLES, UNITS, article
-from missions.catalogue import bounds, example, plain_default, sentence, terms
 from missions.language.arguments import OUTCOMES, SWITCHED
 from missions.language.kinds import STATE
 from missions.language.operators import FUNCTIONS
 from missions.language.spelling import RESERVED, WORDS
+from missions.library.catalogue import bounds, example, plain_default, sentence, terms
 
 Schema = dict[str, Any]
 

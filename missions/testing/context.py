@@ -9,20 +9,21 @@ from behaviours.leaf import Leaf
 from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
 from config.library import UnknownNameError, find
-from config.marked import Listing, Scalar
+from config.marked import Listing, Mapping, Scalar
 from config.robot import RobotConfig
 from config.units import seen
 from config.world import load_world
 from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
-from missions.drivers import load_robot
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written
-from missions.library import behaviour_files, find_mission, load_mission
+from missions.library.drivers import load_robot
+from missions.library.shipped import behaviour_files, find_mission, load_mission
+from missions.library.vocabulary import vocabulary
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
-from missions.vocabulary import vocabulary
+from missions.testing.keys import CommonKeys, SuiteKeys
 
 PARAM = "--param"
 """How the checker of missions calls the place of a param that its caller gives."""
@@ -77,29 +78,23 @@ class Context:
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, fields: Fields, folder: Path, behaviours: Sequence[Path] = ()) -> "Context":
-        """Read the keys at the top of a test file, with more ``behaviours`` than it names.
+    def read(cls, fields: Fields, told: SuiteKeys, folder: Path, behaviours: Sequence[Path] = ()) -> "Context":
+        """Return what the keys at the top of a test file mean, with more ``behaviours`` than it names.
 
         Raises InvalidFileError where the leaves cannot be read.
         """
-        files = list(behaviours)
-        for node in fields.items("behaviours"):
-            if isinstance(node, Scalar) and node.value is not None:
-                files.append(folder / node.text)
-            else:
-                fields.fault(node.mark, "'behaviours' needs a list of files of Python")
-        name, mission = fields.text("tests"), ""
+        files, mission = [*behaviours, *(folder / file for file in told.behaviours if file)], ""
         try:
-            mission = str(_mission(name, folder)) if name else ""
+            mission = str(_mission(told.tests, folder)) if told.tests else ""
         except UnknownNameError as error:
             fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
         files = behaviour_files(mission, files) if mission else files
         return cls(folder, mission, tuple(files), vocabulary(files))
 
-    def setting(self, fields: Fields) -> Setting:
-        """Read where a case plays, and check its mission with that robot and those params."""
-        robot = self._named(fields, "robot", "robots", load_robot)
-        world = self._named(fields, "world", "worlds", load_world)
+    def setting(self, fields: Fields, told: CommonKeys) -> Setting:
+        """Return where a case plays, and check its mission with that robot and those params."""
+        robot = self._named(fields, "robot", told.robot, load_robot)
+        world = self._named(fields, "world", told.world, load_world)
         config = load_robot(find("robots", robot or DEFAULT_ROBOT))
         params = self._params(fields)
         return Setting(
@@ -111,17 +106,16 @@ class Context:
             tuple(person.name for person in load_world(find("worlds", world or DEFAULT_WORLD)).people),
         )
 
-    def _named(self, fields: Fields, key: str, kind: str, load: Callable[[Path], object]) -> str | None:
+    def _named(self, fields: Fields, key: str, name: str | None, load: Callable[[Path], object]) -> str | None:
         """Return the robot or the world that a case names, None for the usual one; a path is relative to the folder."""
         node = fields.node_of(key)
-        if node is None:
+        if node is None or not name:
             return None
-        name = fields.text(key)
         beside = self.folder / name
         if beside.is_file():
             name = str(beside)
         try:
-            load(find(kind, name))
+            load(find(f"{key}s", name))
         except UnknownNameError as error:
             fields.fault(node.mark, str(error))
             return None
@@ -132,9 +126,8 @@ class Context:
         return name
 
     def _params(self, fields: Fields) -> dict[str, tuple[Scalar, Scalar]]:
-        section = fields.section("params")
-        found = {}
-        for name, value in () if section is None else section.entries():
+        section, found = fields.node_of("params"), {}
+        for name, value in section.entries if isinstance(section, Mapping) else ():
             if isinstance(value, Scalar):
                 found[name.text] = name, value
             elif isinstance(value, Listing):

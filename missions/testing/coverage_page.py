@@ -5,7 +5,7 @@ from html import escape
 from os.path import commonpath
 from pathlib import Path
 
-from missions.library import HERE
+from missions.library.shipped import HERE
 from missions.testing.coverage import FileCoverage, NodeCoverage
 
 SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}

@@ -1,32 +1,21 @@
 """What a test file expects of a run, read into plain values that know where in the file they stand."""
 
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from config.declared import read_keys
 from config.faults import Mark, one_of
-from config.fields import Fields
+from config.fields import Fields, value_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import in_dimension, seen
-from drivers.api import Mood
+from drivers.api.keys import declared
 from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
+from missions.testing.keys import CROOKED, DEFAULT_ANGLE, DEFAULT_DISTANCE, ExpectKeys, PoseKeys
 from missions.testing.moments import KnownNode, read_moment
 from missions.testing.phrases import Phrase
-
-RESULTS = ("success", "failure", "error", "interrupted")
-"""How a run can end."""
-
-NEAR = 0.1
-"""Metres from where it is expected within which a base is there, unless the file says otherwise."""
-
-ASKEW = math.radians(10)
-"""The same for its heading."""
-
-CROOKED = math.radians(3)
-"""The same for a joint."""
 
 EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
 """The keys whose list may be empty, which means that there must be none."""
@@ -58,9 +47,9 @@ class Place:
 
     x: float
     y: float
-    within: float = NEAR
+    within: float = DEFAULT_DISTANCE
     heading: float | None = None
-    askew: float = ASKEW
+    askew: float = DEFAULT_ANGLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,139 +62,88 @@ class Grammar:
     people: Sequence[str] = ()
 
 
-Read = Callable[[Fields, str, Node, Grammar], Iterator[Item]]
+Read = Callable[[Fields, Node, Grammar], Iterator[Item]]
 
 
-def read_expectations(fields: Fields, grammar: Grammar) -> tuple[Expectation, ...]:
-    """Read the mapping under ``expect``."""
-    found = []
-    for key, read in READERS.items():
-        node = fields.node_of(key)
-        if node is None:
+def read_expectations(case: Fields, told: ExpectKeys | None, grammar: Grammar) -> tuple[Expectation, ...]:
+    """Return what the section ``expect`` of a case means, where its keys are right by themselves."""
+    expect, found = case.node_of("expect"), []
+    if told is None or not isinstance(expect, Mapping):
+        return ()
+    wrong = {path[1] for path in case.wrong if path[:1] == ("expect",) and len(path) > 1}
+    for key in declared(ExpectKeys):
+        node = expect.get(key.word)
+        if node is None or key.word in wrong:
             continue
-        before = len(fields.faults)
-        found.append(Expectation(key, node.mark, tuple(read(fields, key, node, grammar))))
-        if not found[-1].items and key not in EMPTY and len(fields.faults) == before:
-            fields.fault(node.mark, f"'{key}' names nothing")
-    fields.done()
-    if not found and isinstance(fields.node, Mapping) and not fields.node.entries:
-        fields.fault(fields.node.mark, "nothing is expected", "write expect: {result: success}")
+        before = len(case.faults)
+        value = getattr(told, key.field)
+        read = READERS.get(key.word)
+        plain = _texts(node) if key.form == "either" else iter([Item(node.mark, value)])
+        items = plain if read is None else read(case, node, grammar)
+        found.append(Expectation(key.word, node.mark, tuple(items)))
+        if not found[-1].items and key.word not in EMPTY and len(case.faults) == before:
+            case.fault(node.mark, f"'{key.word}' names nothing")
+    if not expect.entries:
+        case.fault(expect.mark, "nothing is expected", "write expect: {result: success}")
     return tuple(found)
 
 
-def _result(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    yield Item(node.mark, fields.choice(key, RESULTS))
-
-
-def _text(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    yield Item(node.mark, fields.text(key))
-
-
-def _duration(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    yield Item(node.mark, fields.quantity(key, "duration", low=0.0))
-
-
-def _texts(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    for item in _scalars(fields, key, node):
+def _texts(node: Node) -> Iterator[Item]:
+    """Yield the texts in a list, or a single one."""
+    for item in _scalars(node):
         yield Item(item.mark, item.text)
 
 
-def _words(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read words on the screen; an empty text is for those that are taken away."""
-    del grammar
-    for item in _scalars(fields, key, node, empty=True):
-        yield Item(item.mark, item.text)
-
-
-def _heard_by(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read who hears what: ``{Anna: [a text, another], Ben: []}``. An item is a name and texts; none is for nothing."""
-    if not isinstance(node, Mapping):
-        fields.fault(node.mark, f"'{key}' needs people and what they hear", "such as {Anna: [hello], Ben: []}")
-        return
-    for name, heard in node.entries:
+def _heard_by(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Yield who hears what: ``{Anna: [a text], Ben: []}``. An item is a name and texts; none is for nothing."""
+    for name, heard in _entries(node):
         if grammar.people and name.text not in grammar.people:
             fields.fault(name.mark, f"nobody is called {seen(name.text)}", one_of(name.text, grammar.people))
-        texts = _scalars(fields, f"{key}: {name.text}", heard)
-        yield Item(name.mark, (name.text, tuple(text.text for text in texts)))
+        yield Item(name.mark, (name.text, tuple(text.text for text in _scalars(heard))))
 
 
-def _moods(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    for item in _scalars(fields, key, node):
-        if item.text not in [*Mood]:
-            fields.fault(item.mark, f"'{key}' cannot be {seen(item.text)}", one_of(item.text, [*Mood]))
-        yield Item(item.mark, item.text)
-
-
-def _nodes(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    for item in _scalars(fields, key, node):
+def _nodes(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    for item in _scalars(node):
         _check(fields, item, grammar)
         yield Item(item.mark, item.text)
 
 
-def _counts(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read names, or names with how often: ``{gesture: 2}``. An item is a name and a count, None for any."""
-    if not isinstance(node, Mapping):
-        for item in _scalars(fields, key, node):
-            _check(fields, item, grammar)
-            yield Item(item.mark, (item.text, None))
-        return
-    for name, count in node.entries:
+def _counts(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Yield names, or names with how often: ``{gesture: 2}``. An item is a name and a count, None for any."""
+    counted = [(name, value_of(count)) for name, count in _entries(node)]
+    for name, count in counted or [(item, None) for item in _scalars(node)]:
         _check(fields, name, grammar)
-        value = count.value if isinstance(count, Scalar) else None
-        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-            fields.fault(count.mark, f"how often '{name.text}' has to start needs a whole number")
-            continue
-        yield Item(name.mark, (name.text, value))
+        yield Item(name.mark, (name.text, count))
 
 
-def _moments(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    for item in _scalars(fields, key, node):
+def _moments(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    for item in _scalars(node):
         phrase = Phrase(fields.source, item, fields.faults)
         moment = read_moment(phrase, grammar.known)
         phrase.end()
         yield Item(item.mark, moment)
 
 
-def _reflexes(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read reflexes, each with more of it or without: ``bumper``, ``bumper left``."""
-    del grammar
-    for item in _scalars(fields, key, node):
+def _reflexes(fields: Fields, node: Node, _: Grammar) -> Iterator[Item]:
+    """Yield reflexes, each with more of it or without: ``bumper``, ``bumper left``."""
+    for item in _scalars(node):
         name = item.text.split()[0]
         if name not in REFLEXES:
-            fields.fault(item.mark, f"'{key}' cannot be {seen(name)}", one_of(name, REFLEXES))
+            fields.fault(item.mark, f"'reflexes' cannot be {seen(name)}", one_of(name, REFLEXES))
         yield Item(item.mark, item.text)
 
 
-def _rest(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    yield Item(node.mark, fields.choice(key, ("stopped",)))
-
-
-def _pose(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    del grammar
-    pose = Fields(fields.source, node, fields.faults, what=f"'{key}'")
-    near = pose.items("near", required=True)
-    x, y = (pose.measure(each, "near", "length") for each in near) if len(near) == 2 else (0.0, 0.0)
-    if near and len(near) != 2:
-        pose.fault(near[0].mark, "'near' needs a place, such as [1 m, 0 m]")
+def _pose(fields: Fields, node: Node, _: Grammar) -> Iterator[Item]:
+    pose = Fields(fields.source, node, fields.faults, what="'pose'")
+    told = read_keys(pose, PoseKeys)
     turned = pose.node_of("heading")
-    heading, askew = (None, ASKEW) if turned is None else _angle(pose, "heading", turned, ASKEW)
-    within = pose.quantity("within", "length", NEAR, low=0.0)
-    pose.done()
-    yield Item(node.mark, Place(x, y, within, heading, askew))
+    heading, askew = (None, DEFAULT_ANGLE) if turned is None else _angle(pose, "heading", turned, DEFAULT_ANGLE)
+    yield Item(node.mark, Place(*told.near, told.within, heading, askew))
 
 
-def _joints(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read joints and their angles. An item is a name, an angle and how far it may be off (radians)."""
-    if not isinstance(node, Mapping):
-        fields.fault(node.mark, f"'{key}' needs joints and their angles", "such as {elbow: 30 deg +- 5 deg}")
-        return
-    for name, angle in node.entries:
+def _joints(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Yield joints and their angles. An item is a name, an angle and how far it may be off (radians)."""
+    for name, angle in _entries(node):
         if name.text in grammar.joints:
             yield Item(name.mark, (name.text, *_angle(fields, name.text, angle, CROOKED)))
         else:
@@ -224,12 +162,9 @@ def _angle(fields: Fields, key: str, node: Node, otherwise: float) -> tuple[floa
         return 0.0, otherwise
 
 
-def _returned(fields: Fields, key: str, node: Node, grammar: Grammar) -> Iterator[Item]:
-    """Read results and their values. An item is a name and a value."""
-    if not isinstance(node, Mapping):
-        fields.fault(node.mark, f"'{key}' needs names and values", "such as {greeted: 2}")
-        return
-    for name, value in node.entries:
+def _returned(fields: Fields, node: Node, grammar: Grammar) -> Iterator[Item]:
+    """Yield results and their values. An item is a name and a value."""
+    for name, value in _entries(node):
         if name.text not in grammar.returns:
             hint = one_of(name.text, grammar.returns) or "it returns nothing"
             fields.fault(name.mark, f"the mission returns no {seen(name.text)}", hint)
@@ -245,36 +180,25 @@ def _check(fields: Fields, name: Scalar, grammar: Grammar) -> None:
         fields.fault(name.mark, problem)
 
 
-def _scalars(fields: Fields, key: str, node: Node, *, empty: bool = False) -> Iterator[Scalar]:
-    """One text, or a list of them; ``empty`` says whether one may be."""
-    for item in node.items if isinstance(node, Listing) else [node]:
-        if isinstance(item, Scalar) and item.value is not None and (item.text.strip() or (empty and not item.text)):
-            yield item
-        else:
-            fields.fault(item.mark, f"'{key}' needs a text, or a list of texts")
+def _scalars(node: Node) -> list[Scalar]:
+    """Return the texts in a list, or a single one."""
+    return [item for item in (node.items if isinstance(node, Listing) else [node]) if isinstance(item, Scalar)]
+
+
+def _entries(node: Node) -> list[tuple[Scalar, Node]]:
+    return node.entries if isinstance(node, Mapping) else []
 
 
 READERS: dict[str, Read] = {
-    "result": _result,
-    "reason": _text,
-    "within": _duration,
-    "after": _duration,
-    "said": _texts,
-    "never_said": _texts,
     "heard_by": _heard_by,
-    "showed": _words,
-    "moods": _moods,
-    "notified": _texts,
     "ran": _counts,
     "never_ran": _nodes,
     "succeeded": _nodes,
     "failed": _nodes,
     "order": _moments,
-    "faults": _texts,
     "reflexes": _reflexes,
-    "base": _rest,
     "pose": _pose,
     "joints": _joints,
     "returns": _returned,
 }
-"""How each key of ``expect`` is read."""
+"""How the keys are read whose values mean something of the case; the others are what they say."""

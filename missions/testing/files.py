@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from config.library import UnknownNameError
-from missions.library import TESTS, find_mission, shipped_missions
+from missions.library.shipped import TESTS, find_mission, shipped_missions
 from missions.testing.suite import beside, is_test_file
 
 

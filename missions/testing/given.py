@@ -7,31 +7,33 @@ from collections.abc import Mapping as Named
 from behaviours.hearing import Listening
 from config.faults import did_you_mean, one_of
 from config.fields import Fields
-from config.marked import Mapping, Node, Scalar
+from config.marked import Listing, Mapping, Node, Scalar
 from config.units import article, seen
 from missions.language.arguments import default_value
 from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
 from missions.language.plan import Step
 from missions.testing.context import Setting
+from missions.testing.keys import EITHER
 from missions.testing.mishaps import JOINT, Mishap, read_mishap
 from missions.testing.mocks import RESULT_OF_FACE, MockSpec, fits
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
 from perception.api import Face
 
-EITHER = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
-
 
 def read_given(fields: Fields, setting: Setting) -> tuple[tuple[MockSpec, ...], tuple[Mishap, ...]]:
-    """Read the list under ``given``: a text is a mishap, one key with a value is a mock."""
+    """Return what the list under ``given`` means: a text is a mishap, one key with a value is a mock."""
     mocks: list[MockSpec] = []
     mishaps: list[Mishap] = []
-    for node in fields.items("given"):
+    listed = fields.node_of("given")
+    for place, node in enumerate(listed.items if isinstance(listed, Listing) else []):
+        if any(path[:2] == ("given", place) for path in fields.wrong):
+            continue
         if isinstance(node, Mapping) and len(node.entries) == 1:
             key, value = node.entries[0]
             mocks.append(_mock(fields, key, value, setting))
-        elif isinstance(node, Scalar) and node.value is not None:
+        elif isinstance(node, Scalar):
             mishaps.append(_mishap(fields, node, setting))
         else:
             fields.fault(node.mark, "neither a mock nor something that goes wrong", EITHER)
@@ -59,15 +61,15 @@ def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpe
     script, told, said = value, None, ""
     if isinstance(value, Mapping):
         long = Fields(fields.source, value, fields.faults, what="a mock")
-        does = long.node_of("does", required=True)
-        told, said = (None, _phrase(long, key, setting)) if _hears(key, setting) else (long.section("result"), "")
-        long.done()
-        script = does if does is not None else key
-    if not isinstance(script, Scalar) or script.value is None:
-        fields.fault(script.mark, f"what '{key.text}' does instead is missing", "such as 'fails twice, then succeeds'")
+        script, result = value.get("does") or key, value.get("result")
+        if _hears(key, setting):
+            said = "" if result is None else _phrase(long, result, key, setting)
+        elif result is not None:
+            told = Fields(fields.source, result, fields.faults, what="'result'")
+    if not isinstance(script, Scalar):
         return MockSpec(key.text, ())
-    if (result := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
-        hint = f"write {key.text}: {{does: succeeds, result: {result[1]}}}"
+    if (with_it := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
+        hint = f"write {key.text}: {{does: succeeds, result: {with_it[1]}}}"
         fields.fault(script.mark, "what a mock does and its result stand apart", hint)
         return MockSpec(key.text, ())
     turns = read_script(Phrase(fields.source, script, fields.faults)) if script is not key else ()
@@ -79,11 +81,13 @@ def _hears(key: Scalar, setting: Setting) -> bool:
     return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in _mocked(key, setting))
 
 
-def _phrase(fields: Fields, key: Scalar, setting: Setting) -> str:
+def _phrase(fields: Fields, node: Node, key: Scalar, setting: Setting) -> str:
     """Read the phrase that a mock has heard: one of those that the mission listens for there."""
-    said, node = fields.text("result", ""), fields.node_of("result")
+    said = node.text if isinstance(node, Scalar) else ""
+    if not said.strip():
+        fields.fault(node.mark, "'result' needs a text")
     known = [phrase for step in _mocked(key, setting) for phrase in own_phrases(step).values()]
-    if said and node is not None and said not in known:
+    if said and said not in known:
         hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
         fields.fault(node.mark, f"'{key.text}' cannot hear {seen(said)}", hint)
     return said

@@ -10,7 +10,7 @@ from missions.executive.telling import OVERRIDES
 from missions.language.values import shown
 from missions.testing.expectations import Expectation, Place
 from missions.testing.history import History
-from missions.testing.moments import Moment
+from missions.testing.moments import EventSpec
 
 Miss = tuple[Mark, str]
 """Where the file expects what did not come true, and what was seen instead."""
@@ -133,7 +133,7 @@ def _ended_so(verb: str, wanted: Expectation, history: History) -> Iterator[Miss
 def _order(wanted: Expectation, history: History) -> Iterator[Miss]:
     left, before = iter(history.happenings), ""
     for item in wanted.items:
-        moment: Moment = item.value
+        moment: EventSpec = item.value
         found = next((each for each in left if moment.fits(each)), None)
         if found is None:
             earlier = [each for each in history.happenings if moment.fits(each)]

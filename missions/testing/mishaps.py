@@ -5,20 +5,22 @@ from dataclasses import dataclass
 
 from drivers.api.kinds import KINDS
 from drivers.api.steering import BUTTONS
-from missions.testing.moments import KnownNode, Moment, read_moment
+from missions.testing.moments import EventSpec, KnownNode, read_moment
 from missions.testing.phrases import Phrase
+
+UNPLUGGED = ("unplugged",)
 
 STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked"),
-    "head": ("unplugged",),
+    "head": UNPLUGGED,
     "arm": ("unplugged", "overloaded", "turned"),
-    "range": ("unplugged",),
+    "range": UNPLUGGED,
     "camera": ("unplugged", "frozen", "covered"),
     "microphone": ("unplugged", "deaf"),
-    "voice": ("unplugged",),
-    "screen": ("unplugged",),
+    "voice": UNPLUGGED,
+    "screen": UNPLUGGED,
 }
-"""What can happen to each part."""
+"""What can happen to each part; to one that is not here, only that it is ``UNPLUGGED``."""
 
 SIDES = ("left", "centre", "right")
 LASTING = ("battery", "overloaded", "turned")
@@ -44,7 +46,7 @@ class Mishap:
     amount: float = 0.0
     start: float = 0.0
     seconds: float = math.inf
-    moment: Moment | None = None
+    moment: EventSpec | None = None
 
 
 def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
@@ -53,9 +55,10 @@ def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
     if not part:
         phrase.wrong("what something happens to", tuple(KINDS))
         return Mishap("", "")
-    state = phrase.took(*STATES[part])
+    states = STATES.get(part, UNPLUGGED)
+    state = phrase.took(*states)
     if not state:
-        phrase.wrong(f"what happens to the {part}", STATES[part])
+        phrase.wrong(f"what happens to the {part}", states)
         return Mishap(part, "")
     detail, amount = _details(phrase, state)
     start, seconds, moment = _when(phrase, known)
@@ -96,7 +99,7 @@ def _button(phrase: Phrase) -> str:
     return number
 
 
-def _when(phrase: Phrase, known: KnownNode) -> tuple[float, float, Moment | None]:
+def _when(phrase: Phrase, known: KnownNode) -> tuple[float, float, EventSpec | None]:
     """Read when it happens, and for how long: from the beginning, and for good, where nothing is said."""
     start, moment = 0.0, None
     if phrase.took("from"):

@@ -1,4 +1,4 @@
-"""What happens in a run, in words that test files use: ``track_face starts``, ``says "Hello"``, ``base stops``."""
+"""The events of a run, in the words that test files use: ``track_face starts``, ``says "Hello"``, ``base stops``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,8 +39,8 @@ class Happening:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
-    """What a test file names. ``text`` is contained in what is said."""
+class EventSpec:
+    """An event that a test file names. ``text`` is contained in what is said."""
 
     name: str
     verb: str
@@ -54,11 +54,11 @@ class Moment:
         return f'says "{self.text}"' if self.verb == "says" else f"{self.name} {self.verb}"
 
 
-def read_moment(phrase: Phrase, known: KnownNode) -> Moment:
+def read_moment(phrase: Phrase, known: KnownNode) -> EventSpec:
     """Read a moment; words that come after it are left."""
     if phrase.word in SAYS and phrase.after not in NODE_VERBS:  # else it is a behaviour of that name
         phrase.take()
-        return Moment("robot", "says", phrase.quoted("'says'"))
+        return EventSpec("robot", "says", phrase.quoted("'says'"))
     words = phrase.ahead(VERBS)
     if len(words) > 1 and phrase.ahead(()) == words:  # no verb, so the last word was meant to be one
         words.pop()
@@ -74,4 +74,4 @@ def read_moment(phrase: Phrase, known: KnownNode) -> Moment:
     verb = phrase.took(*verbs)
     if not verb:
         phrase.wrong(f"what '{name}' does", verbs)
-    return Moment(name, verb)
+    return EventSpec(name, verb)

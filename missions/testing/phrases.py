@@ -3,7 +3,7 @@
 import math
 import re
 
-from config.faults import Fault, Mark, Source, note, one_of
+from config.faults import Diagnostic, Mark, Source, note, one_of
 from config.marked import Scalar
 from config.units import in_dimension, seen, written
 
@@ -20,7 +20,7 @@ class Phrase:
     would only follow from the first.
     """
 
-    def __init__(self, source: Source, node: Scalar, faults: list[Fault]) -> None:
+    def __init__(self, source: Source, node: Scalar, faults: list[Diagnostic]) -> None:
         self.source = source
         self.node = node
         self.faults = faults
@@ -65,7 +65,7 @@ class Phrase:
     def fault(self, message: str, suggestion: str = "") -> None:
         """Note a mistake at the word that comes next, or behind the last."""
         if not self.failed:
-            note(self.faults, Fault(self.source, self._mark(), message, suggestion))
+            note(self.faults, Diagnostic(self.source, self._mark(), message, suggestion))
             self.failed = True
 
     def wrong(self, what: str, known: tuple[str, ...]) -> None:

@@ -3,7 +3,7 @@
 import traceback
 from dataclasses import dataclass, replace
 
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from drivers.clock import SystemClock
 from missions.executive.events import Ended, Logged
 from missions.executive.watchdog import Limits
@@ -30,7 +30,7 @@ class Verdict:
     """
 
     case: Case
-    misses: tuple[Fault, ...] = ()
+    misses: tuple[Diagnostic, ...] = ()
     error: str = ""
     result: str = ""
     reason: str = ""
@@ -62,7 +62,7 @@ def play(case: Case, *, limits: Limits | None = None) -> Verdict:
 
 def _judged(case: Case, stage: Stage) -> Verdict:
     misses = [(case.mark, text) for text in stage.wrong] + judge(case.expectations, stage.history)
-    faults = tuple(Fault(case.source, mark, text) for mark, text in misses)
+    faults = tuple(Diagnostic(case.source, mark, text) for mark, text in misses)
     result = stage.history.result
     if result is None:
         return Verdict(case, faults)

@@ -11,8 +11,9 @@ from config.marked import compose
 from drivers.api import Pose2D
 from missions.executive.events import Event
 from missions.testing.history import History, NodeRecord
+from missions.testing.keys import Eyes
 from missions.testing.stage import IN_PROCESS, Stage
-from missions.testing.suite import Eyes, read_suite
+from missions.testing.suite import read_suite
 
 Given = str | Mapping[str, object]
 """A mishap or a mock, as a test file has it: ``"arm unplugged at 3 s"``, ``{"gesture": "fails twice"}``."""

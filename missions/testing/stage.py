@@ -10,7 +10,7 @@ from missions.executive.events import Ended, Event
 from missions.executive.executive import Result
 from missions.executive.watchdog import Limits
 from missions.language.expressions import ExpressionError
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mocks import Cast
@@ -45,7 +45,7 @@ class Stage:
         Raises InvalidFileError or UnknownNameError when its files are not what they were when it was read.
         """
         case, history = self._case, self.history
-        order = Order(
+        order = RunRequest(
             case.mission,
             case.params,
             case.robot,

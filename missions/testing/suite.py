@@ -4,22 +4,19 @@ from collections.abc import Mapping as Named
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
+from config.declared import Path as Place
+from config.declared import read_keys
 from config.faults import InvalidFileError, Mark, Source
 from config.fields import Fields, read_fields
 from config.marked import Listing, Mapping, Node
-from missions.library import TESTS
+from missions.library.shipped import TESTS
 from missions.testing.context import Context
 from missions.testing.expectations import Expectation, read_expectations
 from missions.testing.given import read_given
+from missions.testing.keys import CommonKeys, Eyes, JudgedKeys, SuiteKeys
 from missions.testing.mishaps import Mishap
 from missions.testing.mocks import MockSpec
-
-TIMEOUT = 120.0
-"""Seconds of simulated time after which a case that still runs has failed, unless its file says otherwise."""
-
-Eyes = Literal["pixels", "truth"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,50 +65,58 @@ def read_suite(
 
     Raises InvalidFileError with every mistake in it, or in the mission.
     """
-    context = Context.read(fields, folder, behaviours)
-    shared = fields.node_of("with")
-    if shared is not None and not isinstance(shared, Mapping):
-        fields.fault(shared.mark, "'with' needs what all cases have in common", "such as {world: living_room}")
-    nodes = fields.items("cases", required=True)
-    fields.done()
-    common = shared if isinstance(shared, Mapping) else None
-    cases = tuple(_case(fields, merged(common, node), context, judged=judged) for node in nodes)
+    whole = Fields(fields.source, _merged(fields.node), fields.faults, what=fields.what)
+    told = read_keys(whole, JudgedKeys if judged else SuiteKeys)
+    context = Context.read(whole, told, folder, behaviours)
     titles: set[str] = set()
-    for case in cases:
-        if case.title and case.title in titles:
-            fields.fault(case.mark, f"a second case '{case.title}'")
-        titles.add(case.title)
+    cases: list[Case] = []
+    listed = whole.node_of("cases")
+    nodes = listed.items if isinstance(listed, Listing) else []
+    for place, case in enumerate(told.cases):
+        wrong = [path[2:] for path in whole.wrong if path[:2] == ("cases", place)]
+        cases.append(_case(whole, nodes[place], case, wrong, context))
+        if case.case and case.case in titles:
+            fields.fault(cases[-1].mark, f"a second case '{case.case}'")
+        titles.add(case.case)
     if not cases and not fields.faults:
         fields.fault(fields.node.mark, "there is no case", "write 'cases:' and under it '- case: what must happen'")
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return cases
+    return tuple(cases)
 
 
-def _case(suite: Fields, node: Node, context: Context, *, judged: bool) -> Case:
-    fields = Fields(suite.source, node, suite.faults, what="a case")
-    title = fields.text("case")
-    setting = context.setting(fields)
+def _case(suite: Fields, node: Node, told: CommonKeys, wrong: list[Place], context: Context) -> Case:
+    """Read what the keys of a case mean; those that are ``wrong`` by themselves are passed over."""
+    fields = Fields(suite.source, node, [], what="a case")
+    fields.faults, fields.wrong = suite.faults, wrong
+    setting = context.setting(fields, told)
     mocks, mishaps = read_given(fields, setting)
-    expect = fields.section("expect", required=judged)
-    case = Case(
-        title,
+    return Case(
+        told.case,
         suite.source,
         node.mark,
         context.mission,
         setting.params,
         setting.robot,
         setting.world,
-        fields.integer("seed", 0, low=0),
-        "truth" if fields.choice("eyes", ("pixels", "truth"), "pixels") == "truth" else "pixels",
-        fields.quantity("timeout", "duration", TIMEOUT, low=0.1),
+        told.seed,
+        told.eyes,
+        told.timeout,
         context.behaviours,
         mocks,
         mishaps,
-        () if expect is None else read_expectations(expect, setting.grammar),
+        read_expectations(fields, told.expect, setting.grammar),
     )
-    fields.done()
-    return case
+
+
+def _merged(top: Node) -> Node:
+    """Return a test file in which each case has what all have in common."""
+    shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
+    if not isinstance(top, Mapping) or not isinstance(shared, Mapping) or not isinstance(cases, Listing):
+        return top
+    listed = Listing(cases.mark, [merged(shared, case) for case in cases.items])
+    entries = [(key, listed if value is cases else value) for key, value in top.entries if value is not shared]
+    return Mapping(top.mark, entries, top.torn)
 
 
 def merged(shared: Mapping | None, case: Node) -> Node:

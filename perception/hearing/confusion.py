@@ -7,7 +7,7 @@ from perception.hearing.features import edits
 from perception.hearing.lexicon import Lexicon
 from perception.hearing.phones import KIND_OF
 
-NEAR = 1.0
+NEAR_CHANGES = 1.0
 """Changes of phones up to which two phrases are near; one by another of its kind (m by n) counts half."""
 
 WAYS = 16
@@ -20,7 +20,7 @@ def confusable(phrases: Sequence[str], lexicon: Lexicon) -> list[tuple[str, str]
     return [
         (one, other)
         for one, other in combinations(said, 2)
-        if any(_changes(first, second) <= NEAR for first, second in product(said[one], said[other]))
+        if any(_changes(first, second) <= NEAR_CHANGES for first, second in product(said[one], said[other]))
     ]
 
 

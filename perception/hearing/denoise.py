@@ -23,7 +23,7 @@ MEMORY = 0.95
 LOUD = 66.0
 """dB to which the loud frames of a clip are brought."""
 
-MOST = 30.0
+MAX_GAIN = 30.0
 """dB by which a clip is amplified at most."""
 
 DITHER = 40.0
@@ -36,7 +36,7 @@ def clarified(samples: Samples, noise: Samples) -> Samples:
     if len(noise) >= WINDOW:
         sound = filtered(sound, np.asarray(noise, np.float64))
     loud = float(np.percentile(levels(sound), 95)) if len(sound) >= RATE // 10 else LOUD
-    sound *= 10 ** (min(LOUD - loud, MOST) / 20)
+    sound *= 10 ** (min(LOUD - loud, MAX_GAIN) / 20)
     sound += np.random.default_rng(0).standard_normal(len(sound)) * DITHER
     return np.asarray(np.clip(sound, -32768, 32767), np.int16)
 

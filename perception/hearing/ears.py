@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from threading import Event, Thread
 from typing import Protocol
 
+from perception.api import ignore
 from perception.hearing.listener import Listener, Worker
 from perception.hearing.sound import Piece
 
@@ -19,10 +20,6 @@ class SoundSource(Protocol):
         ...
 
 
-def unreported(trouble: Exception) -> None:
-    """Drop an error: the ``on_trouble`` of ears that nobody listens to."""
-
-
 class Ears:
     """Gives every sound of ``source`` to ``listener``, whose ``worker`` it starts and ends.
 
@@ -35,7 +32,7 @@ class Ears:
         listener: Listener,
         worker: Worker,
         *,
-        on_trouble: Callable[[Exception], None] = unreported,
+        on_trouble: Callable[[Exception], None] = ignore,
     ) -> None:
         self._source = source
         self._listener = listener

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from perception.api import Words
+from perception.api import Words, ignore
 from perception.hearing.endpoint import Clip, EndPointer
 from perception.hearing.engines import Judgement
 from perception.hearing.sound import FULL, RATE, Piece, levels
@@ -22,7 +22,7 @@ WAITING = 8
 SILENCE = -90.0
 """dBFS when there is no sound at all."""
 
-PATIENCE = 10.0
+CLIP_TIMEOUT = 10.0
 """Seconds that the recogniser may take for a clip; then it hangs, and is killed."""
 
 START = 60.0
@@ -81,10 +81,6 @@ class Engine(Protocol):
         ...
 
 
-def unheard() -> None:
-    """Do nothing: the ``changed`` callback of ears that nobody waits for."""
-
-
 def never(_start: float, _end: float) -> bool:
     """Say that the robot is silent: the ``deaf`` of ears without a voice beside them."""
     return False
@@ -105,7 +101,7 @@ class Listener:
         *,
         threshold: float = 0.0,
         deaf: Callable[[float, float], bool] = never,
-        changed: Callable[[], None] = unheard,
+        changed: Callable[[], None] = ignore,
     ) -> None:
         self._worker = worker
         self._engine = engine
@@ -182,7 +178,7 @@ class Listener:
             return False
         if self._since is None:
             self._since = now
-        return now - self._since > (START if self._starting else PATIENCE)
+        return now - self._since > (START if self._starting else CLIP_TIMEOUT)
 
     def _ask(self) -> None:
         """Have the oldest clip recognised, unless another is."""
@@ -193,7 +189,7 @@ class Listener:
             self._since = None
             asked = self._asked = (self._count, self._waiting.popleft())
         with suppress(OSError):  # it is dying, and ``lost`` follows
-            self._worker.send({"decode": asked[0]}, self._engine.sound(asked[1]), timeout=PATIENCE)
+            self._worker.send({"decode": asked[0]}, self._engine.sound(asked[1]), timeout=CLIP_TIMEOUT)
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
@@ -202,7 +198,7 @@ class Listener:
         with self._lock:
             self._starting, self._ready, self._asked, self._since = True, False, None, None
         with suppress(OSError):  # it is dying, and ``lost`` follows
-            self._worker.send(self._engine.instructions(), timeout=PATIENCE)
+            self._worker.send(self._engine.instructions(), timeout=CLIP_TIMEOUT)
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
         """Forget what it was asked: nobody knows whether that was what killed it."""

@@ -10,7 +10,7 @@ def percept(stamp: float, *, number: int = 1, bearing: float = 0.0) -> Percept:
         stamp,
         Box(300, 220, 40, 40),
         bearing=bearing,
-        drop=0.0,
+        elevation=0.0,
         yaw=bearing,
         pitch=0.0,
         yaw_rate=0.0,

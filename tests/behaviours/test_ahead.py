@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.ahead import LONGEST, Ahead
+from behaviours.tracking.ahead import MAX_LOOKAHEAD, Ahead
 from behaviours.tracking.lag import BRAKING, Lag, Turning, ramped
 
 
@@ -47,7 +47,7 @@ def test_what_somebody_else_commands_is_forgotten() -> None:
 
 def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
     ahead, _ = foretelling(0.0, 1.0)
-    assert ahead.at(100.0, Turning(0.0, 1.0, 0.0)).heading == pytest.approx(LONGEST)
+    assert ahead.at(100.0, Turning(0.0, 1.0, 0.0)).heading == pytest.approx(MAX_LOOKAHEAD)
 
 
 @given(

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from behaviours.arm import Gesture
 from behaviours.joint_motion import AHEAD, CATCH_UP, LONGEST_STEP, MARGIN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.played import PATIENCE
+from behaviours.played import ARRIVAL_TIMEOUT
 from behaviours.playing import PEAK
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading
@@ -202,7 +202,7 @@ def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None
     took = play(bench, leaf)
     assert leaf.status is FAILURE
     assert leaf.reason == "wave: elbow did not arrive"
-    assert took == pytest.approx(2.5 + PATIENCE, abs=0.5)
+    assert took == pytest.approx(2.5 + ARRIVAL_TIMEOUT, abs=0.5)
     assert servos.commands[-1] == (HOLD, "shoulder", "elbow")
 
 

@@ -17,9 +17,9 @@ from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Source, Velo
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
-from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
+from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.sim.wheels import Wheels
 from missions.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
 
@@ -306,17 +306,17 @@ class LaggingBase(RecordedBase):
         self.limits = limits.told
         self.wheels = Wheels(dead_time=dead_time)
         self.silent = False
-        self._helm = Helm(limits)
+        self._mux = VelocityMultiplexer(limits)
         self._odometry = Odometry()
         self.report()
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         super().drive(velocity, source=source)
-        return self._helm.steer(velocity, self.clock.now(), self.reading.value, source)
+        return self._mux.steer(velocity, self.clock.now(), self.reading.value, source)
 
     def stop(self, *, source: Source | None = None) -> None:
         super().stop(source=source)
-        self._helm.halt(source)
+        self._mux.halt(source)
         self.wheels.command(0.0, 0.0, self.clock.now())
 
     def report(self) -> None:
@@ -327,8 +327,8 @@ class LaggingBase(RecordedBase):
         else:
             self._measure(now)
         if self.reading.value is not None:
-            self._helm.feel(self.reading.value, now)
-        wanted = self._helm.velocity(now, self.reading.value)
+            self._mux.feel(self.reading.value, now)
+        wanted = self._mux.velocity(now, self.reading.value)
         self.wheels.command(wanted.linear, wanted.angular, now)
 
     def _measure(self, now: float) -> None:

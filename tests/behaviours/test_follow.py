@@ -57,7 +57,7 @@ def face_at(  # all in degrees
         stamp=stamp,
         box=Box(edge, 200, 60, 60),
         bearing=radians(bearing),
-        drop=0.0,
+        elevation=0.0,
         yaw=radians(yaw),
         pitch=radians(pitch),
         yaw_rate=radians(yaw_rate),

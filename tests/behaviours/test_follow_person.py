@@ -13,8 +13,8 @@ from config.controller import load_controller
 from config.faults import InvalidFileError, Source
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
-from missions.assembly.things import THINGS
 from missions.language.document import check_plan
+from missions.library.things import THINGS
 from missions.testing.recorders import STOP, Bench, face, good, none, stale
 
 LEFT = Sides(left=True)

@@ -277,7 +277,7 @@ def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
 
 def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.LogCaptureFixture) -> None:
     bench = Bench()
-    bench.run.settle = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
+    bench.run.safe_stop = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
     leaf = bench.put(Puppet(), at_end=fails_with(Boom("stuck")))
     bench.tick(leaf)
     assert bench.halt(leaf)

@@ -7,7 +7,7 @@ import pytest
 
 from behaviours.joint_motion import RUN_IN
 from behaviours.leaf import FAILURE, RUNNING
-from behaviours.mirror import LIMP, NEAR, FollowJoint, Mirror
+from behaviours.mirror import LEADING_TOLERANCE, LIMP, FollowJoint, Mirror
 from drivers.api import Coupling, JointLimits, JointState, Reading
 from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, tick, with_servos
@@ -59,7 +59,7 @@ def test_followers_that_are_far_off_come_slowly_before_they_are_led() -> None:
     tick(bench, leaf, 2.0)
     assert arm.commands[-1] == couplings()
     assert moves(arm)[-1]["right_elbow"] == pytest.approx(1.2)
-    assert arm.shafts["right_elbow"].position == pytest.approx(1.2, abs=NEAR)
+    assert arm.shafts["right_elbow"].position == pytest.approx(1.2, abs=LEADING_TOLERANCE)
 
 
 def test_a_leader_beyond_what_its_follower_can_do_leads_it_to_its_limit() -> None:
@@ -112,7 +112,7 @@ def test_after_a_lost_bus_the_followers_are_led_again() -> None:
     arm.turn_by_hand("left_elbow", 1.0)
     assert tick(bench, leaf, 3.0) is RUNNING
     assert arm.commands[-1] == couplings()
-    assert arm.shafts["right_elbow"].position == pytest.approx(1.0, abs=NEAR)
+    assert arm.shafts["right_elbow"].position == pytest.approx(1.0, abs=LEADING_TOLERANCE)
 
 
 def test_a_bus_that_is_gone_when_it_begins_is_waited_for() -> None:

@@ -13,7 +13,7 @@ from behaviours.tracking_error import JointError
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe
-from missions.moves.keep import NewMove
+from missions.hands.moves.keep import NewMove
 from missions.testing.recorders import HOLD, Bench
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, play, tick, with_servos
 

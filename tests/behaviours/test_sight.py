@@ -20,7 +20,7 @@ AHEAD = HeadPose(0.0, 0.0)
 
 def seen(bench: Bench, *, age: float = 0.1, number: int = 1, bearing: float = 0.0, drop: float = 0.0) -> None:
     """Show a face that was seen ``age`` seconds ago, and the camera at work."""
-    bench.sight.seen = [face(bench.clock.now() - age, number=number, bearing=bearing, drop=drop)]
+    bench.sight.seen = [face(bench.clock.now() - age, number=number, bearing=bearing, elevation=drop)]
     bench.sight.searched = bench.clock.now()
 
 

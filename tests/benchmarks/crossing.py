@@ -25,7 +25,7 @@ CROSSINGS = 50
 RATE = 20.0
 """Pictures a second."""
 
-NEAR = math.radians(5)
+TRUE_WITHIN = math.radians(5)
 """How far from a person's true direction a face may be that is theirs."""
 
 
@@ -86,10 +86,10 @@ def kept(scene: Crossing) -> bool:
 def _owned(faces: tuple[Face, ...], scene: Crossing, time: float) -> Iterator[tuple[str, Face]]:
     """Yield the fresh face nearest to where each person truly is, while both are well apart."""
     bearings = {who.person.name: math.atan2(who.y, who.x) for who in scene.world.people_at(time)}
-    if abs(bearings["A"] - bearings["B"]) < 2 * NEAR:
+    if abs(bearings["A"] - bearings["B"]) < 2 * TRUE_WITHIN:
         return
     for name, bearing in bearings.items():
-        fresh = [face for face in faces if face.stamp == time and abs(face.bearing - bearing) < NEAR]
+        fresh = [face for face in faces if face.stamp == time and abs(face.bearing - bearing) < TRUE_WITHIN]
         if fresh:
             yield name, min(fresh, key=lambda face: abs(face.bearing - bearing))
 

@@ -28,7 +28,7 @@ from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from missions.sweep.rate import wilson
+from missions.testing.sweep.rate import wilson
 from perception.api import Box, Image
 from perception.crops import face_in, portrait
 from perception.dlib_people import DlibDescriber, DlibPeople
@@ -37,7 +37,7 @@ from perception.identity import Look, Recogniser, agreed
 from perception.people import KnownPeople
 from perception.sface import SFacePeople
 from perception.yunet import YuNetFaces
-from tests.perception.people_drawn import EYE, FAR, LENS, NEAR, strangers
+from tests.perception.people_drawn import EYE, FAR_DISTANCES, LENS, NEAR_DISTANCES, strangers
 
 FOOTAGE = Path(__file__).parents[2].parent / "shared/data/faces"
 CLIPS = ("again", "learn", "sister", "want")
@@ -148,7 +148,12 @@ def _portrait(image: Image) -> tuple[Image] | None:
 
 
 def drawn(
-    near: Sequence[float] = NEAR, far: Sequence[float] = FAR, *, teach: int = 1, each: int = 6, seed: int = 11
+    near: Sequence[float] = NEAR_DISTANCES,
+    far: Sequence[float] = FAR_DISTANCES,
+    *,
+    teach: int = 1,
+    each: int = 6,
+    seed: int = 11,
 ) -> tuple[Portraits, Portraits]:
     """Draw people near and far: what teaches (``teach`` at each distance), and what is asked."""
     return _around(near, each=teach, seed=seed), _around(far, each=each, seed=seed + 50)

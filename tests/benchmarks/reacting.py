@@ -36,8 +36,6 @@ from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
-from missions.assembly.things import THINGS
-from missions.drivers import load_robot
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import build
@@ -45,6 +43,8 @@ from missions.executive.events import Stream
 from missions.executive.executive import Executive
 from missions.executive.told import Tell
 from missions.language.document import check_plan
+from missions.library.drivers import load_robot
+from missions.library.things import THINGS
 from missions.order import DEFAULT_ROBOT
 from perception.api import Gaze, Image, View
 from perception.eyes import Eyes, Vision

@@ -20,9 +20,9 @@ from mcap.reader import make_reader
 
 from config.reading import files_read
 from missions.executive.events import Event
-from missions.order import Order
-from missions.recording.gather import contents_of
-from missions.recording.recorder import Recorder
+from missions.order import RunRequest
+from missions.records.recording.gather import contents_of
+from missions.records.recording.recorder import Recorder
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 
@@ -68,7 +68,7 @@ def rows() -> Iterator[Row]:
 
 def run(path: Path, *, ticks: int = TICKS) -> Outcome:
     """Make so many ticks of the mission with and without a record at ``path``."""
-    order = Order(MISSION, {"rounds": "1000"}, simulate="fast", eyes="truth")
+    order = RunRequest(MISSION, {"rounds": "1000"}, simulate="fast", eyes="truth")
     recorder = Recorder(path)
     with files_read() as files:
         recorded = Runner(order, listeners=[recorder], on_moment=recorder.moment, on_view=recorder.view)

@@ -24,7 +24,7 @@ from drivers.api import Camera, Image
 from drivers.api.kinds import WIRED
 from drivers.clock import SystemClock
 from missions.assembly.simulation import Simulation
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
 RATE = 30

@@ -34,7 +34,7 @@ RATE = 100.0
 """Rounds a second of the arm's loop."""
 FASTEST = 1000.0
 """A rate beyond what the wire can carry: the loop goes round as fast as it can."""
-PATIENCE = 0.1
+REPLY_TIMEOUT = 0.1
 """Seconds for which a reply is waited for where only the median counts: a shared machine may stop for a while."""
 AWAKE = 0.003
 """Seconds for which the chain does not sleep after a byte: a wire needs no time to wake up, and a process does."""
@@ -65,7 +65,7 @@ def rows() -> Iterator[Row]:
 
 def round_time(port: str) -> float:
     """Return the median seconds from one round to the next, as fast as the bus can."""
-    bus = Bus(port, SystemClock(), patience=PATIENCE)
+    bus = Bus(port, SystemClock(), patience=REPLY_TIMEOUT)
     bus.open()
     starts = []
     try:

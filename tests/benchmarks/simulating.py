@@ -6,7 +6,7 @@ from typing import Literal
 
 import cv2
 
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 
@@ -32,7 +32,7 @@ def _row(eyes: Literal["truth", "pixels"], *, bound: float) -> Row:
 
 def _greet(eyes: Literal["truth", "pixels"], seed: int) -> tuple[float, float]:
     """Return the seconds that a run took, and the seconds that passed in it."""
-    runner = Runner(Order("greet", simulate="fast", eyes=eyes, seed=seed))
+    runner = Runner(RunRequest("greet", simulate="fast", eyes=eyes, seed=seed))
     start = time.perf_counter()
     seconds = runner.run().seconds
     return time.perf_counter() - start, seconds

@@ -16,7 +16,7 @@ from drivers.voice.protocol import request, speech
 from tests.benchmarks.spoken import Samples
 
 PROGRAM = Path(drivers.voice.__file__).with_name("espeak_worker.py")
-PATIENCE = 60.0
+SPEECH_TIMEOUT = 60.0
 """Seconds that the synthesiser may take for a text: machines are shared."""
 
 
@@ -43,12 +43,12 @@ class Speaking:
         """Return how a text sounds in a voice, at so many words a minute."""
         key = text, voice, speed
         if key not in self._spoken:
-            if not self._running.wait(PATIENCE):
+            if not self._running.wait(SPEECH_TIMEOUT):
                 raise TimeoutError("the synthesiser does not start")
             self._answered.clear()
             self._trouble = ""
             self._worker.send(request(len(self._spoken), text, voice, "", speed))
-            if not self._answered.wait(PATIENCE):
+            if not self._answered.wait(SPEECH_TIMEOUT):
                 raise TimeoutError(f"the synthesiser does not say {text!r}: {self._worker.health().detail}")
             if self._trouble:
                 raise ValueError(self._trouble)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from config.library import find
 from config.marked import read_source
 from missions.order import DEFAULT_WORLD
-from missions.sweep.processes import run_here
-from missions.sweep.sweep import Sweep
-from missions.sweep.variation import Span, Variation
-from missions.sweep.worlds import plain_world
+from missions.testing.sweep.processes import run_here
+from missions.testing.sweep.sweep import Sweep
+from missions.testing.sweep.variation import Span, Variation
+from missions.testing.sweep.worlds import plain_world
 from tests.benchmarks.table import Row, compare
 
 RUNS = 50

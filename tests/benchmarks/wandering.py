@@ -15,7 +15,7 @@ from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.world import World
 from missions.assembly.worlds import build_world
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 
@@ -86,9 +86,9 @@ def wander(seed: int, *, minutes: float, world: str = "living_room", robot: str 
     config = load_world(shipped("worlds")[world])
     floor = Floor(config, build_world(config))
     start = floor.start(Random(f"wander {seed}"))  # noqa: S311 - chance, not a secret
-    config = replace(config, start=replace(config.start, x=start.x, y=start.y, heading=start.heading))
+    config = replace(config, start=replace(config.start, at=(start.x, start.y), heading=start.heading))
     params = {"duration": f"{minutes} min"}
-    order = Order("wander", params, robot=robot, simulate="fast", world=config, eyes="truth", seed=seed)
+    order = RunRequest("wander", params, robot=robot, simulate="fast", world=config, eyes="truth", seed=seed)
     runner = Runner(order)
     if runner.twins is None or runner.twins.base is None:
         raise TypeError(f"{robot} has no base in simulated time")

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 from config.library import find, shipped
 from drivers.api import Reflexes
 from drivers.api.steering import BUTTONS
 from drivers.kobuki.declared import KobukiKeys
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.virtual.kobuki import BUTTONS as BUTTONS_OF_A_KOBUKI
-from missions.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, robot_of
 
 BASE = "robot: r\nbase:\n  driver: kobuki\n  port: /dev/base\n"
 RANGE = "robot: r\nrange:\n  driver: rplidar\n  port: /dev/rplidar\n"
@@ -30,7 +30,7 @@ def ranger(*lines: str) -> RPLidarKeys:
     return found
 
 
-def mistakes(text: str) -> list[Fault]:
+def mistakes(text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         robot_of(Source("r.yaml", text))
     return list(caught.value.faults)

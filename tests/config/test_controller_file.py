@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from config.controller import ControllerConfig, figures, load_controller, parse_controller, renamed, rewritten
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def load(file: Path, text: str) -> ControllerConfig:
     return load_controller(file)
 
 
-def mistakes(file: Path, text: str) -> list[Fault]:
+def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
     return list(caught.value.faults)
@@ -61,6 +61,16 @@ def test_a_table_whose_head_is_no_list_is_told_once(file: Path) -> None:
 def test_a_controller_needs_a_name(file: Path) -> None:
     (fault,) = mistakes(file, "pan: {}\n")
     assert fault.message == "a controller file needs 'controller'"
+
+
+def test_a_key_that_no_rule_base_has_is_told_at_its_place(file: Path) -> None:
+    faults = mistakes(file, "controller: face\npan: {ruels: [], p: -1}\npredict: no way\nroll: {}\n")
+    assert [(fault.mark.line, fault.message, fault.suggestion) for fault in faults] == [
+        (2, "'pan' has no key 'ruels'", "did you mean 'rules'?"),
+        (2, "'p' must be at least 0.0", ""),
+        (3, "'predict' needs true or false", ""),
+        (4, "a controller file has no key 'roll'", "known are: base, controller, pan, predict, summary, tilt, turn"),
+    ]
 
 
 # --- the numbers in them ----------------------------------------------------------------------------------------------

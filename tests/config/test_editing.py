@@ -13,7 +13,7 @@ from config.faults import Source
 from config.marked import Mapping, compose
 from drivers.arduino.declared import ArduinoKeys
 from missions.cli.trims import keep_trims
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 
 ROBOT = """\
 # Mine.

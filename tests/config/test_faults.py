@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from config.faults import (
     MAX_FAULTS,
-    Fault,
+    Diagnostic,
     InvalidFileError,
     Mark,
     Source,
@@ -21,7 +21,7 @@ SOURCE = Source("greet.yaml", "mission: greet\ntree:\n  - face_sen: 3\n")
 
 
 def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
-    fault = Fault(SOURCE, Mark(3, 5, 8), "unknown behaviour 'face_sen'", "did you mean 'face_seen'?")
+    fault = Diagnostic(SOURCE, Mark(3, 5, 8), "unknown behaviour 'face_sen'", "did you mean 'face_seen'?")
     assert str(fault) == (
         "greet.yaml:3:5: unknown behaviour 'face_sen'\n"
         "     3 |   - face_sen: 3\n"
@@ -31,12 +31,12 @@ def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
 
 
 def test_a_fault_in_an_empty_line_or_past_the_end_shows_no_line() -> None:
-    assert str(Fault(SOURCE, Mark(9, 1), "the file ends too early")) == "greet.yaml:9:1: the file ends too early"
-    assert str(Fault(Source("m", "a\n\n"), Mark(2, 1), "empty")) == "m:2:1: empty"
+    assert str(Diagnostic(SOURCE, Mark(9, 1), "the file ends too early")) == "greet.yaml:9:1: the file ends too early"
+    assert str(Diagnostic(Source("m", "a\n\n"), Mark(2, 1), "empty")) == "m:2:1: empty"
 
 
 def carets(text: str, mark: Mark) -> tuple[str, str]:
-    _, shown, under = str(Fault(Source("m", text), mark, "wrong")).splitlines()
+    _, shown, under = str(Diagnostic(Source("m", text), mark, "wrong")).splitlines()
     return shown, under
 
 
@@ -62,7 +62,7 @@ def test_a_long_line_is_shown_around_the_mistake() -> None:
 
 @given(st.text(max_size=300), st.integers(1, 9), st.integers(1, 400), st.integers(1, 400))
 def test_every_fault_can_be_shown(text: str, line: int, column: int, length: int) -> None:
-    lines = str(Fault(Source("m", text), Mark(line, column, length), "wrong")).split("\n")
+    lines = str(Diagnostic(Source("m", text), Mark(line, column, length), "wrong")).split("\n")
     assert lines[0] == f"m:{line}:{column}: wrong"
     assert len(lines) in {1, 3}
     assert all(len(shown) < 200 for shown in lines[1:])
@@ -76,18 +76,18 @@ def test_a_place_is_where_its_character_stands(text: str, data: st.DataObject) -
 
 
 def test_faults_come_in_the_order_of_the_file_and_each_once() -> None:
-    late, early = Fault(SOURCE, Mark(3, 5), "late"), Fault(SOURCE, Mark(1, 1), "early")
+    late, early = Diagnostic(SOURCE, Mark(3, 5), "late"), Diagnostic(SOURCE, Mark(1, 1), "early")
     error = InvalidFileError([late, early, late])
     assert error.faults == (early, late)
     assert str(error) == f"{early}\n{late}"
 
 
 def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     for line in range(1, MAX_FAULTS):
-        note(faults, Fault(SOURCE, Mark(line), "wrong"))
+        note(faults, Diagnostic(SOURCE, Mark(line), "wrong"))
     with pytest.raises(InvalidFileError) as caught:
-        note(faults, Fault(SOURCE, Mark(MAX_FAULTS), "wrong"))
+        note(faults, Diagnostic(SOURCE, Mark(MAX_FAULTS), "wrong"))
     assert len(caught.value.faults) == MAX_FAULTS
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from config.gesture import GestureConfig, load_gesture
 
 
@@ -19,7 +19,7 @@ def load(file: Path, text: str) -> GestureConfig:
     return load_gesture(file)
 
 
-def mistakes(file: Path, text: str) -> list[Fault]:
+def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
     return list(caught.value.faults)

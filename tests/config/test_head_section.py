@@ -9,7 +9,7 @@ from config.faults import InvalidFileError, Source
 from drivers.api.sections import HeadKeys
 from drivers.arduino.declared import ArduinoKeys, PanKeys, TiltKeys
 from drivers.dynamixel.declared import NeckJointKeys, NeckKeys
-from missions.drivers import load_robot, robot_of
+from missions.library.drivers import load_robot, robot_of
 
 ARM = """
 arm:

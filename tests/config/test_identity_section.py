@@ -5,7 +5,7 @@ import pytest
 from config.faults import InvalidFileError, Source
 from config.world import read_world
 from drivers.api.senses import CameraKeys, IdentityKeys
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 
 def camera(identity: str) -> CameraKeys:

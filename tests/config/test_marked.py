@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from config.faults import Fault, InvalidFileError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.marked import MAX_BYTES, MAX_DEPTH, MAX_NODES, Listing, Mapping, Node, Scalar, compose, plain, read_source
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
@@ -20,13 +20,13 @@ def read(text: str) -> Node:
     return compose(Source("robot.yaml", text))
 
 
-def mistakes(text: str) -> tuple[Fault, ...]:
+def mistakes(text: str) -> tuple[Diagnostic, ...]:
     with pytest.raises(InvalidFileError) as caught:
         read(text)
     return caught.value.faults
 
 
-def the_mistake(text: str) -> Fault:
+def the_mistake(text: str) -> Diagnostic:
     (fault,) = mistakes(text)
     return fault
 
@@ -112,7 +112,7 @@ def test_a_key_that_stands_twice_is_told_with_its_first_line() -> None:
 
 
 def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     root = compose(Source("m.yaml", "a: 1\na: 2\nb: !x 3\n"), faults)
     assert isinstance(root, Mapping)
     assert [fault.mark.line for fault in faults] == [2, 3]

@@ -11,7 +11,7 @@ from config.robot import RobotConfig
 from drivers.api.senses import PHONES, MicrophoneKeys
 from drivers.microphone.declared import FileKeys
 from drivers.screen.declared import PageKeys
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 from perception.hearing.grammar import Grammar, normalised
 from perception.hearing.phones import KIND_OF
 

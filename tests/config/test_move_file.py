@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 from config.move import JointSource, MoveConfig, is_move, move_of
 
 WHOLE = """\
@@ -27,7 +27,7 @@ def read(text: str, joints: tuple[str, ...] | None = None) -> MoveConfig:
     return move_of(Source("move.yaml", text), Path("folder"), joints)
 
 
-def mistakes(text: str, joints: tuple[str, ...] | None = None) -> list[Fault]:
+def mistakes(text: str, joints: tuple[str, ...] | None = None) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         read(text, joints)
     return list(caught.value.faults)

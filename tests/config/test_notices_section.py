@@ -13,7 +13,7 @@ from config.notices import (
     read_written,
     written,
 )
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 
 def notices(text: str) -> tuple[NoticeConfig, ...]:
@@ -49,10 +49,11 @@ def test_a_robot_that_says_nothing_has_none() -> None:
 @pytest.mark.parametrize(
     ("text", "fault", "hint"),
     [
-        ("  - pigeon: {}", "a notice cannot go by 'pigeon'", "known are: command, mqtt, terminal, webhook"),
+        ("  - pigeon: {}", "a notice cannot go by 'pigeon'", "known are: command, mqtt, webhook"),
         ("  - webhok: x", "a notice cannot go by 'webhok'", "did you mean 'webhook'?"),
         ("  - webhook", "a notice needs one way to go", "one of: terminal"),
-        ("  - {terminal: , command: [x]}", "a notice needs one way to go", ""),
+        ("  - {webhook: 'https://x', command: [x]}", "a notice needs one way to go", ""),
+        ("  - {terminal: , command: [x]}", "a notice cannot go by 'terminal'", ""),
         ("  - command: notify-send Robot", "'command' needs a list", "command: [notify-send, Robot]"),
         ("  - command: []", "'command' needs a list", ""),
         ("  - command: [['a']]", "'command' needs a list", ""),

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from config.robot import RobotConfig
 from drivers.arduino.declared import ArduinoKeys
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.kobuki.declared import KobukiKeys
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 
 WHOLE = """\
 robot: r2
@@ -45,7 +45,7 @@ def load(file: Path, text: str) -> RobotConfig:
     return load_robot(file)
 
 
-def mistakes(file: Path, text: str) -> list[Fault]:
+def mistakes(file: Path, text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         load(file, text)
     return list(caught.value.faults)

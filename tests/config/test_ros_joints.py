@@ -7,12 +7,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.dynamixel.models import MODELS
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints, ros_joints_of
 from missions.cli.servo.writing import robot_text
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 TEN = Path(__file__).parent / "ten_joints.ros.yaml"
 
@@ -28,7 +28,7 @@ def joint_of(text: str, model: str = "AX-12A") -> JointKeys:
     return joint
 
 
-def mistakes(text: str) -> list[Fault]:
+def mistakes(text: str) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         read(text)
     return list(caught.value.faults)

@@ -9,7 +9,7 @@ from drivers.table import HOUSE
 from drivers.voice.choose import Wish, make_voice
 from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
 from drivers.voice.synthesiser import Synthesiser
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 
 def voice(*lines: str) -> SpeechKeys:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError
+from config.faults import Diagnostic, InvalidFileError
 from config.library import shipped
 from config.people import ActConfig
-from config.things import BallConfig, BoxConfig, DockConfig, EdgeConfig, WallConfig
+from config.things import BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
 from config.world import BatteryConfig, LightConfig, StartConfig, WorldConfig, load_world
 
 
@@ -19,7 +19,7 @@ def load(folder: Path, text: str) -> WorldConfig:
     return load_world(file)
 
 
-def mistake(folder: Path, text: str) -> Fault:
+def mistake(folder: Path, text: str) -> Diagnostic:
     with pytest.raises(InvalidFileError) as caught:
         load(folder, text)
     (fault,) = caught.value.faults
@@ -43,14 +43,17 @@ def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
         "camera: {noise: 5}\n",
     )
     assert world.height == 3.0
-    assert world.start == StartConfig(-1.0, 0.5, 2.0)
-    assert world.light_changes == (LightConfig(0.0, 1.0, 0.0), LightConfig(10.0, 0.5, 2.0))
-    assert world.walls == (WallConfig((2.0, -1.0), (2.0, 1.0), 3.0), WallConfig((2.0, 1.0), (3.0, 1.0), 2.2))
-    assert world.furniture == (BoxConfig("table", 1.0, 1.0, 0.0, (1.2, 0.8, 0.75), 3.0, "brown"),)
-    assert world.edges == (EdgeConfig(3.0, 0.0, 1.0, 2.0),)
+    assert world.start == StartConfig(at=(-1.0, 0.5), heading=2.0)
+    assert world.light_changes == (LightConfig(at=0.0, light=1.0), LightConfig(at=10.0, light=0.5, over=2.0))
+    assert world.walls == (
+        WallConfig(start=(2.0, -1.0), end=(2.0, 1.0)),
+        WallConfig(start=(2.0, 1.0), end=(3.0, 1.0), height=2.2),
+    )
+    assert world.furniture == (BoxConfig(name="table", at=(1.0, 1.0), size=(1.2, 0.8, 0.75), heading=3.0),)
+    assert world.edges == (EdgeConfig(at=(3.0, 0.0), size=(1.0, 2.0)),)
     assert world.objects == (
-        BallConfig("ball", 1.0, 1.0, 0.75, 0.2, "yellow"),
-        BoxConfig("crate", 2.0, 2.0, 0.0, (0.3, 0.3, 0.3), 0.0, "red"),
+        ThingConfig(name="ball", shape="ball", at=(1.0, 1.0, 0.75), size=0.2, colour="yellow"),
+        ThingConfig(name="crate", shape="box", at=(2.0, 2.0), size=(0.3, 0.3, 0.3), colour="red"),
     )
     (robot,) = world.robots
     assert (robot.name, robot.marker, robot.x, robot.heading) == ("R2", 7, 2.5, 3.0)
@@ -74,11 +77,14 @@ def test_what_people_do_is_read(tmp_path: Path) -> None:
     ).people
     assert anna.facing == "away"
     assert anna.acts == (
-        ActConfig(5.0, None, 0.6, "", nod=False, turn="away", leave=False),
-        ActConfig(6.0, None, 0.6, "", nod=False, turn=1.0, leave=False),
-        ActConfig(None, "hello", 0.6, "Hello, robot!", nod=True, turn=None, leave=False),
-        ActConfig(None, "", 2.0, "", nod=False, turn=None, leave=True, times=2),
+        ActConfig(at=5.0, turn="away"),
+        ActConfig(at=6.0, turn=1.0),
+        ActConfig(phrase="hello", say="Hello, robot!", nod=True),
+        ActConfig(phrase="anything", delay=2.0, leave=True, often=2),
     )
+    assert [(act.hears, act.after, act.times) for act in anna.acts[1:]] == [
+        (None, 0.6, 0), ("hello", 0.6, 0), ("", 2.0, 2),
+    ]  # fmt: skip
     assert anna.hears_within == 2.0
 
 
@@ -202,9 +208,9 @@ def test_a_dock_and_a_battery_are_read_in_si_units(tmp_path: Path) -> None:
         tmp_path,
         "dock: {at: [-2.95 m, 50 cm], heading: 0 deg}\nphysics: {slip: 1 %, battery: {level: 80 %, drain: 10}}\n",
     )
-    assert world.dock == DockConfig(-2.95, 0.5, 0.0)
-    assert world.physics.battery == BatteryConfig(0.8, 10.0)
-    assert load(tmp_path, "physics: {battery: {}}\n").physics.battery == BatteryConfig(1.0, 1.0)
+    assert world.dock == DockConfig(at=(-2.95, 0.5), heading=0.0)
+    assert world.physics.battery == BatteryConfig(level=0.8, drain=10.0)
+    assert load(tmp_path, "physics: {battery: {}}\n").physics.battery == BatteryConfig()
     plain = load(tmp_path, "")
     assert (plain.dock, plain.physics.battery) == (None, None)
 

@@ -29,7 +29,7 @@ class Bench(Run):
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
         self.log: list[str] = []
-        self.settle = self._settled
+        self.safe_stop = self._settled
 
     def _settled(self, claims: frozenset[str]) -> None:
         self.log.append(f"{' and '.join(sorted(claims))} settled")

@@ -80,5 +80,5 @@ class Simulated(Scene):
     def settled(self) -> list[float]:
         """Let the run write down when, rather than what, it settles; return that list."""
         times: list[float] = []
-        self.run.settle = lambda claims: times.append(self.clock.now()) if claims else None
+        self.run.safe_stop = lambda claims: times.append(self.clock.now()) if claims else None
         return times

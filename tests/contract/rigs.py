@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from drivers.clock import Clock, SystemClock
 from drivers.sim.timeline import Timeline
 from tests.drivers.cranked import pass_until
@@ -19,7 +19,7 @@ class Rig(ABC):
     clock: Clock
 
     def __init__(self) -> None:
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.changes = 0
 
     def changed(self) -> None:
@@ -81,7 +81,7 @@ class InSimulatedTime(Rig):
 
 
 def real(rig: type[object], name: str) -> Any:
-    """Return ``rig`` as a parameter whose tests live in real time."""
+    """Return ``rig`` as a parameter whose tests live in real time, with deadlines that a busy machine misses."""
     return pytest.param(rig, id=name, marks=pytest.mark.real_time)
 
 

@@ -24,7 +24,7 @@ from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english
 from perception.hearing.listener import Listener
 from tests.benchmarks.speaking import Speaking
-from tests.contract.rigs import real, simulated
+from tests.contract.rigs import simulated
 from tests.waiting import wait_until
 
 PHRASES = Grammar.of(["yes", "hello robot", "turn left"])
@@ -132,7 +132,7 @@ class TwinEars(HearingRig):
         self.timeline.run(until)
 
 
-@pytest.fixture(params=[real(RecordedEars, "recorded"), simulated(TwinEars, "twin")])
+@pytest.fixture(params=[pytest.param(RecordedEars, id="recorded"), simulated(TwinEars, "twin")])
 def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[HearingRig]:
     if request.param is RecordedEars:
         pytest.importorskip("pocketsphinx")

@@ -11,7 +11,7 @@ import pytest
 from drivers.api import Away, Coupling, Joints, JointState, Quality
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
-from drivers.dynamixel.following import NEAR, RUN_IN
+from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.units import Framing
@@ -471,7 +471,7 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus
     arm.turn_by_hand("elbow", 1.0)
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.until(partial(arm.near, "wrist", 1.0))
-    assert arm.clock.now() - began > 0.95 * (1.0 - NEAR) / RUN_IN
+    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / RUN_IN
     arm.turn_by_hand("elbow", -1.0)
     arm.until(lambda: arm.state("wrist").velocity < -2 * RUN_IN)
     arm.until(partial(arm.near, "wrist", -1.0))
@@ -481,7 +481,7 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus
     began = arm.clock.now()
     arm.plug_in()
     arm.until(partial(arm.near, "wrist", 0.0))
-    assert arm.clock.now() - began > 0.95 * (1.0 - NEAR) / RUN_IN
+    assert arm.clock.now() - began > 0.95 * (1.0 - FOLLOWING_TOLERANCE) / RUN_IN
 
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
@@ -597,7 +597,7 @@ def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from
     began = arm.clock.now()
     arm.device.move({"elbow": 0.7})
     arm.until(lambda: arm.at("elbow", 0.7))
-    assert arm.clock.now() - began > 0.95 * (0.7 - NEAR) / RUN_IN
+    assert arm.clock.now() - began > 0.95 * (0.7 - FOLLOWING_TOLERANCE) / RUN_IN
     began = arm.clock.now()
     arm.device.move({"elbow": 0.0})
     arm.until(lambda: arm.state("elbow").velocity < -2 * RUN_IN)

@@ -16,7 +16,7 @@ from drivers.voice.printed import PrintedVoice
 from drivers.voice.speaker import Speaker
 from drivers.voice.speech import SpeechVoice
 from drivers.voice.synthesiser import Synthesiser
-from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, simulated
+from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, simulated
 
 PROGRAM = "import sys, threading; threading.Event().wait(0.2 * len(sys.stdin.read().split()))"
 """Stands in for a synthesiser: it takes 0.2 s for a word."""
@@ -67,8 +67,8 @@ class TwinVoice(InSimulatedTime, VoiceRig):
 
 @pytest.fixture(
     params=[
-        real(EspeakVoice, "espeak"),
-        real(SpokenVoice, "program"),
+        pytest.param(EspeakVoice, id="espeak"),
+        pytest.param(SpokenVoice, id="program"),
         pytest.param(PrintedWordsVoice, id="printed"),
         simulated(TwinVoice, "twin"),
     ]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from drivers.api import JointState, Notice
+from drivers.api import DeviceStatus, JointState
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
@@ -84,7 +84,7 @@ class Arm:
         self.wire = Recorder(self.chain)
         self.line = DirectLine(self.wire, self.clock)
         self.timeline.every(PERIOD, self.line.poll)
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.rounds = 0
         self.bus = Bus("/dev/servos", self.clock, baud=baud, name="arm", dial=self.line.dial)
         self.joints = self.driver(specs, report=self.notices.append, changed=self.count, **options)

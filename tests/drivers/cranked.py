@@ -7,7 +7,7 @@ import errno
 from collections.abc import Callable
 from functools import partial
 
-from drivers.api import Report, unreported
+from drivers.api import Report, ignore
 from drivers.link import Link
 from drivers.loop import Turn
 from drivers.ports import explain
@@ -79,7 +79,7 @@ class HandWire:
         self._plugged = plugged
         timeline.every(PERIOD, self._poll)
 
-    def link(self, name: str, *, gather: float = 0.0, report: Report = unreported) -> Link:
+    def link(self, name: str, *, gather: float = 0.0, report: Report = ignore) -> Link:
         """Return a link to the device."""
         loop, baud = by_hand(self._timeline), self.device.baud
         return Link(name, f"/dev/{name}", baud, retry=0.05, gather=gather, report=report, dial=self.dial, loop=loop)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from math import radians
 from random import Random
 
-from drivers.api import HeadPose, Health, Notice
+from drivers.api import DeviceStatus, HeadPose, Health
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -99,7 +99,7 @@ class Trial:
         self.clock = ManualClock(100.0)
         self.device = BOARDS[kind]()
         self.line = Line(self.device, self.clock, self.random)
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         boot = 0.0 if "Teensy" in kind else 2.0
         board = Board(self.line, self.clock, boot_delay=boot, report=self.notices.append)
         self.head = ArduinoHead(

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Head, HeadPose, Health, Notice, Quality
+from drivers.api import DeviceStatus, Head, HeadPose, Health, Quality
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS, ServoAxis
 from drivers.arduino.board import Board
@@ -228,7 +228,7 @@ class Bench:
     clock: ManualClock
     link: Wire
     head: ArduinoHead
-    notices: list[Notice]
+    notices: list[DeviceStatus]
     changes: list[HeadPose | None]
 
     def begin(self) -> None:
@@ -256,7 +256,7 @@ def bench(
     remembered: Memory | None = None,
 ) -> Bench:
     clock = ManualClock(100.0)
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     changes: list[HeadPose | None] = []
     link = Wire(device or VirtualRodney(logs=True), clock)
     head = ArduinoHead(
@@ -912,14 +912,14 @@ class Rig:
     device: VirtualRodney
     terminal: Terminal
     head: ArduinoHead
-    notices: list[Notice] = field(default_factory=list)
+    notices: list[DeviceStatus] = field(default_factory=list)
 
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
     clock, device = SystemClock(), VirtualRodney(tacho=True)
     terminal = Terminal("nano", device, clock)
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     link = Link("head", terminal.path, 57600, retry=0.05, report=notices.append)
     board = Board(link, clock, boot_delay=0.0, report=notices.append)
     head = ArduinoHead(board, clock, pan=PAN, tilt=TILT, speed=radians(200))

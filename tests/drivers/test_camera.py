@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import Camera, CameraFrame, Image, Notice
+from drivers.api import Camera, CameraFrame, DeviceStatus, Image
 from drivers.camera.capture import Capture
 from drivers.camera.choose import open_source
 from drivers.camera.folder import FolderCamera
@@ -88,7 +88,6 @@ def levels(frames: list[CameraFrame]) -> list[int]:
     return [round(float(frame.image.mean()) / 10) * 10 for frame in frames]
 
 
-@pytest.mark.real_time
 def test_a_video_plays_at_its_own_rate_and_begins_again(video: Path, opened: Opener) -> None:
     clock = ManualClock(start=7.0)
     frames = play(opened(OpenCVCamera(video, clock)), clock, 7, 0.1)
@@ -97,16 +96,14 @@ def test_a_video_plays_at_its_own_rate_and_begins_again(video: Path, opened: Ope
     assert [frame.stamp for frame in frames] == pytest.approx([7.0 + 0.1 * number for number in range(7)])
 
 
-@pytest.mark.real_time
 def test_no_frame_comes_while_the_clock_stands_still(video: Path, opened: Opener) -> None:
     camera = opened(OpenCVCamera(video, ManualClock()))
     assert camera.read(5.0) is not None
     assert camera.read(0.05) is None
 
 
-@pytest.mark.real_time
 def test_a_video_without_loop_says_that_it_has_ended(video: Path, opened: Opener) -> None:
-    clock, notices = ManualClock(), Queue[Notice]()
+    clock, notices = ManualClock(), Queue[DeviceStatus]()
     camera = opened(OpenCVCamera(video, clock, loop=False, report=notices.put))
     play(camera, clock, 5, 0.1)
     wait_until(lambda: "has ended after 5 pictures" in camera.health().detail)
@@ -114,7 +111,6 @@ def test_a_video_without_loop_says_that_it_has_ended(video: Path, opened: Opener
     assert [notices.get(timeout=5).kind for _ in range(2)] == ["online", "offline"]
 
 
-@pytest.mark.real_time
 def test_a_late_reader_gets_the_newest_frame_and_the_rest_count_as_dropped(video: Path, opened: Opener) -> None:
     clock = ManualClock()
     camera = opened(OpenCVCamera(video, clock))
@@ -128,7 +124,6 @@ def test_a_late_reader_gets_the_newest_frame_and_the_rest_count_as_dropped(video
     assert camera.health().counters["dropped"] == 2
 
 
-@pytest.mark.real_time
 def test_a_file_that_is_absent_is_named_and_found_when_it_appears(video: Path, tmp_path: Path, opened: Opener) -> None:
     path = tmp_path / "later.avi"
     camera = opened(OpenCVCamera(path, SystemClock(), retry=0.02))
@@ -140,7 +135,6 @@ def test_a_file_that_is_absent_is_named_and_found_when_it_appears(video: Path, t
     assert camera.health().online
 
 
-@pytest.mark.real_time
 def test_a_file_that_is_no_video_is_named(tmp_path: Path, opened: Opener) -> None:
     path = tmp_path / "broken.avi"
     path.write_bytes(b"this was never a video" * 50)
@@ -150,7 +144,6 @@ def test_a_file_that_is_no_video_is_named(tmp_path: Path, opened: Opener) -> Non
 
 
 @pytest.mark.parametrize("source", [97, "97", "/dev/video97"])
-@pytest.mark.real_time
 def test_a_camera_that_is_not_plugged_in_says_what_to_type(source: Source, opened: Opener) -> None:
     camera = opened(open_source(source, SystemClock(), retry=0.02))
     wait_until(lambda: camera.health().detail == "camera: /dev/video97: no such device")
@@ -158,7 +151,6 @@ def test_a_camera_that_is_not_plugged_in_says_what_to_type(source: Source, opene
     assert not camera.health().online
 
 
-@pytest.mark.real_time
 def test_the_password_of_a_stream_is_not_shown(opened: Opener) -> None:
     camera = opened(open_source("rtsp://me:secret@127.0.0.1:9/x", SystemClock(), retry=0.02))
     wait_until(lambda: "rtsp://***@127.0.0.1:9/x: cannot be opened as a stream" in camera.health().detail)
@@ -190,13 +182,12 @@ class Webcam:
         self.stopped.set()
 
 
-def live(feed: Webcam, clock: Clock, report: Callable[[Notice], None] = lambda _: None) -> ThreadedCamera:
+def live(feed: Webcam, clock: Clock, report: Callable[[DeviceStatus], None] = lambda _: None) -> ThreadedCamera:
     return ThreadedCamera(lambda: feed, clock, name="eye", field_of_view=1.0, loop=True, retry=0.02, report=report)
 
 
-@pytest.mark.real_time
 def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
-    feed, clock, notices = Webcam(), ManualClock(), Queue[Notice]()
+    feed, clock, notices = Webcam(), ManualClock(), Queue[DeviceStatus]()
     camera = live(feed, clock, notices.put)
     camera.open()
     wait_until(lambda: camera.health().detail == "eye: /dev/eye: no such device")
@@ -218,7 +209,6 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
     camera.close()
 
 
-@pytest.mark.real_time
 def test_a_camera_that_falls_silent_is_offline() -> None:
     feed, clock = Webcam(), ManualClock()
     feed.present.set()
@@ -235,7 +225,6 @@ def test_a_camera_that_falls_silent_is_offline() -> None:
     camera.close()
 
 
-@pytest.mark.real_time
 def test_closing_does_not_wait_for_a_driver_that_hangs() -> None:
     feed = Webcam()
     feed.present.set()
@@ -250,7 +239,6 @@ def test_closing_does_not_wait_for_a_driver_that_hangs() -> None:
     assert feed.stopped.wait(5.0)
 
 
-@pytest.mark.real_time
 def test_closing_ends_a_read_that_waits() -> None:
     feed, results = Webcam(), list[CameraFrame | None]()
     capture = Capture("eye", feed, ManualClock(), loop=True, retry=0.02, report=lambda _: None)
@@ -262,19 +250,16 @@ def test_closing_ends_a_read_that_waits() -> None:
     assert results == [None]
 
 
-@pytest.mark.real_time
 def test_a_folder_shows_its_pictures_by_name_again_and_again(folder: Path, opened: Opener) -> None:
     clock = ManualClock()
     assert levels(play(opened(FolderCamera(folder, clock, rate=2.0)), clock, 4, 0.5)) == [50, 150, 50, 150]
 
 
-@pytest.mark.real_time
 def test_one_picture_is_a_camera_too(folder: Path, opened: Opener) -> None:
     clock = ManualClock()
     assert levels(play(opened(open_source(folder / "b.png", clock)), clock, 3, 0.2)) == [150, 150, 150]
 
 
-@pytest.mark.real_time
 def test_a_folder_without_pictures_and_a_broken_picture_are_named(tmp_path: Path, opened: Opener) -> None:
     camera = opened(FolderCamera(tmp_path, SystemClock(), retry=0.02))
     wait_until(lambda: f"{tmp_path}: holds no pictures" in camera.health().detail)
@@ -307,7 +292,6 @@ def test_figures_of_other_scripts_are_no_number_of_a_device() -> None:
     assert [kind_of(text) for text in ("٢", "1²", "9" * 30)] == [Kind.VIDEO] * 3
 
 
-@pytest.mark.real_time
 def test_a_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
     camera = OpenCVCamera(video, SystemClock())
     assert camera.read(0.0) is None

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Image, Notice
+from drivers.api import DeviceStatus, Image
 from drivers.camera.folder import FolderCamera
 from drivers.camera.freshness import FROZEN, Freshness
 from drivers.camera.threaded import ThreadedCamera
@@ -31,7 +31,7 @@ class Watched:
     """A camera that is watched, on a clock of its own."""
 
     def __init__(self) -> None:
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.time = 0.0
         self.freshness = Freshness("camera", self.notices.append)
 
@@ -126,7 +126,7 @@ class Live:
         """Hold nothing that would have to be let go."""
 
 
-def opened(feed: Live, clock: ManualClock, report: Callable[[Notice], None]) -> ThreadedCamera:
+def opened(feed: Live, clock: ManualClock, report: Callable[[DeviceStatus], None]) -> ThreadedCamera:
     camera = ThreadedCamera(lambda: feed, clock, name="eye", field_of_view=1.0, loop=True, retry=0.02, report=report)
     camera.open()
     return camera
@@ -138,7 +138,7 @@ def until_shown(camera: ThreadedCamera, count: int) -> None:
 
 @pytest.mark.real_time
 def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> None:
-    feed, clock, notices = Live(), ManualClock(), list[Notice]()
+    feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
     try:
         for count in range(1, 50):
@@ -156,7 +156,7 @@ def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> Non
 
 @pytest.mark.real_time
 def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
-    feed, clock, notices = Live(), ManualClock(), list[Notice]()
+    feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
     try:
         feed.pictures.put(noisy(1))
@@ -177,7 +177,7 @@ def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
 
 @pytest.mark.real_time
 def test_a_recording_may_hold_still(tmp_path: Path) -> None:
-    path, clock, notices = tmp_path / "still.png", ManualClock(), list[Notice]()
+    path, clock, notices = tmp_path / "still.png", ManualClock(), list[DeviceStatus]()
     cv2.imwrite(str(path), STILL)
     camera = FolderCamera(path, clock, rate=10.0, report=notices.append)
     camera.open()

@@ -6,8 +6,8 @@ from drivers.api import Source, Velocity
 from drivers.delays import Delays
 from drivers.dynamixel.bus import At
 from drivers.errors import NoReply
-from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
+from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.virtual.kobuki import VirtualKobuki
 from tests.drivers.chains import chain
 from tests.drivers.lines import direct_bus
@@ -21,12 +21,12 @@ def test_times_are_added_up_in_microseconds() -> None:
     assert delays.counters("exchange") == {"exchanges": 3, "exchange_us": 4500, "longest_exchange_us": 3000}
 
 
-def helm() -> Helm:
-    return Helm(Limits(0.5, 1.9, 0.5, 3.5))
+def mux() -> VelocityMultiplexer:
+    return VelocityMultiplexer(Limits(0.5, 1.9, 0.5, 3.5))
 
 
 def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
-    waiting = helm()
+    waiting = mux()
     waiting.steer(Velocity(0.1, 0.0), 1.0, None)
     for now in (1.015, 1.035):
         waiting.velocity(now, None)
@@ -40,7 +40,7 @@ def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
 
 
 def test_a_command_that_was_never_obeyed_did_not_wait() -> None:
-    stopped, overruled = helm(), helm()
+    stopped, overruled = mux(), mux()
     stopped.steer(Velocity(0.1, 0.0), 1.0, None)
     stopped.halt()
     stopped.velocity(1.02, None)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.api import BASE_RADIUS, DockBeam, DockSignals, Pose2D, Sides
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
-from drivers.sim.dock import FAR, NEAR, NO_SIGNALS, REACH, SIZE, Dock
+from drivers.sim.dock import FAR_RANGE, NEAR_RANGE, NO_SIGNALS, REACH, SIZE, Dock
 from drivers.sim.things import Box
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
@@ -48,9 +48,9 @@ def heard(base: Pose2D, *, clear: bool = True) -> DockSignals:
     ],
 )
 def test_each_sector_has_its_beam_near_and_far(bearing: float, near: DockBeam, far: DockBeam) -> None:
-    assert heard(before(DOCK, NEAR - 0.01, bearing)) == DockSignals(centre=near)
-    assert heard(before(DOCK, NEAR + 0.01, bearing)) == DockSignals(centre=far)
-    assert heard(before(DOCK, FAR + 0.01, bearing)) == NO_SIGNALS
+    assert heard(before(DOCK, NEAR_RANGE - 0.01, bearing)) == DockSignals(centre=near)
+    assert heard(before(DOCK, NEAR_RANGE + 0.01, bearing)) == DockSignals(centre=far)
+    assert heard(before(DOCK, FAR_RANGE + 0.01, bearing)) == NO_SIGNALS
 
 
 @pytest.mark.parametrize(

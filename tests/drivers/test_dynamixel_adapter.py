@@ -18,7 +18,7 @@ from drivers.errors import NoReply, NotConnected
 from drivers.virtual.terminal import Terminal
 from tests.drivers.chains import chain
 
-PATIENCE = 0.05  # a shared machine may be late by tens of milliseconds
+REPLY_TIMEOUT = 0.05  # a shared machine may be late by tens of milliseconds
 AX = MODELS["AX-12A"].table
 LED, SPEED, POSITION = AX["led"], AX["moving_speed"], AX["present_position"]
 
@@ -30,7 +30,7 @@ class Bench:
         self.clock = SystemClock()
         self.terminal = Terminal("servos", chain(3), self.clock)
         self.terminal.open()
-        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=PATIENCE)
+        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=REPLY_TIMEOUT)
         self.bus.open()
 
     def close(self) -> None:

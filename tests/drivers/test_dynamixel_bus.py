@@ -16,8 +16,8 @@ from drivers.dynamixel.wire import Fault, status
 from drivers.dynamixel.wire2 import ALERT, Error
 from drivers.dynamixel.wire2 import status as status2
 from drivers.errors import BadRequest, NoReply, NotConnected
-from drivers.virtual.mishaps import Mishaps
 from tests.drivers.chains import chain, mixed_chain
+from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 
 AX, XL = MODELS["AX-12A"].table, MODELS["XL430-W250"].table
@@ -69,13 +69,13 @@ def late(reply: bytes) -> list[tuple[float, bytes]]:
 # --- replies that come too late ---------------------------------------------------------------------------------------
 
 
-class AlwaysLate(Mishaps):
+class AlwaysLate(FaultInjection):
     def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
         return late(reply)
 
 
 def test_a_late_reply_is_never_taken_for_that_of_another_register() -> None:
-    servos = chain(1, paced=True, mishaps=AlwaysLate())
+    servos = chain(1, paced=True, injection=AlwaysLate())
     bus, _, _ = direct_bus(servos)
     heard = [(register.name, bus.read(ONE, register)) for _ in range(100) for register in (POSITION, LOAD)]
     held = {register.name: servos.servo(1).get(register) for register in (POSITION, LOAD)}
@@ -422,7 +422,7 @@ def test_a_silent_servo_says_what_to_try() -> None:
 
 def test_an_adapter_that_echoes_is_no_obstacle() -> None:
     servos = mixed_chain("AX-12A", "XL430-W250")
-    servos.mishaps = Mishaps(echo=1.0)
+    servos.injection = FaultInjection(echo=1.0)
     bus, _, _ = direct_bus(servos)
     assert bus.ping(ONE) == 12
     assert bus.ping(At(2, 2)) == 1060
@@ -452,7 +452,7 @@ def test_it_reads_writes_and_writes_to_many_in_both_protocols() -> None:
 
 
 def test_a_write_without_a_reply_is_not_repeated() -> None:
-    servos = chain(1, mishaps=Mishaps(drop=1.0))
+    servos = chain(1, injection=FaultInjection(drop=1.0))
     bus, line, _ = direct_bus(servos)
     with pytest.raises(NoReply, match="write of 01 at 25"):
         bus.write(ONE, LED, 1)

@@ -11,9 +11,9 @@ from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.register import Block, Register
 from drivers.errors import DriverError, NoReply
 from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.mishaps import Mishaps
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
+from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 
 MODELS = ("AX-12A", "AX-12A", "RX-64", "MX-28", "MX-28", "XL430-W250", "XL430-W250", "XL430-W250")
@@ -24,9 +24,9 @@ LOOKALIKES: Mapping[int, tuple[str, ...]] = {
 """Registers of one size, whose replies look alike. The first two are written to; none of that moves a servo."""
 
 
-def mishaps(rate: float, seed: int) -> Mishaps:
+def injection(rate: float, seed: int) -> FaultInjection:
     """Return every mishap at the same rate."""
-    return Mishaps(seed, drop=rate, flip=rate, split=rate, noise=rate, echo=rate, late=rate, truncate=rate)
+    return FaultInjection(seed, drop=rate, flip=rate, split=rate, noise=rate, echo=rate, late=rate, truncate=rate)
 
 
 class Campaign:
@@ -107,12 +107,12 @@ def test_no_wrong_value_is_delivered_and_the_bus_recovers_every_time(rate: float
     chain = varied_chain(paced=True)
     bus, _, _ = direct_bus(chain)
     chain.poll(0.0)
-    chain.mishaps = mishaps(rate, seed=6)
+    chain.injection = injection(rate, seed=6)
     campaign = Campaign(chain, bus)
     campaign.run(transactions)
     assert set(campaign.outcomes) == {"done", "NoReply", "of many"}
     assert campaign.outcomes["done"] > 0.9 * transactions * (1 - rate)
-    assert set(chain.mishaps.happened) == {"drop", "flip", "split", "noise", "echo", "late", "truncate"}
+    assert set(chain.injection.happened) == {"drop", "flip", "split", "noise", "echo", "late", "truncate"}
     tallies = [bus.tally(at.id) for at in campaign.servos]
     assert min(tally.misses for tally in tallies) > 0
     assert min(tally.corrupt for tally in tallies) > 0
@@ -132,7 +132,7 @@ def terminal() -> Iterator[Terminal]:
 def test_nor_over_a_port_in_real_time(terminal: Terminal) -> None:
     chain = terminal.device
     assert isinstance(chain, VirtualServoBus)
-    chain.mishaps = mishaps(0.01, seed=7)
+    chain.injection = injection(0.01, seed=7)
     bus = Bus(terminal.path, SystemClock(), patience=0.02)
     bus.open()
     try:

@@ -13,15 +13,15 @@ from drivers.dynamixel.units import baud_code
 from drivers.dynamixel.wire import BROADCAST, Fault, Instruction
 from drivers.errors import NotConnected
 from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.mishaps import Mishaps
 from drivers.virtual.servo import VirtualServo
+from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.wired import Wired
 
 FEW = range(8)
 
 
-def wired(*servos: VirtualServo, mishaps: Mishaps | None = None) -> Wired:
-    return Wired(VirtualServoBus(servos, mishaps=mishaps))
+def wired(*servos: VirtualServo, injection: FaultInjection | None = None) -> Wired:
+    return Wired(VirtualServoBus(servos, injection=injection))
 
 
 def at_rate(chain: VirtualServoBus, number: int, baud: int) -> None:
@@ -126,7 +126,7 @@ def test_two_models_that_share_an_id_are_noticed_even_without_a_number() -> None
 
 def test_a_servo_whose_reply_is_damaged_is_asked_again() -> None:
     servos = [VirtualServo(number) for number in range(1, 7)]
-    line = wired(*servos, mishaps=Mishaps(seed=6, flip=0.2))
+    line = wired(*servos, injection=FaultInjection(seed=6, flip=0.2))
     found = list(census(line.bus(), [1_000_000], (1,), ids=FEW))
     assert [row.at.id for row in found] == [1, 2, 3, 4, 5, 6]
     assert any(row.garbled for row in found)

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Coupling, Notice
+from drivers.api import Coupling, DeviceStatus
 from drivers.dynamixel.clamping import EPISODE, Clamping
-from drivers.dynamixel.following import NEAR, PAUSE, RUN_IN, Following
+from drivers.dynamixel.following import FOLLOWING_TOLERANCE, PAUSE, RUN_IN, Following
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import WINDOW, Pace
@@ -70,7 +70,7 @@ class Limited:
     """One joint of +-1 rad, and what is told of its goals."""
 
     def __init__(self) -> None:
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.joint = Joint("elbow", JointSpec(2, lower=-1.0, upper=1.0), MODELS["AX-12A"])
         self.clamping = Clamping("arm", {"elbow": self.joint}, self.notices.append)
 
@@ -140,7 +140,7 @@ def test_a_follower_is_brought_over_slowly_until_it_has_come_near_and_then_goes_
     following = Following([Coupling("left", "right")])
     assert following.speeds({"right": 1.0}, {"right": 0.0}, 0.00) == {"right": RUN_IN}
     assert following.speeds({"right": 1.0}, {}, 0.01) == {"right": RUN_IN}  # nobody knows where it is
-    assert following.speeds({"right": 1.0}, {"right": 1.0 - 0.9 * NEAR}, 0.02) == {}
+    assert following.speeds({"right": 1.0}, {"right": 1.0 - 0.9 * FOLLOWING_TOLERANCE}, 0.02) == {}
     assert following.speeds({"right": -1.0}, {"right": 1.0}, 0.03) == {}
     assert following.speeds({"right": -1.0}, {}, 0.04) == {}
 

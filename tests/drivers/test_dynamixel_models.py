@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.models import MODELS, Model, model_named, model_of
+from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.dynamixel.units import RPM, Protocol, baud_code, baud_of
 from drivers.errors import BadRequest
 from tests.cases import each
@@ -30,35 +30,6 @@ def test_every_servo_that_the_project_drives_is_known_by_its_number() -> None:
 
 def test_a_number_that_no_servo_has_is_unknown() -> None:
     assert model_of(0) is None
-
-
-@each(
-    ("name", "meant"),
-    [
-        ("XL430", ["XL430-W250"]),
-        ("XM430", ["XM430-W210", "XM430-W350"]),
-        ("ax-12", ["AX-12A", "AX-12W"]),
-        ("AX-12+", ["AX-12A"]),
-        ("MX28", ["MX-28"]),
-        ("RX-24", ["RX-24F"]),
-        ("EX106", ["EX-106+"]),
-    ],
-)
-def test_a_misspelt_model_says_what_may_be_meant(name: str, meant: list[str]) -> None:
-    with pytest.raises(BadRequest, match="no servo model") as caught:
-        model_named(name)
-    assert all(model in caught.value.hint for model in meant)
-
-
-@each("name", ["", "a lamp"])
-def test_a_model_that_resembles_none_lists_them_all(name: str) -> None:
-    with pytest.raises(BadRequest) as caught:
-        model_named(name)
-    assert all(model in caught.value.hint for model in MODELS)
-
-
-def test_a_model_is_found_by_its_name() -> None:
-    assert model_named("MX-28(2.0)").number == 30
 
 
 @each(
@@ -163,7 +134,8 @@ def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
 
 @each("model", EVERY)
 def test_an_ax_is_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
-    assert model.default_baud == (1_000_000 if model.name.startswith("AX") else 57_600)
+    baud = baud_of(model.default(model.table["baud"]), model.protocol)
+    assert baud == (1_000_000 if model.name.startswith("AX") else 57_600)
 
 
 @each(

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Away, Coupling, JointState, Notice, Quality, Reading
+from drivers.api import Away, Coupling, DeviceStatus, JointState, Quality, Reading
 from drivers.clock import ManualClock
 from drivers.dynamixel.attention import MOVING
 from drivers.dynamixel.bus import Bus
@@ -35,7 +35,7 @@ class Quiet:
         self.clock = ManualClock()
         self.chain = mixed_chain(*(models or MODELS))
         self.line = DirectLine(self.chain, self.clock)
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self._round = 1 / rate
         specs = {
             name: JointSpec(number, model=model, **{"lower": -2.4, "upper": 2.4, "speed": 4.0, **spec})

@@ -7,11 +7,11 @@ from typing import Any, Literal
 
 import pytest
 
-from drivers.api import Away, Coupling, Notice
+from drivers.api import Away, Coupling, DeviceStatus
 from drivers.clock import ManualClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.following import NEAR, RUN_IN
+from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.wire import Instruction
@@ -80,7 +80,7 @@ class Hand:
         self.clock = ManualClock()
         self.chain = mixed_chain(*models)
         self.line = LossyLine(self.chain, self.clock)
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         specs = {
             name: JointSpec(number, model=model, **{"lower": -2.0, "upper": 2.0, **spec})
             for number, (name, model) in enumerate(zip("abc", models, strict=False), 1)
@@ -359,7 +359,7 @@ def fastest_far_off(arm: Hand, seconds: float) -> float:
     while arm.clock.now() < end:
         before, began = follower.angle, arm.clock.now()
         arm.run(0.1)
-        if abs(follower.angle - leader.angle) > NEAR:
+        if abs(follower.angle - leader.angle) > FOLLOWING_TOLERANCE:
             found = max(found, abs(follower.angle - before) / (arm.clock.now() - began))
     return found
 
@@ -373,7 +373,7 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_then_follows_at_its_l
     arm.run()
     arm.servo(1).turn_by_hand(1.4)
     assert 0.8 * RUN_IN < fastest_far_off(arm, 2.5) < 1.1 * RUN_IN
-    assert arm.servo(2).angle == pytest.approx(1.4, abs=NEAR / 2)
+    assert arm.servo(2).angle == pytest.approx(1.4, abs=FOLLOWING_TOLERANCE / 2)
     arm.servo(1).turn_by_hand(0.0)
     assert fastest_far_off(arm, 1.0) > 2 * RUN_IN
 
@@ -391,13 +391,13 @@ def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over
     arm.servo(1).turn_by_hand(1.0)
     arm.line.plugged = True
     assert 0.8 * RUN_IN < fastest_far_off(arm, 2.0) < 1.1 * RUN_IN
-    assert arm.servo(2).angle == pytest.approx(1.0, abs=NEAR / 2)
+    assert arm.servo(2).angle == pytest.approx(1.0, abs=FOLLOWING_TOLERANCE / 2)
     arm.servo(1).present = False
     arm.run(1.0)
     arm.servo(1).turn_by_hand(0.0)
     arm.servo(1).present = True
     assert 0.8 * RUN_IN < fastest_far_off(arm, 3.0) < 1.1 * RUN_IN
-    assert arm.servo(2).angle == pytest.approx(0.0, abs=NEAR / 2)
+    assert arm.servo(2).angle == pytest.approx(0.0, abs=FOLLOWING_TOLERANCE / 2)
 
 
 def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers() -> None:
@@ -429,7 +429,7 @@ def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() 
     arm.run(0.5)
     assert 0.6 * RUN_IN < (arm.servo(1).angle - before) / 0.5 < 1.1 * RUN_IN
     arm.run(2.0)
-    assert arm.servo(1).angle == pytest.approx(1.2, abs=NEAR)
+    assert arm.servo(1).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)
 
 
 def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no_more(
@@ -451,8 +451,8 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
         arm.joints.move({"a": 1.2, "b": 1.2})
     monkeypatch.undo()
     arm.run(1.0)
-    assert arm.servo(1).angle == pytest.approx(0.2, abs=NEAR)
-    assert arm.servo(2).angle == pytest.approx(0.0, abs=NEAR)
+    assert arm.servo(1).angle == pytest.approx(0.2, abs=FOLLOWING_TOLERANCE)
+    assert arm.servo(2).angle == pytest.approx(0.0, abs=FOLLOWING_TOLERANCE)
     arm.joints.move({"b": 1.2})
     arm.run(1.0)
-    assert arm.servo(2).angle == pytest.approx(1.2, abs=NEAR)
+    assert arm.servo(2).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)

@@ -10,7 +10,7 @@ from drivers.dynamixel.wire import BROADCAST, Fault, Packet
 from drivers.dynamixel.wire2 import (
     ALERT,
     LAST_ID,
-    LONGEST,
+    MAX_PARAMETERS,
     STATUS,
     Error,
     Instruction,
@@ -114,11 +114,11 @@ def test_a_packet_for_an_impossible_servo_or_of_impossible_length_is_refused() -
         with pytest.raises(ValueError, match=r"0\.\.252 or 254 for all"):
             request(servo, Instruction.PING)
     with pytest.raises(ValueError, match="1000 parameters, not 1001"):
-        request(1, Instruction.WRITE, bytes(LONGEST + 1))
+        request(1, Instruction.WRITE, bytes(MAX_PARAMETERS + 1))
 
 
 def test_a_packet_as_long_as_can_be_is_understood_however_much_is_stuffed() -> None:
-    data = b"\xff\xff\xfd" * (LONGEST // 3)
+    data = b"\xff\xff\xfd" * (MAX_PARAMETERS // 3)
     assert Parser().feed(request(1, Instruction.WRITE, data)) == [Packet(1, Instruction.WRITE, data)]
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from drivers.sim.acts import Reply
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.ears import HearingTwin
@@ -19,7 +19,7 @@ PHRASES = Grammar.of(["yes", "no", "thank you"])
 class Scene:
     def __init__(self, mishearing: float = 0.0, seed: int = 0) -> None:
         self.timeline = Timeline()
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.changes = 0
         self.speaking: list[tuple[float, float]] = []
         self.twin = HearingTwin(

@@ -4,7 +4,7 @@ from math import inf, nan, pi
 
 import pytest
 
-from drivers.api import HeadPose, Notice, Quality
+from drivers.api import DeviceStatus, HeadPose, Quality
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
 from drivers.joints_head import JointAxis
@@ -25,7 +25,7 @@ class Bench:
     def __init__(self, *, speed: float = 2.0, trim: float = 0.0) -> None:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.arm = JointsTwin(SPECS, self.clock)
         pan, tilt = JointAxis("neck_pan", -pi, pi, trim=trim), JointAxis("neck_tilt", -0.4, pi)
         self.neck = NeckTwin(self.arm, self.clock, pan=pan, tilt=tilt, speed=speed, report=self.notices.append)

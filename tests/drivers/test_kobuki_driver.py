@@ -12,7 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import ports
-from drivers.api import COMMAND_LIFE, STILL, Base, BaseState, Health, Notice, Pose2D, Quality, Sides, Velocity, unheard
+from drivers.api import (
+    COMMAND_LIFE,
+    STILL,
+    Base,
+    BaseState,
+    DeviceStatus,
+    Health,
+    Pose2D,
+    Quality,
+    Sides,
+    Velocity,
+    ignore,
+)
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
@@ -157,7 +169,7 @@ class DirectLink(Link):
         self.sent: list[bytes] = []
         self.talker: Talker | None = None
         self.plugged = True
-        self.before_close: Callable[[], None] = unheard
+        self.before_close: Callable[[], None] = ignore
 
     def open(self, talker: Talker) -> None:
         self.talker = talker
@@ -210,7 +222,7 @@ class Bench:
         self.clock = ManualClock(100.0)
         self.device = device or VirtualKobuki(wheels=Wheels(acceleration=1e6))
         self.link = DirectLink(self.device, self.clock)
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.changes = 0
         self.base = KobukiBase(self.link, self.clock, report=self.notices.append, changed=self.count)
         self.base.open()
@@ -674,7 +686,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.device = VirtualKobuki()
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
 
     def online(self) -> bool:
         return self.base.health().online

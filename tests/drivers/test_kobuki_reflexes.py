@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from drivers.api import COMMAND_LIFE, STILL, BaseState, Pose2D, Reflexes, Sides, Source, Velocity
 from drivers.kobuki.arbiter import Arbiter
-from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
+from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 
 FREE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
 LIMITS = Limits(0.5, radians(110), 0.5, radians(200))
@@ -23,22 +23,22 @@ class Ride:
     """A helm asked 50 times a second; the base does as it is told at once."""
 
     def __init__(self, reflexes: Reflexes | None = None) -> None:
-        self.helm = Helm(LIMITS, reflexes)
+        self.mux = VelocityMultiplexer(LIMITS, reflexes)
         self.now = 0.0
         self.felt = FREE
         self.given = STILL
 
     def drive(self, wanted: Velocity, seconds: float, source: Source = Source.MISSION) -> Velocity:
         for _ in range(round(seconds / PERIOD)):
-            self.helm.steer(wanted, self.now, self.felt, source)
+            self.mux.steer(wanted, self.now, self.felt, source)
             self.wait(PERIOD)
         return self.given
 
     def wait(self, seconds: float) -> Velocity:
         for _ in range(round(seconds / PERIOD)):
             self.now += PERIOD
-            self.helm.feel(self.felt, self.now)
-            self.given = self.helm.velocity(self.now, self.felt)
+            self.mux.feel(self.felt, self.now)
+            self.given = self.mux.velocity(self.now, self.felt)
             x = self.felt.pose.x + self.given.linear * PERIOD
             heading = self.felt.pose.heading + self.given.angular * PERIOD
             self.felt = replace(self.felt, pose=Pose2D(x, 0.0, heading))
@@ -79,7 +79,7 @@ def test_a_command_that_nobody_renews_ends_at_once(source: Source) -> None:
     assert ride.drive(AHEAD, 2.0, source) == AHEAD
     assert ride.wait(COMMAND_LIFE + 2 * PERIOD) == STILL
     ride.wait(1.0)
-    assert ride.helm.steering.source is None
+    assert ride.mux.steering.source is None
 
 
 def test_backing_off_has_the_time_that_its_way_needs_and_keeps_to_the_limits() -> None:
@@ -91,7 +91,7 @@ def test_backing_off_has_the_time_that_its_way_needs_and_keeps_to_the_limits() -
     ride.feel(bumper=Sides())
     ride.wait(5.0)
     assert hit - 0.34 < ride.felt.pose.x < hit - 0.29
-    slow = Helm(Limits(0.1, 0.1, 0.5, 3.0), Reflexes(back_off_speed=0.3))
+    slow = VelocityMultiplexer(Limits(0.1, 0.1, 0.5, 3.0), Reflexes(back_off_speed=0.3))
     slow.steer(AHEAD, 0.0, FREE)
     for step in range(1, 40):
         slow.steer(AHEAD, step * PERIOD, FREE)
@@ -102,16 +102,16 @@ def test_backing_off_has_the_time_that_its_way_needs_and_keeps_to_the_limits() -
 
 
 def test_a_contact_that_lasts_for_one_report_of_several_is_felt() -> None:
-    helm = Helm(LIMITS, Reflexes(bumper="latch", stop_button=0))
+    mux = VelocityMultiplexer(LIMITS, Reflexes(bumper="latch", stop_button=0))
     for contact in (replace(FREE, bumper=Sides(left=True)), replace(FREE, buttons=frozenset({0}))):
-        helm.enable()
+        mux.enable()
         for state in (FREE, contact, FREE):
-            helm.feel(state, 0.0)
-        assert helm.latched
-    helm.enable()
+            mux.feel(state, 0.0)
+        assert mux.latched
+    mux.enable()
     for state in (FREE, replace(FREE, cliff=Sides(left=True)), FREE):
-        helm.feel(state, 0.0)
-    assert helm.steer(Velocity(0.0, 1.0), 0.0, FREE) == STILL, "there was an edge"
+        mux.feel(state, 0.0)
+    assert mux.steer(Velocity(0.0, 1.0), 0.0, FREE) == STILL, "there was an edge"
 
 
 def test_a_wheel_that_hangs_for_a_moment_does_not_make_an_edge_go_away() -> None:
@@ -130,24 +130,24 @@ def test_enabled_it_does_not_latch_again_for_what_it_felt_before() -> None:
     ride = Ride(Reflexes(bumper="latch"))
     ride.drive(AHEAD, 1.0)
     ride.felt = held = replace(ride.felt, bumper=Sides(centre=True))
-    ride.helm.feel(held, ride.now)
-    assert ride.helm.latched
-    ride.helm.enable()
-    ride.helm.feel(held, ride.now + PERIOD)
-    assert not ride.helm.latched
+    ride.mux.feel(held, ride.now)
+    assert ride.mux.latched
+    ride.mux.enable()
+    ride.mux.feel(held, ride.now + PERIOD)
+    assert not ride.mux.latched
 
 
 def test_what_was_wanted_what_is_given_and_why_is_known() -> None:
     ride = Ride()
     ride.drive(Velocity(5.0, 0.0), 0.1)
-    steering = ride.helm.steering
+    steering = ride.mux.steering
     assert (steering.source, steering.wanted.linear, steering.given.linear) == (Source.MISSION, 5.0, 0.5)
     assert steering.because == "limited"
     ride.drive(AHEAD, 0.1)
-    assert ride.helm.steering.because == ""
+    assert ride.mux.steering.because == ""
     ride.feel(wheel_drop=Sides(left=True))
     ride.drive(AHEAD, 0.1)
-    assert (ride.given, ride.helm.steering.because) == (STILL, "wheel drop left")
+    assert (ride.given, ride.mux.steering.because) == (STILL, "wheel drop left")
 
 
 @pytest.mark.parametrize(
@@ -159,12 +159,12 @@ def test_a_bump_on_the_way_makes_it_back_off_so_far_and_no_farther(side: str, tu
     hit = ride.felt.pose.x
     ride.feel(bumper=Sides(**{side: True}))
     ride.drive(AHEAD, 0.2)
-    assert (ride.helm.steering.source, ride.helm.steering.given) == (Source.SAFETY, Velocity(-0.1, turn))
+    assert (ride.mux.steering.source, ride.mux.steering.given) == (Source.SAFETY, Velocity(-0.1, turn))
     ride.feel(bumper=Sides())
-    while ride.helm.steering.source is Source.SAFETY:
+    while ride.mux.steering.source is Source.SAFETY:
         ride.drive(AHEAD, PERIOD)
     assert hit - 0.07 < ride.felt.pose.x < hit - 0.04
-    assert ride.helm.steering.source is Source.MISSION
+    assert ride.mux.steering.source is Source.MISSION
 
 
 def test_what_holds_it_is_not_pulled_at_for_ever() -> None:
@@ -172,7 +172,7 @@ def test_what_holds_it_is_not_pulled_at_for_ever() -> None:
     ride.drive(AHEAD, 2.0)
     ride.feel(bumper=Sides(centre=True))
     ride.wait(2.0)
-    assert (ride.given, ride.helm.steering.source) == (STILL, None)
+    assert (ride.given, ride.mux.steering.source) == (STILL, None)
 
 
 def test_a_base_that_stands_or_goes_gently_does_not_back_off_from_what_touches_it() -> None:
@@ -193,7 +193,7 @@ def test_at_an_edge_it_only_goes_straight_back_until_the_edge_is_behind() -> Non
     assert ride.drive(Velocity(-0.1, 1.0), 0.1).angular == 0.0
     ride.feel(cliff=Sides())
     assert ride.drive(Velocity(0.0, 1.0), 0.1) == STILL
-    assert ride.helm.steering.because == "at an edge"
+    assert ride.mux.steering.because == "at an edge"
     ride.drive(BACK, 1.0)
     assert ride.drive(Velocity(0.0, 1.0), 1.0) == Velocity(0.0, 1.0)
 
@@ -216,8 +216,8 @@ def test_a_reflex_that_latches_waits_for_somebody_to_enable_the_base(contact: st
     ride.drive(AHEAD, 0.1)
     ride.feel(**{contact: Sides()})
     assert ride.drive(BACK, 1.0) == STILL
-    assert ride.helm.latched == f"{contact.replace('_', ' ')} left"
-    ride.helm.enable()
+    assert ride.mux.latched == f"{contact.replace('_', ' ')} left"
+    ride.mux.enable()
     assert ride.drive(BACK, 1.0) == BACK
 
 
@@ -226,8 +226,8 @@ def test_buttons_stop_and_enable_it_when_they_go_down() -> None:
     ride.drive(AHEAD, 1.0)
     ride.felt = replace(ride.felt, buttons=frozenset({0}))
     assert ride.drive(AHEAD, 0.1) == STILL
-    assert ride.helm.latched == "button 0 was pressed"
-    ride.helm.enable()
+    assert ride.mux.latched == "button 0 was pressed"
+    ride.mux.enable()
     assert ride.drive(AHEAD, 1.0) == AHEAD, "it is still held down, but was not pressed again"
     ride.felt = replace(ride.felt, buttons=frozenset())
     ride.drive(AHEAD, 0.1)
@@ -240,9 +240,9 @@ def test_buttons_stop_and_enable_it_when_they_go_down() -> None:
 def test_stopping_one_source_leaves_the_other_its_wheels() -> None:
     ride = Ride()
     ride.drive(BACK, 1.0, Source.TELEOP)
-    assert not ride.helm.halt(Source.MISSION)
+    assert not ride.mux.halt(Source.MISSION)
     assert ride.wait(PERIOD) == BACK
-    assert ride.helm.halt(Source.TELEOP)
+    assert ride.mux.halt(Source.TELEOP)
     assert ride.wait(PERIOD) == STILL
 
 

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 import serial
 
-from drivers.api import Notice, unheard
+from drivers.api import DeviceStatus, ignore
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.link import Link
@@ -41,10 +41,10 @@ class Chatter:
     connections: int = 0
     pulses: int = 0
     heard: bytes = b""
-    at_connected: Callable[[], object] = unheard
-    at_received: Callable[[], object] = unheard
-    at_pulse: Callable[[], object] = unheard
-    at_ending: Callable[[], object] = unheard
+    at_connected: Callable[[], object] = ignore
+    at_received: Callable[[], object] = ignore
+    at_pulse: Callable[[], object] = ignore
+    at_ending: Callable[[], object] = ignore
 
     def connected(self) -> None:
         self.connections += 1
@@ -70,7 +70,7 @@ class Rig:
     wire: HandWire
     timeline: Timeline
     echo: Echo
-    notices: list[Notice]
+    notices: list[DeviceStatus]
     chatter: Chatter = field(default_factory=Chatter)
 
     def open(self) -> None:
@@ -100,7 +100,7 @@ class Rig:
 def rig() -> Iterator[Rig]:
     echo, timeline = Echo(), Timeline()
     wire = HandWire(echo, timeline)
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     rig = Rig(wire.link("echo", report=notices.append), wire, timeline, echo, notices)
     yield rig
     rig.link.close()
@@ -169,7 +169,7 @@ def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
         rig.link.write(b"x")
         rig.until(partial(rig.has_heard, count))
     assert rig.link.online
-    setattr(rig.chatter, where, unheard)
+    setattr(rig.chatter, where, ignore)
     rig.lives_on()
     assert rig.told("fault") == [f"{type(error).__name__}: {error}"]
 
@@ -182,7 +182,7 @@ def test_a_beginning_that_fails_is_made_again_on_a_port_opened_anew(rig: Rig, er
     assert rig.told("fault") == [f"{type(error).__name__}: {error}"]
     assert rig.told("online") == []
     assert (rig.chatter.pulses, rig.chatter.heard) == (0, b"")
-    rig.chatter.at_connected = unheard
+    rig.chatter.at_connected = ignore
     rig.lives_on()
     assert rig.link.online
     assert len(rig.told("online")) == 1

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from drivers.api.microphone import SOUND_RATE
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
@@ -91,7 +91,7 @@ def test_a_tone_keeps_its_pitch_and_strength_at_any_rate(rate: int, pitch: int) 
 
 
 def test_a_file_that_is_not_there_says_what_to_try(tmp_path: Path) -> None:
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     microphone = WavMicrophone(tmp_path / "none.wav", ManualClock(), report=notices.append)
     microphone.open()
     health = microphone.health()
@@ -135,7 +135,7 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
 def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.microphone.wav.LONGEST", 60.0)
+    monkeypatch.setattr("drivers.microphone.wav.MAX_DURATION", 60.0)
     path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
     with pytest.raises(NotConnected, match="lasts 3 min, and 1 are the most") as raised:
         load("microphone", path)
@@ -160,12 +160,12 @@ def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> 
 
 
 @pytest.fixture
-def notices() -> list[Notice]:
+def notices() -> list[DeviceStatus]:
     return []
 
 
 @pytest.fixture
-def silent(notices: list[Notice]) -> Iterator[CapturedMicrophone]:
+def silent(notices: list[DeviceStatus]) -> Iterator[CapturedMicrophone]:
     """A microphone on miniaudio's null backend, which records silence in real time."""
     pytest.importorskip("miniaudio")
     microphone = CapturedMicrophone(SystemClock(), backend="null", report=notices.append)
@@ -175,7 +175,7 @@ def silent(notices: list[Notice]) -> Iterator[CapturedMicrophone]:
 
 @pytest.mark.real_time
 def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
-    silent: CapturedMicrophone, notices: list[Notice]
+    silent: CapturedMicrophone, notices: list[DeviceStatus]
 ) -> None:
     assert not silent.health().online
     silent.open()
@@ -192,7 +192,7 @@ def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
 
 
 @pytest.mark.real_time
-def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[Notice]) -> None:
+def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[DeviceStatus]) -> None:
     pytest.importorskip("miniaudio")
     microphone = CapturedMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
     microphone.open()

@@ -20,7 +20,7 @@ from drivers.camera.pictures import pictures
 from drivers.camera.size import size_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
-from missions.people import People, PeopleError
+from missions.assembly.people import People, PeopleError
 from tests.waiting import wait_until
 
 KINDS = (".png", ".jpg", ".bmp", ".webp", ".gif", ".tiff", ".ppm", ".pgm")

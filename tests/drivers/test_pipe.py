@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Notice, unheard
+from drivers.api import DeviceStatus, ignore
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.pipe import Unframer, Worker, frame
@@ -60,7 +60,7 @@ class Ear:
         self.starts = 0
         self.got: list[tuple[Mapping[str, Any], bytes]] = []
         self.losses: list[str] = []
-        self.at_start: Callable[[], object] = unheard
+        self.at_start: Callable[[], object] = ignore
 
     def started(self) -> None:
         self.starts += 1
@@ -77,7 +77,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.ear = Ear()
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.workers: list[Worker] = []
 
     def run(self, program: str, *arguments: str) -> Worker:
@@ -97,7 +97,6 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         worker.close()
 
 
-@pytest.mark.real_time
 def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -111,7 +110,6 @@ def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> 
     assert worker.health().online
 
 
-@pytest.mark.real_time
 def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -125,7 +123,6 @@ def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: 
     assert worker.health().counters["starts"] == 2
 
 
-@pytest.mark.real_time
 def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
     bench.run("print('hello', flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.losses)
@@ -133,14 +130,12 @@ def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("nonsense", ['{"bytes": null}', "[" * 100_000])
-@pytest.mark.real_time
 def test_no_nonsense_is_the_last_that_is_read(bench: Bench, nonsense: str) -> None:
     bench.run(f"print({nonsense!r}, flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.starts == 2)
     assert len(bench.ear.losses) == 1
 
 
-@pytest.mark.real_time
 def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
     bench.run(
         "raise SystemExit('pcm.c:2666: unknown\\npcm.c:2667: odd\\n' + 'é' * 50 + ' no card ' + '!' * 150 + '\\n\\n')"
@@ -149,7 +144,6 @@ def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
     assert bench.ear.losses[0] == "voice: program: ended with 1: " + "é" * 41 + " no card " + "!" * 150
 
 
-@pytest.mark.real_time
 def test_a_complaint_is_passed_on_though_nobody_read_before_the_end(bench: Bench) -> None:
     def outlived() -> None:
         process = bench.workers[0]._process
@@ -162,7 +156,6 @@ def test_a_complaint_is_passed_on_though_nobody_read_before_the_end(bench: Bench
     assert bench.ear.losses[0] == "voice: program: ended with 1: no card"
 
 
-@pytest.mark.real_time
 def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
@@ -174,7 +167,6 @@ def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
     wait_until(lambda: bench.ear.starts == 2)
 
 
-@pytest.mark.real_time
 def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench) -> None:
     worker = bench.run("import threading; threading.Event().wait()")
     wait_until(lambda: bench.ear.starts)
@@ -183,7 +175,6 @@ def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench)
     wait_until(lambda: bench.ear.losses)
 
 
-@pytest.mark.real_time
 def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
     worker = bench.run("raise SystemExit('no model')")
     wait_until(lambda: bench.ear.losses)
@@ -193,7 +184,6 @@ def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
     assert len(bench.notices) == 1
 
 
-@pytest.mark.real_time
 def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     class Clumsy(Ear):
         def received(self, message: Mapping[str, Any], body: bytes) -> None:
@@ -209,7 +199,6 @@ def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     assert bench.ear.losses == []
 
 
-@pytest.mark.real_time
 def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
     worker = Worker("voice", bench.folder / "none.py", SystemClock())
     worker.close()
@@ -226,7 +215,6 @@ def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
     assert bench.notices == []
 
 
-@pytest.mark.real_time
 def test_a_program_ends_when_nobody_can_talk_to_it_any_more(tmp_path: Path) -> None:
     program = tmp_path / "echo.py"
     program.write_text(ECHO)

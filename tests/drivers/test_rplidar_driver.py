@@ -8,13 +8,13 @@ from time import thread_time
 import numpy as np
 import pytest
 
-from drivers.api import Angles, Health, Notice, Quality
+from drivers.api import Angles, DeviceStatus, Health, Quality
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.link import Link
 from drivers.rplidar import wire
 from drivers.rplidar.driver import AGAIN, GATHER, STALE_AFTER, STUCK_AFTER, RPLidar
-from drivers.rplidar.session import BOOT, PATIENCE, SILENCE, STOP_PAUSE, TRIES
+from drivers.rplidar.session import BOOT, REPLY_TIMEOUT, SILENCE, STOP_PAUSE, TRIES
 from drivers.rplidar.wire import BAUD, Command, Condition, Status, request
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.terminal import Terminal
@@ -71,7 +71,7 @@ class Bench:
         firmware: tuple[int, int] = (1, 15),  # which has plain scans alone
     ) -> None:
         self.clock = ManualClock()
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.lidar = VirtualLidar(all_round, model=model, streaming=streaming, firmware=firmware)
         self.link = Directly(self.lidar, self.clock)
         self.device = RPLidar(self.link, self.clock, model=driven_as, report=self.notices.append)
@@ -156,7 +156,7 @@ def test_one_that_misses_the_stop_is_told_again() -> None:
 def test_an_answer_that_got_lost_is_asked_for_again() -> None:
     bench = Bench()
     bench.link.distort = lambda data: data[2:]
-    bench.run(PATIENCE)
+    bench.run(REPLY_TIMEOUT)
     bench.link.distort = bytes
     bench.run(2.0)
     assert bench.asked() == [STOP, INFO, INFO, HEALTH, SCAN]
@@ -175,7 +175,7 @@ def test_a_silent_port_says_what_to_try_once_and_is_tried_again() -> None:
     assert bench.asked().count(INFO) >= 2 * TRIES
     assert len(bench.asked()) < 30  # and not all the time
     bench.lidar.mute = False
-    bench.run(AGAIN + PATIENCE * TRIES + 2.0)
+    bench.run(AGAIN + REPLY_TIMEOUT * TRIES + 2.0)
     assert bench.told("online") == ["/dev/rplidar: whole turns come again"]
     assert bench.device.health().online
     assert bench.device.scan().good
@@ -316,7 +316,7 @@ class Wired:
     def turned(self) -> None:
         self.turns.append((thread_time(), self.clock.now()))
 
-    def tell(self, notice: Notice) -> None:
+    def tell(self, notice: DeviceStatus) -> None:
         self.notices.append((notice.kind, thread_time(), self.clock.now()))
 
 

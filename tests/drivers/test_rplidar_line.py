@@ -15,8 +15,6 @@ from drivers.ports import open_port
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 BAUD = 115200
 
 

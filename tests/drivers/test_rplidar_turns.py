@@ -11,7 +11,7 @@ from drivers.api import RangeScan
 from drivers.rplidar.models import MODELS, SAMPLES
 from drivers.rplidar.mounting import BEAMS, Mounting, beam, bearings
 from drivers.rplidar.nodes import TURN, Nodes
-from drivers.rplidar.turns import MOST, Turns
+from drivers.rplidar.turns import MAX_NODES, Turns
 
 A1 = MODELS["a1"]
 
@@ -150,4 +150,4 @@ def test_nodes_without_end_are_not_kept() -> None:
     turns = Turns(A1, Mounting())
     for number in range(100):
         turns.add(turn(new=False), 0.1 * number)
-        assert sum(len(part[0]) for part in turns._kept) <= MOST + 360
+        assert sum(len(part[0]) for part in turns._kept) <= MAX_NODES + 360

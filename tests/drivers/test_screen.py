@@ -19,7 +19,7 @@ from drivers.screen.frame import frame
 from drivers.screen.page import news, picture
 from drivers.screen.printed import PrintedScreen
 from drivers.screen.svg import numbers, svg
-from drivers.screen.words import LINES, MOST, arranged
+from drivers.screen.words import LINES, MAX_TEXT_LENGTH, arranged
 from drivers.sim.twins.screen import ScreenTwin
 from missions.testing.recorders.screen import RecordedScreen
 
@@ -144,7 +144,7 @@ def test_a_book_costs_no_more_to_show_than_a_page(text: str, monkeypatch: pytest
 
     monkeypatch.setattr(unicodedata, "category", counted)
     lines = arranged(text).lines
-    assert looked_at <= MOST + 1
+    assert looked_at <= MAX_TEXT_LENGTH + 1
     assert lines[-1:] == ("word",) if text.strip() == "word" else "".join(lines).endswith("…") or not "".join(lines)
     assert len(news(Shown(text=text), CALM)) < 10_000
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import Image, Mood, Notice, Shown
+from drivers.api import DeviceStatus, Image, Mood, Shown
 from drivers.clock import SystemClock
 from drivers.screen.drawing import draw
 from drivers.screen.expression import expression
@@ -25,9 +25,7 @@ from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
-PATIENCE = 30.0
+PAGE_TIMEOUT = 30.0
 SIZE = (640, 480)
 
 
@@ -46,7 +44,7 @@ def port_of(screen: PageScreen) -> int:
 def ask(
     screen: PageScreen, path: str, *, host: str = "127.0.0.1", method: str = "GET", **headers: str
 ) -> tuple[HTTPResponse, str]:
-    with closing(HTTPConnection("127.0.0.1", port_of(screen), timeout=PATIENCE)) as connection:
+    with closing(HTTPConnection("127.0.0.1", port_of(screen), timeout=PAGE_TIMEOUT)) as connection:
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         connection.request(method, path, headers={"Host": host, **named})
         response = connection.getresponse()
@@ -57,7 +55,7 @@ class Listener:
     """A page that listens, without a browser."""
 
     def __init__(self, screen: PageScreen, **headers: str) -> None:
-        self._connection = HTTPConnection("127.0.0.1", port_of(screen), timeout=PATIENCE)
+        self._connection = HTTPConnection("127.0.0.1", port_of(screen), timeout=PAGE_TIMEOUT)
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         self._connection.request("GET", "/events", headers=named)
         self._response = self._connection.getresponse()
@@ -210,6 +208,7 @@ def test_neither_silent_nor_slow_browsers_keep_it_from_closing(screen: PageScree
     # The threads have ended: a fixture looks.
 
 
+@pytest.mark.real_time
 def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen) -> None:
     with ExitStack() as browsers:
         for _ in range(20):
@@ -223,7 +222,7 @@ def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen)
 def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
     screen: PageScreen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.screen.server.PATIENCE", 0.3)
+    monkeypatch.setattr("drivers.screen.server.REQUEST_TIMEOUT", 0.3)
     page = Listener(screen)
     with ExitStack() as browsers:
         for _ in range(3 * TALKS):
@@ -239,14 +238,14 @@ def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
 def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(
     screen: PageScreen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.screen.server.PATIENCE", 0.3)
+    monkeypatch.setattr("drivers.screen.server.REQUEST_TIMEOUT", 0.3)
     clock, pause = SystemClock(), Event()
     with socket.create_connection(("127.0.0.1", port_of(screen))) as slow, suppress(ConnectionError):
         slow.sendall(b"GET / HTTP/1.1\r\n")
-        while clock.now() < PATIENCE:
+        while clock.now() < PAGE_TIMEOUT:
             slow.sendall(b"X")
             pause.wait(0.05)
-    assert clock.now() < PATIENCE / 2
+    assert clock.now() < PAGE_TIMEOUT / 2
 
 
 def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
@@ -258,7 +257,7 @@ def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
 
 
 def test_a_port_that_is_taken_is_waited_for_and_keeps_no_robot_from_working(screen: PageScreen) -> None:
-    told: list[Notice] = []
+    told: list[DeviceStatus] = []
     port = port_of(screen)
     other = PageScreen(SystemClock(), port=port, report=told.append)
     other.open()

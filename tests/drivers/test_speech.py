@@ -9,7 +9,7 @@ from threading import Thread
 
 import pytest
 
-from drivers.api import Manner, Mouth, Notice, Priority
+from drivers.api import DeviceStatus, Manner, Mouth, Priority
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
 from drivers.voice import engines, partner
@@ -20,8 +20,6 @@ from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 LONG = "this is a sentence that takes its time " * 4
 
 
@@ -31,7 +29,7 @@ class Room:
     def __init__(self, *, device: str = "", backend: str = "null", usual: Manner | None = None) -> None:
         self.clock = SystemClock()
         self.printed: list[str] = []
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         usual = Manner("en-us+f2", 300) if usual is None else usual
         self.engine = Espeak(self.clock, usual=usual, report=self.notices.append)
         self.player = Player(self.clock, device=device, backend=backend, report=self.notices.append)

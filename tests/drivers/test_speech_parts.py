@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import AS_USUAL, Manner, Mouth, MouthShape, Notice
+from drivers.api import AS_USUAL, DeviceStatus, Manner, Mouth, MouthShape
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.pipe import Message, Unframer, Worker, frame
@@ -330,7 +330,6 @@ def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
     ("program", "arguments", "missing"),
     [(espeak_worker, (), "espeakng_loader"), (sound_worker, ("", "null", "1.0"), "miniaudio")],
 )
-@pytest.mark.real_time
 def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     program: Any, arguments: tuple[str, ...], missing: str
 ) -> None:
@@ -341,7 +340,6 @@ def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     assert process.returncode == 0
 
 
-@pytest.mark.real_time
 def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
     texts = ("The quick brown fox jumps over the lazy dog. " * 200, "Stop!")
     asked = b"".join(frame(request(number, text, "", "", 150)) for number, text in enumerate(texts))
@@ -378,7 +376,6 @@ def shell(script: str, cut: Cut, limit: float = 30.0) -> Ran | None:
     return run("voice", ["sh", "-c", script], "hello", cut, SystemClock(), limit=limit, wanted=True)
 
 
-@pytest.mark.real_time
 def test_a_program_that_never_ends_is_ended() -> None:
     with pytest.raises(NoReply, match="voice: sh: has not ended after 0 s") as raised:
         shell("sleep 100", Cut(), limit=0.3)
@@ -386,7 +383,6 @@ def test_a_program_that_never_ends_is_ended() -> None:
 
 
 @pytest.mark.parametrize("ends", [True, False])
-@pytest.mark.real_time
 def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bool) -> None:
     left, clock, cut = tmp_path / "left", SystemClock(), Cut()
     script = f"setsid sleep 15 & echo $! > {left}.new; mv {left}.new {left}; cat; echo oh >&2" + "; sleep 15" * (
@@ -409,9 +405,8 @@ def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bo
 @pytest.mark.parametrize(
     ("script", "heard"), [("echo 'no card' >&2", False), ("echo hm >&2; sleep 0.5", True), (":", True)]
 )
-@pytest.mark.real_time
 def test_a_program_that_complains_and_ends_at_once_has_not_spoken(script: str, heard: bool) -> None:
-    clock, printed, notices = SystemClock(), list[str](), list[Notice]()
+    clock, printed, notices = SystemClock(), list[str](), list[DeviceStatus]()
     engine = Speaker(Synthesiser("sh", ("-c", f"cat; {script}")), clock)
     player = Player(clock, backend="null")
     voice = SpeechVoice(clock, engine, player, printed.append, usual=Manner(speed=200), report=notices.append)
@@ -447,7 +442,6 @@ def piper(tmp_path: Path) -> Path:
     return program
 
 
-@pytest.mark.real_time
 def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     model = piper.with_name("amy.onnx")
     engine = Piper(model, SystemClock(), program=str(piper))
@@ -460,7 +454,6 @@ def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     assert said == f"--model {model} --output-raw --length-scale 0.500|two lines"
 
 
-@pytest.mark.real_time
 def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
     engine = Piper(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
     with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
@@ -486,14 +479,13 @@ def test_each_driver_has_its_engine() -> None:
     assert isinstance(engine(Wish("print")), PrintedVoice)
 
 
-@pytest.mark.real_time
 def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.voice.choose.find_spec", lambda _: None)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert isinstance(make_voice(Wish("auto"), SystemClock(), print), PrintedVoice)
-    printed, notices = list[str](), list[Notice]()
+    printed, notices = list[str](), list[DeviceStatus]()
     voice = make_voice(Wish("program", usual=Manner(speed=450)), SystemClock(), printed.append, report=notices.append)
     voice.open()
     wait_until(voice.say("hello").done)
@@ -506,7 +498,6 @@ def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     assert isinstance(make_voice(Wish("auto"), SystemClock(), print), SpeechVoice)
 
 
-@pytest.mark.real_time
 def test_a_command_of_the_users_is_told_how_to_speak(tmp_path: Path) -> None:
     program, said = tmp_path / "tts.py", tmp_path / "said"
     program.write_text(f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:]) + '|' + sys.stdin.read())")

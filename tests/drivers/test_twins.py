@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import COMMAND_LIFE, STILL, HeadPose, Health, Image, Notice, Pose2D, Quality, Sides, Velocity
+from drivers.api import COMMAND_LIFE, STILL, DeviceStatus, HeadPose, Health, Image, Pose2D, Quality, Sides, Velocity
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -72,7 +72,7 @@ class DirectLink(Link):
             self.talker.pulse()
 
 
-def kinds(notices: list[Notice]) -> list[str]:
+def kinds(notices: list[DeviceStatus]) -> list[str]:
     return [notice.kind for notice in notices]
 
 
@@ -80,7 +80,7 @@ def kinds(notices: list[Notice]) -> list[str]:
 
 
 def test_a_plug_tells_only_of_what_was_not_meant() -> None:
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     calls: list[str] = []
     plug = Plug("arm", notices.append, back=lambda: calls.append("back"), gone=lambda: calls.append("gone"))
     plug.unplug()
@@ -102,7 +102,7 @@ def test_a_plug_tells_only_of_what_was_not_meant() -> None:
 
 
 def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture) -> None:
-    def fail(notice: Notice) -> None:
+    def fail(notice: DeviceStatus) -> None:
         raise RuntimeError(notice.what)
 
     plug = Plug("arm", fail)
@@ -182,7 +182,7 @@ class BaseBench:
     def __init__(self, **options: Any) -> None:
         self.timeline = Timeline()
         self.clock = self.timeline.clock
-        self.notices: list[Notice] = []
+        self.notices: list[DeviceStatus] = []
         self.base = BaseTwin(self.clock, report=self.notices.append, **options)
         self.base.open()
         self.timeline.every(self.base.PERIOD, self.base.step)
@@ -353,7 +353,7 @@ def test_an_unplugged_heads_servos_finish_their_last_degree_and_hold() -> None:
 
 
 def test_an_arm_that_cannot_be_brought_to_rest_says_so() -> None:
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     arm = JointsTwin({"elbow": JointSpec(2)}, ManualClock(), at_rest="relax", report=notices.append)
     arm.rest()
     assert notices == []
@@ -381,7 +381,7 @@ def test_what_was_asked_of_an_unplugged_arm_holds_when_it_is_back() -> None:
 
 
 def test_an_overload_while_nobody_listens_is_told_on_return() -> None:
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     arm = JointsTwin({"elbow": JointSpec(2)}, ManualClock(), report=notices.append)
     arm.open()
     arm.plug.unplug()
@@ -404,7 +404,7 @@ def test_a_motor_turns_no_faster_than_it_can() -> None:
 
 
 def test_an_unplugged_voice_is_silent_at_once() -> None:
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     said: list[str] = []
     voice = VoiceTwin(ManualClock(), said.append, report=notices.append)
     voice.open()

@@ -259,7 +259,6 @@ def test_an_overload_shuts_it_down_until_the_torque_limit_is_set_anew(client: Cl
     client.wait(0.7)
     (reply,) = client.ask(1, Instruction.PING)
     assert Fault(reply.code) == Fault.OVERLOAD
-    assert servo.alarm
     assert servo.limp
     assert client.read(1, m.TORQUE_LIMIT) == 0
     servo.burden = 0.0

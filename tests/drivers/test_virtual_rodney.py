@@ -4,7 +4,8 @@ import pytest
 
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS
-from drivers.virtual.rodney import ATTACHED, SERVO_SPEED, VirtualRodney
+from drivers.sim.servo import SERVO_SPEED
+from drivers.virtual.rodney import ATTACHED, VirtualRodney
 
 
 def command(index: int, angle: int) -> bytes:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import Manner, Notice, Priority, Voice, unheard
+from drivers.api import DeviceStatus, Manner, Priority, Voice, ignore
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.voice.player import Player
@@ -51,7 +51,7 @@ class Booth:
     folder: Path
     speaker: SpeechVoice
     printed: list[str] = field(default_factory=list)
-    notices: list[Notice] = field(default_factory=list)
+    notices: list[DeviceStatus] = field(default_factory=list)
     changes: list[None] = field(default_factory=list)
 
     def spoken(self) -> list[str]:
@@ -68,7 +68,7 @@ class Booth:
 
 
 def speech(
-    synthesiser: Synthesiser, printed: list[str], notices: list[Notice], changed: Callable[[], None] = unheard
+    synthesiser: Synthesiser, printed: list[str], notices: list[DeviceStatus], changed: Callable[[], None] = ignore
 ) -> SpeechVoice:
     """A voice that speaks with a program; words that it prints are quick."""
     clock = SystemClock()
@@ -89,7 +89,7 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
     program = tmp_path / "synthesiser.py"
     program.write_text(PROGRAM)
     printed: list[str] = []
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     changes: list[None] = []
     speaker = speech(
         Synthesiser(sys.executable, (str(program), str(tmp_path))), printed, notices, lambda: changes.append(None)
@@ -107,7 +107,6 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
 # --- the speaker ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.real_time
 def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("and another")
     wait_until(lambda: booth.spoken() == ["a long word"])
@@ -123,20 +122,17 @@ def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
     assert booth.printed == []
 
 
-@pytest.mark.real_time
 @each("text", ["--version", "$(touch pwned); `id` | x", "Grüß Gott, ç'est ça", 'say "so" \\ now'])
 def test_any_text_reaches_the_program_as_it_is(booth: Booth, text: str) -> None:
     wait_until(booth.speaker.say(text).done)
     assert booth.spoken()[-1] == text
 
 
-@pytest.mark.real_time
 def test_text_that_has_no_utf8_is_spoken_with_a_question_mark(booth: Booth) -> None:
     wait_until(booth.speaker.say("odd \udc80 one").done)
     assert booth.spoken() == ["odd ? one"]
 
 
-@pytest.mark.real_time
 def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has_its_turn(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("next")
     wait_until(lambda: len(booth.processes()) == 2)
@@ -150,7 +146,6 @@ def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has
     assert booth.notices == []
 
 
-@pytest.mark.real_time
 def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> None:
     first, second, third = (booth.speaker.say(text) for text in ("a long one", "not this", "but this"))
     second.cancel()
@@ -161,7 +156,6 @@ def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> 
     assert booth.spoken() == ["a long one", "but this"]
 
 
-@pytest.mark.real_time
 def test_resting_silences_everything_and_it_can_speak_again(booth: Booth) -> None:
     waiting = [booth.speaker.say("a long word") for _ in range(3)]
     wait_until(lambda: len(booth.spoken()) == 1)
@@ -172,7 +166,6 @@ def test_resting_silences_everything_and_it_can_speak_again(booth: Booth) -> Non
     assert booth.spoken() == ["a long word", "again"]
 
 
-@pytest.mark.real_time
 def test_closing_kills_the_program_at_once_and_may_be_done_twice(booth: Booth) -> None:
     speaking, waiting = booth.speaker.say("a long word"), booth.speaker.say("and another")
     wait_until(lambda: len(booth.processes()) == 2)
@@ -190,7 +183,6 @@ def test_closing_kills_the_program_at_once_and_may_be_done_twice(booth: Booth) -
     assert booth.spoken() == ["a long word", "back"]
 
 
-@pytest.mark.real_time
 def test_closed_while_the_program_is_starting_nothing_is_left(booth: Booth) -> None:
     for _ in range(5):
         words = booth.speaker.say("a long word")
@@ -200,14 +192,12 @@ def test_closed_while_the_program_is_starting_nothing_is_left(booth: Booth) -> N
     wait_until(lambda: not any(runs(process) for process in booth.processes()))
 
 
-@pytest.mark.real_time
 @each("text", ["", "  \n"])
 def test_nothing_to_say_is_said_at_once(booth: Booth, text: str) -> None:
     assert booth.speaker.say(text).done()
     assert booth.spoken() == []
 
 
-@pytest.mark.real_time
 def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed(booth: Booth) -> None:
     wait_until(booth.speaker.say("this will fail").done)
     assert booth.printed == ["this will fail"]
@@ -223,10 +213,9 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
     assert booth.speaker.health().detail == ""
 
 
-@pytest.mark.real_time
 def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_path: Path) -> None:
     printed: list[str] = []
-    notices: list[Notice] = []
+    notices: list[DeviceStatus] = []
     speaker = speech(Synthesiser(str(tmp_path / "gone")), printed, notices)
     speaker.open()
     wait_until(speaker.say("hello").done)
@@ -235,7 +224,6 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
     assert "No such file or directory" in notices[0].what
 
 
-@pytest.mark.real_time
 def test_whatever_goes_wrong_the_words_are_printed_and_the_next_ones_heard(booth: Booth) -> None:
     arguments = booth.speaker._engine._synthesiser.arguments if isinstance(booth.speaker._engine, Speaker) else ()
     booth.speaker._engine = Speaker(Synthesiser(sys.executable, (*arguments, "{voice}")), SystemClock())
@@ -268,7 +256,6 @@ def test_a_file_that_is_no_program_is_not_taken_for_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_synthesiser() is None, reason="no speech synthesiser is installed")
-@pytest.mark.real_time
 def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
     synthesiser = find_synthesiser()
     assert synthesiser is not None

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.api import Manner, Notice
+from drivers.api import DeviceStatus, Manner
 from drivers.clock import SystemClock
 from drivers.errors import NoReply
 from drivers.sim.acts import Reply
@@ -40,7 +40,7 @@ class Moody:
 
 
 def test_whatever_goes_wrong_with_one_the_next_is_heard() -> None:
-    engine, notices = Moody(), list[Notice]()
+    engine, notices = Moody(), list[DeviceStatus]()
     microphone = VoicedMicrophone(SystemClock(), engine, lambda _: Manner(), report=notices.append)
     microphone.open()
     for text in ("hm", "oh", "yes"):

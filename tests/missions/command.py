@@ -13,6 +13,9 @@ import pytest
 
 from missions.cli.root import guarded, mission
 
+PATIENCE = 60.0
+"""Seconds that a test waits for a process or for another thread before it fails: machines are shared."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -49,7 +52,7 @@ class Process:
         for thread in self._threads:
             thread.start()
 
-    def wait_for_line(self, wanted: Callable[[str], bool], *, seconds: float = 20.0) -> str:
+    def wait_for_line(self, wanted: Callable[[str], bool], *, seconds: float = PATIENCE) -> str:
         """Return the first line that ``wanted`` likes; fail the test when none comes in time."""
         for _ in range(int(seconds / 0.05)):
             found = next((line for line in self.lines if wanted(line)), None)
@@ -66,7 +69,7 @@ class Process:
         if number is not None:
             self.process.send_signal(number)
         try:
-            code = self.process.wait(20.0)
+            code = self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -85,7 +88,8 @@ class Process:
             self._more.set()
 
     def _read_errors(self) -> None:
-        self.errors.extend(self.process.stderr or ())
+        for line in self.process.stderr or ():
+            self.errors.append(line)
 
 
 def events_of(lines: Sequence[str]) -> list[dict[str, Any]]:
@@ -93,7 +97,7 @@ def events_of(lines: Sequence[str]) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines if line.strip()]
 
 
-def wait_until(condition: Callable[[], bool], *, seconds: float = 15.0) -> None:
+def wait_until(condition: Callable[[], bool], *, seconds: float = PATIENCE) -> None:
     """Wait for a condition on something that runs in real time; fail the test when it does not come true."""
     pause = Event()
     for _ in range(int(seconds / 0.02)):

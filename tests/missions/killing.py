@@ -25,10 +25,10 @@ WAYS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP, "crash": signal.SIGSEGV}
 WITHIN = 0.5
 """Seconds from the last that limbs hear to their rest."""
 
-LONGEST = 2.5
+MAX_MOVING = 2.5
 """Seconds for which a program moves something, at most, before it is silenced."""
 
-PATIENCE = 180.0
+START_TIMEOUT = 180.0
 """Seconds within which all programs have moved something and are silenced: many of them start at once."""
 
 SOON = 8.0
@@ -125,13 +125,13 @@ class Campaign:
         clock, due, moving = SystemClock(), dict[str, float](), dict[str, bool]()
         began = {kind: self._limbs[kind].seen().now for kind in running}
         while len(moving) < len(running):
-            assert clock.now() < PATIENCE, f"nothing moves of {running.keys() - due.keys()}"
+            assert clock.now() < START_TIMEOUT, f"nothing moves of {running.keys() - due.keys()}"
             for kind in running.keys() - moving.keys():
                 if kind in due and clock.now() >= due[kind]:
                     moving[kind] = self._limbs[kind].seen().moving
                     _tell(running[kind], number)
                 elif kind not in due and self._limbs[kind].seen().moved_at > began[kind]:
-                    due[kind] = clock.now() + self._chance.uniform(0.0, LONGEST)
+                    due[kind] = clock.now() + self._chance.uniform(0.0, MAX_MOVING)
                 elif kind not in due and not _runs(running[kind]):
                     running[kind] = self._program.start(*self._words(kind))
             self._pause.wait(0.01)

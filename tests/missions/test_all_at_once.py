@@ -8,10 +8,10 @@ from typing import NamedTuple
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Fault, InvalidFileError, Source
-from missions.assembly.things import THINGS
+from config.faults import Diagnostic, InvalidFileError, Source
 from missions.language.document import check_plan
-from missions.library import find_mission, shipped_missions
+from missions.library.shipped import find_mission, shipped_missions
+from missions.library.things import THINGS
 
 
 class Several(NamedTuple):
@@ -139,7 +139,7 @@ def test_one_mistake_in_a_mission_that_is_right_is_told_at_its_line_alone(what: 
     assert not wrong, "\n".join(wrong)
 
 
-def faults(text: str, path: Path = Path("m.yaml"), **params: str) -> list[Fault]:
+def faults(text: str, path: Path = Path("m.yaml"), **params: str) -> list[Diagnostic]:
     try:
         check_plan(Source(str(path), text), LEAVES, THINGS, find_mission=find_mission, params=params)
     except InvalidFileError as error:

@@ -13,7 +13,7 @@ from drivers.api import Coupling, Device, HeadPose, Lamp, Reading, Source, Tune,
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
-from missions.executive.moment import Answer
+from missions.executive.tick_record import Answer
 from missions.testing.recorders import Bench, good
 
 FORWARD = Velocity(0.2, 0.0)

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.camera.devices import CameraDevice
 from missions.cli import camera
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from perception.geometry import Pinhole
 from tests.missions.command import Outcome, command
 from tests.perception.boards import LENS, POSES, drawn

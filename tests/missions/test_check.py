@@ -13,7 +13,6 @@ from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
 from config.faults import MAX_FAULTS, InvalidFileError, Source
 from drivers.clock import ManualClock
-from missions.assembly.things import THINGS
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
 from missions.language.document import MAX_DEPTH, check_plan, load_plan
@@ -22,7 +21,8 @@ from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
 from missions.language.plan import Plan, Step
 from missions.language.steps import LISTED
 from missions.language.values import Value
-from missions.library import load_mission
+from missions.library.shipped import load_mission
+from missions.library.things import THINGS
 from perception.api import Thing
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
@@ -275,7 +275,7 @@ UNITS = "(units: deg, rad)"
             ["- say: x", "  if: b.mood == 3", "- find_object: red ball", "  as: b"],
             "b.mood",
             "'if': an object has no 'mood'",
-            f"known are: {', '.join(sorted(Thing.__dataclass_fields__))}",
+            f"known are: {', '.join(sorted([*Thing.__dataclass_fields__, 'drop']))}",
         ),
         (["- say: '${q.name}'"], "q.name", "'say': unknown name 'q.name'", NAMES),
         (["- say: '${patienc.x}'"], "patienc.x", "'say': unknown name 'patienc.x'", "did you mean 'patience.x'?"),

@@ -7,8 +7,8 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError
-from missions.catalogue import example, kind_of
-from missions.library import load_mission
+from missions.library.catalogue import example, kind_of
+from missions.library.shipped import load_mission
 from missions.schema.values import written
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Fault, InvalidFileError, Source
-from missions.assembly.things import THINGS
+from config.faults import Diagnostic, InvalidFileError, Source
 from missions.language.claims import Target
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library.things import THINGS
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
 WHOLE = frozenset({"base", "head", "arm", "camera", "voice"})
@@ -20,13 +20,13 @@ def check(tree: str, parts: frozenset[str] = WHOLE) -> Plan:
     return check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=Target("r2", parts))
 
 
-def faults(tree: str, parts: frozenset[str] = WHOLE) -> list[Fault]:
+def faults(tree: str, parts: frozenset[str] = WHOLE) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         check(tree, parts)
     return list(caught.value.faults)
 
 
-def the_fault(tree: str, parts: frozenset[str] = WHOLE) -> Fault:
+def the_fault(tree: str, parts: frozenset[str] = WHOLE) -> Diagnostic:
     (fault,) = faults(tree, parts)
     return fault
 

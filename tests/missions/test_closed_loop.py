@@ -14,7 +14,7 @@ from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from missions.executive.executive import Result
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 
 ARM = "turtlebot2_arm"
@@ -23,12 +23,14 @@ ARM = "turtlebot2_arm"
 def hall(*, slip: float = 0.0, lag: float = 0.0) -> WorldConfig:
     """Return a large empty room; ``slip`` is a share, ``lag`` in seconds."""
     world = load_world(shipped("worlds")["empty"])
-    return replace(world, length=20.0, width=20.0, physics=replace(world.physics, slip=slip, lag=lag))
+    return replace(
+        world, room=replace(world.room, length=20.0, width=20.0), physics=replace(world.physics, slip=slip, lag=lag)
+    )
 
 
 def run(mission: str, world: WorldConfig, *, robot: str = ARM, params: Mapping[str, str] | None = None) -> "Ended":
     """Run a mission in simulated time."""
-    runner = Runner(Order(mission, params or {}, robot=robot, simulate="fast", world=world, eyes="truth"))
+    runner = Runner(RunRequest(mission, params or {}, robot=robot, simulate="fast", world=world, eyes="truth"))
     result = runner.run()
     assert runner.twins is not None
     leaves = [node for node in runner.root.iterate() if isinstance(node, Leaf)]

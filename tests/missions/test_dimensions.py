@@ -6,9 +6,9 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError, Source
-from missions.assembly.things import THINGS
 from missions.language.document import check_plan, load_plan
-from missions.library import find_mission
+from missions.library.shipped import find_mission
+from missions.library.things import THINGS
 from missions.testing.ran import run_mission
 
 HEAD = """\

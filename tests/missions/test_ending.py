@@ -10,7 +10,7 @@ from drivers.clock import SystemClock
 from drivers.ports import open_port
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Process, wait_until
 
@@ -92,5 +92,5 @@ def test_a_base_that_is_unplugged_is_waited_for_and_used_again(tmp_path: Path) -
 def test_a_run_leaves_no_signal_handler_behind(tmp_path: Path) -> None:
     (tmp_path / "short.yaml").write_text("mission: short\ntree: succeed\n")
     before = signal.getsignal(signal.SIGTERM)
-    assert Runner(Order(str(tmp_path / "short.yaml"))).run().result == "success"
+    assert Runner(RunRequest(str(tmp_path / "short.yaml"))).run().result == "success"
     assert signal.getsignal(signal.SIGTERM) is before

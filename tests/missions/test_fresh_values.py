@@ -13,11 +13,11 @@ from behaviours.robot import Robot
 from behaviours.run import Run
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
 from drivers.clock import ManualClock
-from missions.assembly.things import THINGS
 from missions.executive.build import build
 from missions.executive.state import state_of
 from missions.language.document import load_plan
-from missions.library import find_mission
+from missions.library.shipped import find_mission
+from missions.library.things import THINGS
 
 
 class Gaps:

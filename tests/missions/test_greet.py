@@ -14,13 +14,13 @@ import pytest
 
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, PerceptSeen, Started
 from missions.executive.executive import Result
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 
 CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
 
 
-def run(order: Order) -> tuple[Result, list[Event], list[str]]:
+def run(order: RunRequest) -> tuple[Result, list[Event], list[str]]:
     """Run a mission in simulation; return how it ended, its events, and what was said aloud."""
     events: list[Event] = []
     result = Runner(order, listeners=[events.append]).run()
@@ -44,7 +44,7 @@ def aims(events: list[Event], begin: float, end: float) -> list[float]:
 
 @pytest.mark.real_time
 def test_the_simulated_robot_finds_a_person_tracks_and_greets_them_within_5_degrees_of_the_axis() -> None:
-    result, events, said = run(Order("greet"))
+    result, events, said = run(RunRequest("greet"))
     assert (result.result, result.reason) == ("success", "")
     assert said == ["Hello!"]
     assert isinstance(events[0], Started)
@@ -67,7 +67,7 @@ def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> Non
         "mission: follow\ntree:\n  sequence:\n    - find_face:\n      timeout: 20 s\n"
         "    - track_face:\n      timeout: 12 s\n      on_failure: succeed\n"
     )
-    _, events, _ = run(Order(str(mission), simulate="fast", world="walker"))
+    _, events, _ = run(RunRequest(str(mission), simulate="fast", world="walker"))
     began = next(event.t for event in events if isinstance(event, NodeChanged) and event.kind == "track_face")
     seen = [event for event in events if isinstance(event, PerceptSeen) and event.stamp > began + 1]
     yaws: list[Any] = [event.faces[0]["yaw"] for event in seen if event.faces]
@@ -79,7 +79,7 @@ def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> Non
 
 
 def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None:
-    result, _, said = run(Order("greet", {"patience": "3 s"}, simulate="fast", world="empty"))
+    result, _, said = run(RunRequest("greet", {"patience": "3 s"}, simulate="fast", world="empty"))
     assert result.result == "failure"
     assert "no face found" in result.reason
     assert said == []
@@ -89,7 +89,7 @@ def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None
 @pytest.mark.parametrize("clip", ["again", "learn", "sister", "want"])
 @pytest.mark.real_time
 def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
-    result, events, said = run(Order("greet", {"patience": "20 s"}, camera=str(CLIPS / f"{clip}.mkv")))
+    result, events, said = run(RunRequest("greet", {"patience": "20 s"}, camera=str(CLIPS / f"{clip}.mkv")))
     assert result.result == "success"
     assert said == ["Hello!"]
     assert max(aims(events, *greeting(events))) < math.radians(5)
@@ -98,7 +98,7 @@ def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
 @pytest.mark.real_time
 def test_footage_without_a_face_is_not_greeted(tmp_path: Path) -> None:
     make_footage(tmp_path / "empty.avi")
-    result, _, said = run(Order("greet", {"patience": "3 s"}, camera=str(tmp_path / "empty.avi")))
+    result, _, said = run(RunRequest("greet", {"patience": "3 s"}, camera=str(tmp_path / "empty.avi")))
     assert result.result == "failure"
     assert "no face found" in result.reason
     assert said == []

@@ -174,7 +174,7 @@ class Slow(Drive):
 def executive(watched: Watched, leaf: Drive | Stop) -> Executive:
     watched.bench.put(leaf, distance=5.0)
     made = Executive(leaf, watched.bench.run, watched.stream, guard=watched.guard)
-    watched.bench.run.let_pass = lambda seconds: bool(watched.bench.clock.advance(seconds))
+    watched.bench.run.wait = lambda seconds: bool(watched.bench.clock.advance(seconds))
     return made
 
 

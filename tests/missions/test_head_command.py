@@ -23,7 +23,7 @@ from drivers.virtual.terminal import Terminal
 from missions.assembly.lags import ENOUGH
 from missions.cli.keys import Keys, interruptible
 from missions.cli.trimming import trim_by_hand
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from tests.missions.command import Outcome, command
 from tests.waiting import wait_until
 

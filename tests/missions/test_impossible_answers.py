@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
-from missions.library import load_mission
+from missions.library.shipped import load_mission
 
 LISTEN = "    - listen: [yes, No thanks]\n      as: answer\n"
 

@@ -13,10 +13,10 @@ from config.library import shipped
 from config.marked import Mapping, Scalar, compose
 from drivers.api import Gesture
 from missions.assembly.target import target_of
-from missions.assembly.things import THINGS
-from missions.drivers import load_robot
 from missions.language.document import check_plan
 from missions.language.plan import Step
+from missions.library.drivers import load_robot
+from missions.library.things import THINGS
 from missions.testing.recorders import Bench
 
 HUMANOID = target_of(load_robot(shipped("robots")["humanoid"]))

@@ -8,7 +8,7 @@ import pytest
 
 from config.robot import RobotConfig
 from missions.assembly.lags import ENOUGH, KNOWN, Lags, lags_file
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 
 ROBOT = "robot: {}\nbase: {{driver: kobuki, port: /dev/kobuki}}\ncamera: {{delay: 20 ms}}\n"
 

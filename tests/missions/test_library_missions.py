@@ -18,8 +18,8 @@ from missions.cli.motion import MOTIONS
 from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
-from missions.library import load_mission, shipped_missions
-from missions.order import Order, Simulate
+from missions.library.shipped import load_mission, shipped_missions
+from missions.order import RunRequest, Simulate
 from missions.runner import Runner
 from missions.testing.recorders import STOP, Bench, good
 from tests.behaviours.test_base import REPORT, LaggingBase
@@ -150,7 +150,7 @@ class Ran:
     ) -> None:
         self.events: list[Event] = []
         self._when, self._then = when, then
-        self.runner = Runner(Order(mission, params or {}, simulate=simulate, world=world), listeners=[self._hear])
+        self.runner = Runner(RunRequest(mission, params or {}, simulate=simulate, world=world), listeners=[self._hear])
         self.result: Result = self.runner.run()
         self.said = [event.text for event in self.events if isinstance(event, Logged) and event.level == "voice"]
 

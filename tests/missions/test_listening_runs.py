@@ -7,10 +7,10 @@ import pytest
 import missions
 from missions.assembly import simulated_hearing
 from missions.executive.events import Event, FaultRaised, Logged, NodeChanged
-from missions.library import load_mission
-from missions.order import Order
-from missions.replay.rerun import rerun
-from tests.missions.replay.past import past_of
+from missions.library.shipped import load_mission
+from missions.order import RunRequest
+from missions.records.replay.rerun import rerun
+from tests.missions.records.replay.past import past_of
 from tests.missions.spoken import record
 
 ASKS = """mission: ask
@@ -77,7 +77,7 @@ def test_a_robot_file_may_name_a_recording(folder: Path) -> None:
 
 
 def test_a_record_is_enough_to_decide_again(folder: Path) -> None:
-    past = past_of(Order(str(folder / "ask.yaml"), simulate="fast", world=str(folder / "w.yaml"), eyes="truth"))
+    past = past_of(RunRequest(str(folder / "ask.yaml"), simulate="fast", world=str(folder / "w.yaml"), eyes="truth"))
     found = rerun(past, load_mission(str(folder / "ask.yaml"), complete=True), past.runner.config)
     assert found.same
     assert found.ticks > 40

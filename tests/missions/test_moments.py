@@ -18,10 +18,10 @@ from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.events import Event, NodeChanged, ReflexFired, Stream, Ticked
 from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, Executive
+from missions.executive.frozen_tick import SAMPLE_EVERY
 from missions.executive.guard import Guard
-from missions.executive.moment import Answer, Moment
-from missions.executive.standstill import SAMPLE_EVERY
-from missions.order import Order
+from missions.executive.tick_record import Answer, TickRecord
+from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.recorders import Bench, good
 from missions.testing.recorders.base import RecordedBase
@@ -72,7 +72,7 @@ class Scene:
         self.base = self.bench.base if base is None else base
         self.base.reading = good(REST)
         self.leaf = leaf
-        self.moments: list[Moment] = []
+        self.moments: list[TickRecord] = []
         self.events: list[Event] = []
         stream, answers, run = Stream([self.events.append]), Answers(), self.bench.run
         robot = asked(Robot(base_part=self.base), answers)
@@ -80,7 +80,7 @@ class Scene:
         leaf.robot, leaf.key, leaf.line = robot, "1", 3
         guard = Guard(robot.base, Reflexes(), run, stream)
         self.executive = Executive(leaf, run, stream, guard=guard, answers=answers, on_moment=self.moments.append)
-        run.let_pass = lambda seconds: bool(self.bench.clock.advance(seconds))
+        run.wait = lambda seconds: bool(self.bench.clock.advance(seconds))
 
     def feel(self, **felt: Any) -> None:
         self.base.reading = good(replace(REST, **felt))
@@ -345,10 +345,10 @@ def _drive(leaf: Drive) -> Drive:
 # --- a whole run ------------------------------------------------------------------------------------------------------
 
 
-def _played(*, recorded: bool) -> tuple[list[NodeChanged], list[Moment], list[Ticked]]:
+def _played(*, recorded: bool) -> tuple[list[NodeChanged], list[TickRecord], list[Ticked]]:
     events: list[Event] = []
-    moments: list[Moment] = []
-    order = Order("greet", simulate="fast", eyes="truth")
+    moments: list[TickRecord] = []
+    order = RunRequest("greet", simulate="fast", eyes="truth")
     runner = Runner(order, listeners=[events.append], on_moment=moments.append if recorded else None)
     runner.run()
     changes = [event for event in events if isinstance(event, NodeChanged)]

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
-from missions.assembly.things import looked_for, wanted
-from missions.library import load_mission
+from missions.library.shipped import load_mission
+from missions.library.things import looked_for, wanted
 from perception.wanted import Wanted
 
 MISSION = """

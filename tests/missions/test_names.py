@@ -9,17 +9,17 @@ import pytest
 
 from config.library import find
 from config.world import WorldConfig, load_world
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from missions.assembly.drawn import drawn_gallery
 from missions.assembly.gallery import gallery, recogniser
 from missions.assembly.interests import Interests, interests_of
+from missions.assembly.people import People
 from missions.assembly.truth_names import TrueNames
-from missions.drivers import load_robot
 from missions.executive.events import Event, Logged, PerceptSeen
 from missions.executive.executive import Result
-from missions.library import load_mission
-from missions.order import Order
-from missions.people import People
+from missions.library.drivers import load_robot
+from missions.library.shipped import load_mission
+from missions.order import RunRequest
 from missions.runner import Runner
 from perception.api import UNKNOWN, Box, Detection
 from perception.identity import Look, Nobody
@@ -60,7 +60,9 @@ def ran(
 ) -> tuple[Result, list[Event]]:
     path, events = tmp_path / "mission.yaml", list[Event]()
     path.write_text(text)
-    order = Order(str(path), params or {}, simulate="fast", world=world, eyes="truth" if eyes == "truth" else "pixels")
+    order = RunRequest(
+        str(path), params or {}, simulate="fast", world=world, eyes="truth" if eyes == "truth" else "pixels"
+    )
     return Runner(order, listeners=[events.append]).run(), events
 
 
@@ -139,7 +141,7 @@ def test_where_nobody_asks_there_is_no_recogniser() -> None:
 
 
 def test_two_who_are_drawn_alike_are_told_of_and_strangers_are_not_learnt() -> None:
-    people, notices = two_people().people, list[Notice]()
+    people, notices = two_people().people, list[DeviceStatus]()
     alike = [replace(each, look="anna") for each in people]
     drawn_gallery(alike, notices.append)
     assert [notice.what for notice in notices] == ["Anna and Ben look alike"]
@@ -153,7 +155,7 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     camera = load_robot(find("robots", "turtlebot2_arm")).camera
     assert camera is not None
     own = replace(camera, identity=replace(camera.identity, people=str(tmp_path / "people")))
-    notices = list[Notice]()
+    notices = list[DeviceStatus]()
     assert isinstance(gallery(own, notices.append), Nobody)
     assert [(notice.what, notice.hint) for notice in notices] == [
         ("it knows nobody yet, so that all are unknown", "mission person add NAME")
@@ -176,7 +178,7 @@ def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path:
     tool.parent.mkdir(parents=True)
     tool.touch(0o755)
     tool.chmod(0o755)
-    notices = list[Notice]()
+    notices = list[DeviceStatus]()
     named = replace(camera, identity=replace(camera.identity, people=str(tmp_path)))
     assert isinstance(gallery(named, notices.append), Nobody)
     assert [notice.what for notice in notices] == ["it knows nobody yet, so that all are unknown"]
@@ -184,7 +186,7 @@ def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path:
 
 
 def test_what_is_the_matter_with_the_pictures_is_told_once_at_the_first_look() -> None:
-    notices = list[Notice]()
+    notices = list[DeviceStatus]()
     alike = [replace(each, look="anna") for each in two_people().people]
     known = recogniser(Interests(names=True), notices.append, drawn=alike)
     assert known is not None

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from missions.cli import head
-from missions.order import Order
+from missions.cli import head_bench
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Outcome, command
 
@@ -49,7 +49,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
-    runner = Runner(Order(str(folder / "look_about.yaml"), robot=str(folder / "necked.yaml"), simulate="fast"))
+    runner = Runner(RunRequest(str(folder / "look_about.yaml"), robot=str(folder / "necked.yaml"), simulate="fast"))
     assert runner.run().result == "success"
     assert runner.twins is not None
     assert runner.twins.head is not None
@@ -59,7 +59,7 @@ def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
 
 def test_a_person_is_found_with_it_in_simulated_time(folder: Path) -> None:
     Path("find.yaml").write_text("mission: find\ntree:\n  find_face:\n    pause: 200 ms\n    scans: 1\n")
-    order = Order(str(folder / "find.yaml"), robot=str(folder / "necked.yaml"), simulate="fast", eyes="truth")
+    order = RunRequest(str(folder / "find.yaml"), robot=str(folder / "necked.yaml"), simulate="fast", eyes="truth")
     assert Runner(order).run().result == "success"
 
 
@@ -78,7 +78,7 @@ def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Call
 def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(head, "CONNECT_TIME", 0.5)
+    monkeypatch.setattr(head_bench, "CONNECT_TIME", 0.5)
     outcome = mission("head", "where", "--robot", str(folder / "necked.yaml"), "--port", "/dev/no_such_bus")
     assert outcome.code == 3
     assert "/dev/no_such_bus: no such device" in outcome.err

@@ -3,7 +3,7 @@
 import pytest
 
 from config.faults import InvalidFileError
-from tests.missions.verify.exploring import plan_of
+from tests.missions.testing.verify.exploring import plan_of
 
 CASES = {
     "drive: 1 m\ndelay: 10 s\ntimeout: 5 s": (

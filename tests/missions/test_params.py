@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.catalogue import LEAVES
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 from config.units import Quantity
-from missions.assembly.things import THINGS
 from missions.language.document import check_plan
 from missions.language.plan import Plan
-from missions.library import load_mission
+from missions.library.shipped import load_mission
+from missions.library.things import THINGS
 from missions.testing.ran import run_mission
 
 MISSION = """\
@@ -38,13 +38,13 @@ def check(text: str, params: Mapping[str, str] | None = None, *, complete: bool 
     return check_plan(Source("visit.yaml", text), LEAVES, THINGS, params=params, complete=complete)
 
 
-def faults(text: str, params: Mapping[str, str] | None = None) -> list[Fault]:
+def faults(text: str, params: Mapping[str, str] | None = None) -> list[Diagnostic]:
     with pytest.raises(InvalidFileError) as caught:
         check(text, params)
     return list(caught.value.faults)
 
 
-def the_fault(text: str, params: Mapping[str, str] | None = None) -> Fault:
+def the_fault(text: str, params: Mapping[str, str] | None = None) -> Diagnostic:
     (fault,) = faults(text, params)
     return fault
 

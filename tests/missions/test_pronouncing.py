@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import unreported
+from drivers.api import ignore
 from drivers.api.driver import Site
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import ManualClock, SystemClock
@@ -94,7 +94,7 @@ def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looke
 def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneKeys, tmp_path: Path) -> None:
     clock = ManualClock()
     source = WavMicrophone(tmp_path / "none.wav", clock)
-    ears = hearing(config, source, ["hello robot"], clock, report=unreported)
+    ears = hearing(config, source, ["hello robot"], clock, report=ignore)
     assert (ears.words(), ears.refused(), ears.listened(), ears.level()) == ((), (), None, -90.0)
     assert not ears.health().online
     ears.rest()

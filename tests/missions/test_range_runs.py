@@ -17,10 +17,10 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.sim.twins.ranger import RangerTwin
 from missions.assembly.simulation import Simulation
-from missions.drivers import load_robot
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
-from missions.order import Order
+from missions.library.drivers import load_robot
+from missions.order import RunRequest
 from missions.runner import Runner
 
 MISSION = """\
@@ -43,7 +43,7 @@ def measured(folder: Path, *, simulate: Literal["wire", "fast"]) -> tuple[float,
     mission = folder / "m.yaml"
     mission.write_text(MISSION, encoding="utf-8")
     events: list[Event] = []
-    order = Order(str(mission), robot="turtlebot2", simulate=simulate, world="corridor", eyes="truth")
+    order = RunRequest(str(mission), robot="turtlebot2", simulate=simulate, world="corridor", eyes="truth")
     assert Runner(order, listeners=[events.append]).run().result == "success"
     (line,) = [event.text for event in events if isinstance(event, Logged) and event.level == "info"]
     ahead, nearest = map(float, line.split())

@@ -21,8 +21,8 @@ import skimage
 from _pytest.mark import ParameterSet
 
 from missions.cli.root import guarded, mission
-from missions.drivers import load_robot
-from missions.library import load_mission
+from missions.library.drivers import load_robot
+from missions.library.shipped import load_mission
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 
@@ -53,24 +53,32 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the README speaks of: its own, photos and a video of people."""
+    folder = tmp_path_factory.mktemp("made")
     for name, text in files():
-        (tmp_path / name).write_text(text)
+        (folder / name).write_text(text)
     picture = cv2.cvtColor(skimage.data.astronaut(), cv2.COLOR_RGB2BGR)
-    cv2.imwrite(str(tmp_path / "photo.jpg"), picture)
+    cv2.imwrite(str(folder / "photo.jpg"), picture)
     scene = cv2.copyMakeBorder(picture, 0, 0, 64, 64, cv2.BORDER_REPLICATE)[:480]
-    video = cv2.VideoWriter(str(tmp_path / "my_video.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 20.0, (640, 480))
+    video = cv2.VideoWriter(str(folder / "my_video.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 20.0, (640, 480))
     for _ in range(40):
         video.write(scene)
     video.release()
-    (tmp_path / "photos").mkdir()
+    (folder / "photos").mkdir()
     for number, photo in enumerate(pictures("anna", (1.0, 1.3), each=2)):
-        cv2.imwrite(str(tmp_path / f"photos/anna{number}.jpg"), photo)
-    with wave.open(str(tmp_path / "quiet.wav"), "wb") as sound:
+        cv2.imwrite(str(folder / f"photos/anna{number}.jpg"), photo)
+    with wave.open(str(folder / "quiet.wav"), "wb") as sound:
         sound.setparams((1, 2, 16000, 0, "NONE", "not compressed"))
         sound.writeframes(bytes(32000))
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Such a folder for one test, which works in it."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -94,7 +102,7 @@ def test_the_readme_has_commands_and_files() -> None:
 
 def of_kind(line: str) -> str:
     """Return what this command needs in order to be tried."""
-    kinds = {"simulate": "devices", "hear": "microphone"}
+    kinds = {"simulate": "devices", "hear": "microphone", "studio": "page"}
     return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
 
 
@@ -162,6 +170,13 @@ def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), folder=folder)
     first = process.wait_for_line(lambda text: text.startswith("{"))
     assert '"ports"' in first
+    assert process.end(signal.SIGINT) == 0
+
+
+@pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "page"])
+def test_the_studio_tells_its_link_and_ends_when_it_is_told(line: str, folder: Path) -> None:
+    process = Process(*shlex.split(line), "--port", "0", folder=folder)
+    process.wait_for_line(lambda text: "http://127.0.0.1:" in text)
     assert process.end(signal.SIGINT) == 0
 
 

@@ -14,7 +14,7 @@ from missions.cli.live import Watcher
 from missions.executive.events import CommandSent, Event, Logged, ReflexFired
 from missions.executive.executive import Result
 from missions.executive.guard import REFLEXES
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 
 FAR = "drive: {distance: 3 m, speed: 0.2 m/s}"
@@ -27,7 +27,7 @@ class Ran:
         mission = folder / "m.yaml"
         mission.write_text(f"mission: m\ntree: {{{tree}}}\n", encoding="utf-8")
         self.events: list[Event] = []
-        order = Order(str(mission), robot="turtlebot2", simulate="fast", world="empty", eyes="truth")
+        order = RunRequest(str(mission), robot="turtlebot2", simulate="fast", world="empty", eyes="truth")
         runner = Runner(order, listeners=[self.events.append])
         assert runner.twins is not None
         base = runner.twins.base

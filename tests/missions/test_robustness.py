@@ -18,8 +18,8 @@ from missions.cli.heeded import GONE, heeded
 from missions.executive.events import Event, Logged, Stream
 from missions.executive.state import state_of
 from missions.language.expressions import parse
-from missions.library import load_mission
-from missions.order import Order
+from missions.library.shipped import load_mission
+from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
 from tests.missions.command import Process, command, wait_until
@@ -158,7 +158,7 @@ def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
     bench = Bench()
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
     assembled = Assembled("r", robot, {"base": bench.base, "head": bench.head, "arm": bench.arm})
-    assembled.settle(frozenset({"base", "arm"}))
+    assembled.safe_stop(frozenset({"base", "arm"}))
     assert bench.base.commands == [STOP]
     assert bench.arm.commands == [HOLD]
     assert RELAX not in bench.arm.commands
@@ -173,7 +173,7 @@ def test_one_part_that_cannot_be_settled_does_not_keep_the_others_from_it() -> N
 
     bench.base.stop = broken  # type: ignore[method-assign,assignment]
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
-    Assembled("r", robot, {}).settle(frozenset({"base", "arm"}))
+    Assembled("r", robot, {}).safe_stop(frozenset({"base", "arm"}))
     assert bench.arm.commands == [HOLD]
 
 
@@ -196,11 +196,11 @@ def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path:
     path = tmp_path / "watch.yaml"
     path.write_text("mission: watch\ntree:\n  wait: 1 s\n  until: face.seen\n  if: battery.percent > 1\n")
     assert load_mission(str(path)).tree.needs == {"camera", "base"}
-    assert Runner(Order(str(path))).run().result == "success"
+    assert Runner(RunRequest(str(path))).run().result == "success"
 
 
 @pytest.mark.real_time
 def test_the_battery_of_the_robot_is_known_when_the_mission_starts(tmp_path: Path) -> None:
     path = tmp_path / "watch.yaml"
     path.write_text("mission: watch\ntree:\n  fail: empty\n  if: battery.percent < 1\n")
-    assert Runner(Order(str(path))).run().result == "success"
+    assert Runner(RunRequest(str(path))).run().result == "success"

@@ -19,13 +19,13 @@ from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.marked import Listing, Node, Scalar, compose
 from config.units import UNITS, quantity
-from missions.assembly.things import THINGS
-from missions.catalogue import bounds, shown_default
-from missions.catalogue import example as example_of
 from missions.language import body, for_each, params, steps, switches
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.library import find_mission, shipped_missions
+from missions.library.catalogue import bounds, shown_default
+from missions.library.catalogue import example as example_of
+from missions.library.shipped import find_mission, shipped_missions
+from missions.library.things import THINGS
 from missions.schema.mission import known_things, mission_schema
 from missions.schema.values import quantity as written_quantity
 from tests.missions.command import Outcome, command

@@ -13,7 +13,7 @@ from config.library import find
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.virtual.servo import VirtualServo
 from missions.cli.servo.ranges import Range, keep_ranges
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from tests.missions.command import Outcome, command, wait_until
 from tests.missions.servo_bench import Three, three
 
@@ -31,7 +31,7 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("missions.cli.servo.bench.PATIENCE", 0.1)
+    monkeypatch.setattr("missions.cli.servo.bench.REPLY_TIMEOUT", 0.1)
     with three(Path("three.yaml")) as found:
         yield found
 

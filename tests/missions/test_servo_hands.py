@@ -16,7 +16,7 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import HELP, Hands
 from missions.cli.simulate import Lines
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 
 ROBOT = load_robot(find("robots", "turtlebot2_arm"))
 
@@ -29,7 +29,6 @@ def simulation() -> Iterator[Simulation]:
     found.close()
 
 
-@pytest.mark.real_time
 def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simulation) -> None:
     hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
@@ -41,7 +40,6 @@ def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simu
         hands.do("turn elbow 0 deg")
 
 
-@pytest.mark.real_time
 def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) -> None:
     hands, servos = Hands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
@@ -55,7 +53,6 @@ def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) ->
     assert (servos.servo(10).get("led"), servos.servo(6).present) == (0, True)
 
 
-@pytest.mark.real_time
 def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simulation) -> None:
     servos = simulation.device(VirtualServoBus)
     assert servos is not None
@@ -66,7 +63,6 @@ def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simul
     assert elbow.angle == pytest.approx(radians(10))
 
 
-@pytest.mark.real_time
 def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
     hands = Hands(simulation, ROBOT)
     hands.do("unplug arm")
@@ -88,13 +84,11 @@ def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
         ("unplug leg", "no part 'leg'"),
     ],
 )
-@pytest.mark.real_time
 def test_words_that_make_no_sense_are_answered_in_words(simulation: Simulation, line: str, words: str) -> None:
     with pytest.raises(ValueError, match=words.replace("'", ".")):
         Hands(simulation, ROBOT).do(line)
 
 
-@pytest.mark.real_time
 def test_help_names_every_command(simulation: Simulation) -> None:
     assert all(word in Hands(simulation, ROBOT).do("help") for word in HELP)
 
@@ -117,7 +111,6 @@ def test_lines_come_whole_however_they_are_cut_and_end_with_their_pipe() -> None
     assert list(lines.wait(0.0)) == []
 
 
-@pytest.mark.real_time
 def test_the_command_answers_each_line_and_goes_on_without_its_stdin(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "missions", "simulate", "--robot", "turtlebot2_arm", "--paced"],

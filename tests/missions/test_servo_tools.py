@@ -23,7 +23,7 @@ IDS = ("--ids", "1-4")
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
     # Driver and servos share one interpreter here: a reply takes longer than on a wire.
-    for constant in ("missions.cli.servo.bench.PATIENCE", "drivers.dynamixel.make.REPLY_TIMEOUT"):
+    for constant in ("missions.cli.servo.bench.REPLY_TIMEOUT", "drivers.dynamixel.make.REPLY_TIMEOUT"):
         monkeypatch.setattr(constant, 0.1)
     with three(Path("three.yaml")) as found:
         yield found

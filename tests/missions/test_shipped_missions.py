@@ -14,9 +14,9 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api.sections import ArmKeys
 from missions.assembly.target import target_of
-from missions.assembly.things import THINGS
-from missions.drivers import load_robot
-from missions.library import find_mission, load_mission, shipped_missions
+from missions.library.drivers import load_robot
+from missions.library.shipped import find_mission, load_mission, shipped_missions
+from missions.library.things import THINGS
 from missions.order import DEFAULT_ROBOT
 
 LOADERS: dict[str, Callable[[Path], object]] = {
@@ -109,7 +109,7 @@ def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> Non
     with pytest.raises(LookupError, match=r"names a gesture that is wrong: .*bad\.yaml:3:22: 'elbow' needs an angle"):
         THINGS["gesture"](str(file))
     file.write_text("controller: bad\nleg: {}\n", encoding="utf-8")
-    with pytest.raises(LookupError, match="which is wrong: 'leg' is none of the rule bases"):
+    with pytest.raises(LookupError, match=r"bad\.yaml:2:1: a controller file has no key 'leg'"):
         THINGS["controller"](str(file))
 
 

@@ -8,7 +8,7 @@ from drivers.clock import ManualClock
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 
 ROBOTS = Path(__file__).parent.parent.parent / "config" / "robots"
 

@@ -19,20 +19,20 @@ from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
 from missions.executive.pace import Pace
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.missions.command import command
 
 
-def told(order: Order) -> list[Event]:
+def told(order: RunRequest) -> list[Event]:
     """Run ``order`` and return its events."""
     events: list[Event] = []
     Runner(order, listeners=[events.append]).run()
     return events
 
 
-def fast(name: str, **options: object) -> Order:
-    return replace(Order(name, simulate="fast"), **options)  # type: ignore[arg-type] # options of many types
+def fast(name: str, **options: object) -> RunRequest:
+    return replace(RunRequest(name, simulate="fast"), **options)  # type: ignore[arg-type] # options of many types
 
 
 @pytest.mark.parametrize("eyes", ["pixels", "truth"])
@@ -66,7 +66,7 @@ def test_another_seed_is_another_run() -> None:
 
 def test_a_world_may_be_given_as_a_value() -> None:
     world = load_world(find("worlds", "living_room"))
-    far = replace(world, people=tuple(replace(person, x=4.9) for person in world.people))
+    far = replace(world, people=tuple(replace(person, at=(4.9, person.y)) for person in world.people))
     result = Runner(fast("greet", eyes="truth", world=far, params={"patience": "8 s"})).run()
     assert result.result == "failure"
 

@@ -13,9 +13,9 @@ from drivers.voice.printed import PrintedVoice
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.speaking import voice_proxy
-from missions.library import load_mission
-from missions.replay.answering import AnsweringVoice
-from missions.replay.memory import Memory
+from missions.library.shipped import load_mission
+from missions.records.replay.answering import AnsweringVoice
+from missions.records.replay.memory import Memory
 from missions.testing.recorders import Bench
 
 

@@ -16,9 +16,9 @@ from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from drivers.sim.twins.base import BaseTwin
-from missions.drivers import load_robot
 from missions.language.plan import Plan
-from missions.order import Order
+from missions.library.drivers import load_robot
+from missions.order import RunRequest
 from missions.runner import Runner, load
 
 STARTS = 100
@@ -74,14 +74,14 @@ def plan_of(mission: Path, robot: str) -> Plan:
     return load(order(mission, robot, load_world(shipped("worlds")["empty"])), load_robot(shipped("robots")[robot]))
 
 
-def order(mission: Path, robot: str, world: WorldConfig) -> Order:
+def order(mission: Path, robot: str, world: WorldConfig) -> RunRequest:
     leaves = tuple(mission.parent.glob("*.py"))
-    return Order(str(mission), robot=robot, simulate="fast", world=world, eyes="truth", behaviours=leaves)
+    return RunRequest(str(mission), robot=robot, simulate="fast", world=world, eyes="truth", behaviours=leaves)
 
 
 def world_of(name: str, start: Pose2D, lag: float) -> WorldConfig:
     world = load_world(shipped("worlds")[name])
-    place = replace(world.start, x=start.x, y=start.y, heading=start.heading)
+    place = replace(world.start, at=(start.x, start.y), heading=start.heading)
     return replace(world, start=place, physics=replace(world.physics, lag=lag), people=())
 
 

@@ -19,8 +19,8 @@ from drivers.kobuki.driver import KobukiBase
 from drivers.virtual.kobuki import PERIOD as REPORT
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
-from missions.drivers import load_robot
-from missions.order import Order
+from missions.library.drivers import load_robot
+from missions.order import RunRequest
 from missions.runner import Runner
 from tests.drivers.test_kobuki_driver import DirectLink
 from tests.missions.lone_base import Witness
@@ -114,7 +114,7 @@ def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest
     terminal = Terminal("kobuki", witness, clock)
     terminal.open()
     try:
-        order = Order(str(mission), robot="turtlebot2", ports={"base": terminal.path})
+        order = RunRequest(str(mission), robot="turtlebot2", ports={"base": terminal.path})
         assert Runner(order, substitute=lambda *_: stalling).run().result == "failure"
     finally:
         terminal.close()

@@ -12,11 +12,11 @@ from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
 from config.faults import InvalidFileError
 from drivers.clock import ManualClock
-from missions.assembly.things import THINGS
 from missions.executive.build import build
 from missions.language.document import load_plan
 from missions.language.plan import Plan
-from missions.library import find_mission
+from missions.library.shipped import find_mission
+from missions.library.things import THINGS
 
 SQUARE = """\
 mission: square

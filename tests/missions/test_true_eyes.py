@@ -14,7 +14,7 @@ from drivers.sim.things import Ball, Box, Rover, Wall
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from missions.assembly.interests import Interests
-from missions.assembly.seeing import Flaws, TrueSight
+from missions.assembly.seeing import SensorNoise, TrueSight
 from missions.assembly.truth import Truth
 from perception.api import Gaze, Marker, Thing
 from perception.geometry import wrap
@@ -23,7 +23,7 @@ from perception.things import ThingSense
 from perception.wanted import BALL, BOX, Wanted
 from tests.perception.rendered import CAMERA, LENS, frame
 
-FLAWLESS = Flaws(missed=0.0, noise=0.0)
+FLAWLESS = SensorNoise(missed=0.0, noise=0.0)
 KIND = MarkerKind(robots={7: "R2"})
 WANTED = (Wanted("sun", "yellow", BALL, 0.2), Wanted("crate", "red", BOX, 0.3), Wanted("blue", "blue"))
 SUN = Ball("sun", 2.0, 0.3, 0.2, COLOURS["yellow"], bottom=0.4)
@@ -34,7 +34,7 @@ EYE = Viewpoint(z=0.7, pitch=radians(12))
 
 
 def true(
-    world: World, view: Viewpoint = EYE, *, flaws: Flaws = FLAWLESS, frames: int = 2
+    world: World, view: Viewpoint = EYE, *, flaws: SensorNoise = FLAWLESS, frames: int = 2
 ) -> tuple[tuple[Thing, ...], tuple[Marker, ...]]:
     """What true eyes see after so many pictures."""
     sight = TrueSight(
@@ -117,7 +117,7 @@ def test_a_thing_of_unknown_size_has_no_distance() -> None:
 
 
 def test_a_part_of_all_looks_is_missed_at_random() -> None:
-    truth = Truth(WORLD, CAMERA, Flaws(missed=0.3, noise=1.0), Random(5))  # noqa: S311 - noise is no secret
+    truth = Truth(WORLD, CAMERA, SensorNoise(missed=0.3, noise=1.0), Random(5))  # noqa: S311 - noise is no secret
     looks = [truth.things(EYE, 0.0, WANTED, COLOURS) for _ in range(300)]
     assert 0.6 < sum(len(things) for things in looks) / 600 < 0.8
     assert len({things[0].box for things in looks if things}) > 100

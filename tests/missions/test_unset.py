@@ -6,8 +6,8 @@ import pytest
 
 from config.faults import InvalidFileError
 from missions.language import document
-from missions.verify.verdicts import REFUTED
-from tests.missions.verify.exploring import explored, outcomes, plan_of
+from missions.testing.verify.verdicts import REFUTED
+from tests.missions.testing.verify.exploring import explored, outcomes, plan_of
 
 SHORT = {
     "TRIED": "FOUND, on_failure: succeed",

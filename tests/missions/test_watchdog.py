@@ -11,6 +11,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import RUNNING, SUCCESS, Leaf
 from behaviours.run import Run
+from drivers.api.kinds import KINDS
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DeviceFault
 from drivers.virtual.kobuki import VirtualKobuki
@@ -18,6 +19,8 @@ from drivers.virtual.terminal import Terminal
 from missions.executive.events import Event as Told
 from missions.executive.events import FaultRaised, Stream
 from missions.executive.watchdog import GLANCE, Limits, Watchdog
+from missions.order import RunRequest
+from missions.runner import Runner
 from tests.missions.command import Process, command, wait_until
 
 # --- one look at a time, on a clock that the test advances ------------------------------------------------------------
@@ -88,6 +91,12 @@ class Kennel:
         return [event.detail for event in self.told if isinstance(event, FaultRaised)]
 
 
+def test_every_part_that_moves_is_kept_still_and_no_sentence_is_broken_off() -> None:
+    runner = Runner(RunRequest("greet", robot="turtlebot2_arm", simulate="fast", eyes="truth"))
+    still = {kind.name for kind in KINDS.values() if kind.still is not None}
+    assert runner.watchdog._still.keys() == still - {"voice"}
+
+
 @pytest.fixture
 def kennel(clock: ManualClock) -> Kennel:
     return Kennel(clock)
@@ -106,7 +115,6 @@ def test_a_leaf_that_holds_a_tick_is_reported_by_name_and_line_once(kennel: Kenn
     assert kennel.kept == []
 
 
-@pytest.mark.real_time
 def test_a_loop_that_stalls_has_the_robot_kept_still_twice_and_no_more(kennel: Kennel) -> None:
     assert kennel.hold(1.8) is RUNNING
     wait_until(lambda: len(kennel.kept) >= 4)
@@ -115,7 +123,6 @@ def test_a_loop_that_stalls_has_the_robot_kept_still_twice_and_no_more(kennel: K
     assert kennel.faults[-1].startswith("dawdle (line 4) has held up the robot for 0.5")
 
 
-@pytest.mark.real_time
 def test_each_stall_is_a_new_one(kennel: Kennel) -> None:
     kennel.hold(0.6)
     kennel.hold(0.1)
@@ -123,14 +130,12 @@ def test_each_stall_is_a_new_one(kennel: Kennel) -> None:
     assert len([fault for fault in kennel.faults if "held up the robot" in fault]) == 2
 
 
-@pytest.mark.real_time
 def test_a_stall_outside_of_any_leaf_counts_too(kennel: Kennel) -> None:
     kennel.pass_time(0.6)
     assert kennel.stilled.wait(5.0)
     assert kennel.faults == ["the executive has held up the robot for 0.55 s: it is kept still"]
 
 
-@pytest.mark.real_time
 def test_a_device_that_hangs_keeps_neither_the_watchdog_nor_the_other_parts(clock: ManualClock) -> None:
     release = Event()
 
@@ -143,7 +148,6 @@ def test_a_device_that_hangs_keeps_neither_the_watchdog_nor_the_other_parts(cloc
     release.set()
 
 
-@pytest.mark.real_time
 def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) -> None:
     refused: list[str] = []
 
@@ -165,14 +169,12 @@ def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) 
     assert kennel.leaf.advance() is SUCCESS
 
 
-@pytest.mark.real_time
 def test_a_leaf_that_holds_a_tick_for_seconds_has_failed_whatever_it_returns(kennel: Kennel) -> None:
     assert kennel.hold(3.0, then=SUCCESS) is Status.FAILURE
     assert kennel.leaf.reason.startswith("dawdle (line 4): held the tick for 2.9")
     assert kennel.hold(0.1, then=SUCCESS) is SUCCESS
 
 
-@pytest.mark.real_time
 def test_a_loop_that_never_comes_back_is_given_up(kennel: Kennel) -> None:
     kennel.hold(16.0)
     assert kennel.given_up[0] == ("failure", "dawdle (line 4): held the tick for over 15 s")
@@ -185,7 +187,6 @@ def test_a_signal_that_the_loop_reacts_to_ends_nothing(kennel: Kennel) -> None:
     assert kennel.given_up == []
 
 
-@pytest.mark.real_time
 def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None:
     kennel.dog.armed = False  # whatever the main thread is at: opening, ticking, closing
     kennel.word = "SIGTERM"
@@ -395,7 +396,6 @@ def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
     )
 
 
-@pytest.mark.real_time
 def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_path: Path) -> None:
     held = Held(tmp_path, "sleepy")
     try:
@@ -410,7 +410,6 @@ def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_pa
 
 
 @pytest.mark.parametrize("tree", ["stubborn", "petrified"])
-@pytest.mark.real_time
 def test_a_loop_that_hangs_for_good_is_ended_by_a_signal_with_the_base_at_rest(tree: str, tmp_path: Path) -> None:
     held = Held(tmp_path, tree)
     try:
@@ -424,7 +423,6 @@ def test_a_loop_that_hangs_for_good_is_ended_by_a_signal_with_the_base_at_rest(t
         held.close()
 
 
-@pytest.mark.real_time
 def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: Path) -> None:
     held = Held(tmp_path, "sequence: [{sleepy: , on_failure: succeed}, {wait: 1 s}]")
     try:

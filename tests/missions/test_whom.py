@@ -6,10 +6,10 @@ import click
 import numpy as np
 import pytest
 
+from missions.assembly.people import People
 from missions.cli.whom import check_people
-from missions.library import load_mission
-from missions.order import Order
-from missions.people import People
+from missions.library.shipped import load_mission
+from missions.order import RunRequest
 from tests.missions.command import command
 
 FIND = """
@@ -52,11 +52,11 @@ def robot(tmp_path: Path) -> str:
     return str(path)
 
 
-def check(order: Order) -> None:
+def check(order: RunRequest) -> None:
     check_people(order, load_mission(order.mission, params=order.params, complete=True))
 
 
-def refused(order: Order) -> str:
+def refused(order: RunRequest) -> str:
     with pytest.raises(click.UsageError) as caught:
         check(order)
     return caught.value.message
@@ -64,22 +64,22 @@ def refused(order: Order) -> str:
 
 @pytest.mark.parametrize("who", ["Ben", "ben", "unknown", ""])
 def test_whom_the_world_has_a_simulated_robot_knows(mission: str, who: str) -> None:
-    check(Order(mission, {"who": who}, world="two_people"))
+    check(RunRequest(mission, {"who": who}, world="two_people"))
 
 
 def test_a_name_that_nobody_in_the_world_has_is_refused_with_those_who_are_known(mission: str) -> None:
-    said = refused(Order(mission, {"who": "Nobodyy"}, world="house"))
+    said = refused(RunRequest(mission, {"who": "Nobodyy"}, world="house"))
     assert said == (
         "nobody in world 'house' is called 'Nobodyy'; known: Anna, Ben, Chidi\n  try: --world NAME, where they are"
     )
 
 
 def test_a_slip_is_told_of_with_the_name_that_was_meant(mission: str) -> None:
-    assert refused(Order(mission, {"who": "Bne"}, world="two_people")).endswith("did you mean 'Ben'?")
+    assert refused(RunRequest(mission, {"who": "Bne"}, world="two_people")).endswith("did you mean 'Ben'?")
 
 
 def test_all_names_that_are_not_known_are_told_of_and_only_those(mission: str) -> None:
-    said = refused(Order(mission, {"who": "Zoe", "seen": "Yves"}, world="two_people"))
+    said = refused(RunRequest(mission, {"who": "Zoe", "seen": "Yves"}, world="two_people"))
     assert "is called 'Zoe' or 'Yves';" in said
     assert "'Nobody'" not in said  # it stands in a variable, which may hold another by then
 
@@ -88,14 +88,14 @@ def test_all_names_that_are_not_known_are_told_of_and_only_those(mission: str) -
 def test_a_house_whose_people_are_out_can_be_simulated_but_that_is_told(
     mission: str, world: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    check(Order(mission, {"who": "Ben"}, world=world))
+    check(RunRequest(mission, {"who": "Ben"}, world=world))
     assert capsys.readouterr().err == (
         f"the robot knows nobody in world '{world}', so it will not find 'Ben' or 'Anna'\n"
     )
 
 
 def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, people: People) -> None:
-    order = Order(mission, {"who": "Ben"}, robot)
+    order = RunRequest(mission, {"who": "Ben"}, robot)
     assert refused(order) == "nobody is called 'Ben' or 'Anna'; known: nobody\n  try: mission person add Ben"
     people.add("Anna", ANNA)
     assert refused(order) == "nobody is called 'Ben'; known: Anna\n  try: mission person add Ben"
@@ -105,30 +105,32 @@ def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, peopl
 
 def test_who_has_no_pictures_left_is_not_known(mission: str, robot: str, people: People) -> None:
     (people.where / "Anna").mkdir(parents=True)
-    assert "known: nobody" in refused(Order(mission, {"who": "Anna"}, robot))
+    assert "known: nobody" in refused(RunRequest(mission, {"who": "Anna"}, robot))
 
 
 def test_a_true_camera_sees_the_users_people_even_where_the_rest_is_simulated(mission: str, people: People) -> None:
     people.add("Anna", ANNA)
-    check(Order(mission, {"who": "Anna"}, simulate="wire", camera="0"))
-    assert "known: Anna\n" in refused(Order(mission, {"who": "Ben"}, simulate="wire", camera="0", world="two_people"))
+    check(RunRequest(mission, {"who": "Anna"}, simulate="wire", camera="0"))
+    assert "known: Anna\n" in refused(
+        RunRequest(mission, {"who": "Ben"}, simulate="wire", camera="0", world="two_people")
+    )
 
 
 def test_a_name_with_a_blank_can_be_typed_as_the_hint_has_it(mission: str, robot: str, people: People) -> None:
     assert not people.known()
-    assert refused(Order(mission, {"who": "Ben Two"}, robot)).endswith("try: mission person add 'Ben Two'")
+    assert refused(RunRequest(mission, {"who": "Ben Two"}, robot)).endswith("try: mission person add 'Ben Two'")
 
 
 def test_people_who_cannot_be_read_are_told_of(mission: str, robot: str, people: People) -> None:
     people.where.parent.mkdir(parents=True)
     people.where.write_text("no folder")
-    said = refused(Order(mission, {"who": "Anna"}, robot))
+    said = refused(RunRequest(mission, {"who": "Anna"}, robot))
     assert str(people.where) in said
     assert "try: ls -ld" in said
 
 
 def test_a_mission_that_names_nobody_needs_nobody(robot: str, people: People) -> None:
-    check(Order("greet", {}, robot))
+    check(RunRequest("greet", {}, robot))
     assert not people.known()
 
 

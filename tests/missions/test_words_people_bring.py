@@ -9,11 +9,9 @@ from typing import NamedTuple, get_type_hints
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Fault, InvalidFileError, Source
+from config.faults import Diagnostic, InvalidFileError, Source
 from config.synonyms import KEYS as FILE_KEYS
 from config.synonyms import head_of
-from missions.assembly.things import THINGS
-from missions.drivers import Table, robot_of
 from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
@@ -21,7 +19,9 @@ from missions.language.kinds import FLAG, STATE
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import MOVING, WORDS, word_meant
-from missions.library import find_mission, shipped_missions
+from missions.library.drivers import Table, robot_of
+from missions.library.shipped import find_mission, shipped_missions
+from missions.library.things import THINGS
 from missions.schema.robots import part_schemas
 from missions.testing.recorders import Bench
 
@@ -182,7 +182,7 @@ MISTAKES = [
 ]
 
 
-def answer(written: str) -> list[Fault]:
+def answer(written: str) -> list[Diagnostic]:
     """What the checker says to it."""
     text = written
     if written.startswith("- "):

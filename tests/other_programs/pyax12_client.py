@@ -10,7 +10,7 @@ from time import monotonic
 
 from pyax12.connection import Connection
 
-PATIENCE = 10.0
+REPLY_TIMEOUT = 10.0
 """Seconds in which a servo must have arrived."""
 
 
@@ -26,7 +26,7 @@ def main(port: str) -> dict[str, object]:
             "rate": servos.get_baud_rate(1),
         }
         servos.goto(2, 45, speed=400, degrees=True)
-        end = monotonic() + PATIENCE
+        end = monotonic() + REPLY_TIMEOUT
         while servos.is_moving(2) and monotonic() < end:
             Event().wait(0.01)
         seen["position"] = servos.get_present_position(2, degrees=True)

@@ -11,7 +11,7 @@ from time import monotonic
 
 from pypot.dynamixel.io import DxlIO
 
-PATIENCE = 10.0
+REPLY_TIMEOUT = 10.0
 """Seconds in which all must have arrived."""
 
 
@@ -32,7 +32,7 @@ def insist(write: Callable[[], None], taken: Callable[[], bool]) -> None:
 
     pypot empties the port's output before each request, and so loses a write that the other end has not read yet.
     """
-    end = monotonic() + PATIENCE
+    end = monotonic() + REPLY_TIMEOUT
     write()
     while not taken() and monotonic() < end:
         write()
@@ -41,7 +41,7 @@ def insist(write: Callable[[], None], taken: Callable[[], bool]) -> None:
 
 def settle(io: DxlIO, ids: list[int]) -> None:
     """Wait until nothing moves any more."""
-    end = monotonic() + PATIENCE
+    end = monotonic() + REPLY_TIMEOUT
     while any(io.is_moving(ids)) and monotonic() < end:
         Event().wait(0.01)
 

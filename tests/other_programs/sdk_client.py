@@ -17,7 +17,7 @@ from dynamixel_sdk import port_handler
 LATENCY = 150
 """Milliseconds; the SDK waits twice as long for each reply. Its own 16 are too few on a busy machine."""
 
-PATIENCE = 10.0
+REPLY_TIMEOUT = 10.0
 """Seconds in which a servo must have arrived, or started anew."""
 
 BROADCAST = 254
@@ -25,7 +25,7 @@ BROADCAST = 254
 
 def until(done: Callable[[], bool]) -> bool:
     """Wait until ``done``; return whether it was in time."""
-    end = monotonic() + PATIENCE
+    end = monotonic() + REPLY_TIMEOUT
     while not done() and monotonic() < end:
         Event().wait(0.01)
     return done()

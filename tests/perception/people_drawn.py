@@ -16,8 +16,8 @@ from drivers.sim.world import World
 from perception.api import Image
 
 LENS = Lens(640, 480, radians(60))
-NEAR = (1.0, 1.25, 1.5)
-FAR = (2.0, 2.5, 3.0)
+NEAR_DISTANCES = (1.0, 1.25, 1.5)
+FAR_DISTANCES = (2.0, 2.5, 3.0)
 
 EYE = 1.1
 """Metres of the camera above the floor; people's eyes are 0.5 m higher."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from math import cos, radians, sin
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,8 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import Gaze, Image
 from perception.change import shift
-from perception.delay import BELIEVED, GRID, Delay, Exposed, Exposures, level
+from perception.delay import BELIEVED, GRID, KNOWN, REST, Delay, Exposed, Exposures, level
+from perception.geometry import Pinhole
 from tests.perception.rendered import CAMERA, LENS
 
 PERIOD = 0.05
@@ -110,3 +112,43 @@ def test_a_delay_that_changes_is_learnt_anew() -> None:
         turns = np.array([cos(n * PERIOD - each) - cos((n - 1) * PERIOD - each) for each in GRID]) * radians(40)
         delay.learn((cos(n * PERIOD - late) - cos((n - 1) * PERIOD - late)) * radians(40), turns)
     assert delay.seconds == pytest.approx(0.08, abs=0.01)
+
+
+def sweep(time: float) -> float:
+    """A head that goes to and fro by 10 degrees at 60 degrees/s, and waits a little at each end."""
+    phase = time % 1.0
+    return radians(10) * min(max(6 * min(phase, 1.0 - phase) - 1, -1.0), 1.0)
+
+
+def swept(exposures: Exposures, late: float, *, start: float, seconds: float) -> int:
+    """Let a camera on a sweeping head stamp its pictures ``late``; return from how many pairs something was learnt."""
+    strip = cv2.GaussianBlur(np.random.default_rng(3).integers(0, 256, (120, 480, 3), np.uint8), (0, 0), 3)
+    camera, before = Pinhole(160, 120, radians(20)), exposures.delay.pairs
+    for n in range(int(seconds / PERIOD)):
+        time = start + n * PERIOD
+        left = 160 - round(sweep(time) / radians(20) * 160)
+        image: Image = np.asarray(strip[:, left : left + 160], np.uint8)
+        exposures.exposed(Exposed(image, time + late), camera)
+    return exposures.delay.pairs - before
+
+
+def test_a_delay_that_is_known_is_checked_now_and_then_only() -> None:
+    exposures = Exposures(lambda time: Gaze(sweep(time), 0.0), Delay())
+    swept(exposures, 0.03, start=10.0, seconds=10.0)
+    pairs = swept(exposures, 0.03, start=20.0, seconds=20.0)
+    assert exposures.delay.seconds == pytest.approx(0.03, abs=0.005)
+    assert exposures.delay.spread <= KNOWN
+    assert 0 < pairs < 20.0 / PERIOD / 4
+
+
+def test_a_delay_that_changes_once_it_was_known_is_learnt_within_some_seconds() -> None:
+    exposures = Exposures(lambda time: Gaze(sweep(time), 0.0), Delay())
+    swept(exposures, 0.03, start=10.0, seconds=20.0)
+    swept(exposures, 0.07, start=30.0, seconds=REST + 6.0)
+    assert exposures.delay.seconds == pytest.approx(0.07, abs=0.01)
+
+
+def test_a_clock_that_was_set_back_does_not_end_the_learning() -> None:
+    exposures = Exposures(lambda time: Gaze(sweep(time), 0.0), Delay())
+    swept(exposures, 0.03, start=1000.0, seconds=10.0)
+    assert swept(exposures, 0.03, start=10.0, seconds=3.0) > 0

@@ -16,9 +16,7 @@ from perception.senses import FaceSense, Senses
 from perception.sighting import Sighting
 from perception.tracks import Tracker
 
-pytestmark = pytest.mark.real_time
-
-PATIENCE = 10.0
+PICTURE_TIMEOUT = 10.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class Middle:
 
 def until(true: Callable[[], object]) -> None:
     """Wait for the eyes' thread to make it so."""
-    for _ in range(int(PATIENCE / 0.01)):
+    for _ in range(int(PICTURE_TIMEOUT / 0.01)):
         if true():
             return
         Event().wait(0.01)

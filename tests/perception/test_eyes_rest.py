@@ -15,8 +15,6 @@ from perception.sighting import Sighting
 from perception.tracks import Tracker
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 
 class Picture:
     def __init__(self, stamp: float) -> None:

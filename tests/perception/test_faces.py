@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from perception import faces
-from perception.api import Box, Detector, Image
+from perception.api import Box, Image
 from perception.faces import HaarFaces
 
 FACE = Box(176, 65, 97, 97)
 
 
 def test_the_astronaut_has_exactly_one_face(astronaut: Image) -> None:
-    detector: Detector = HaarFaces()
-    (face,) = detector.detect(astronaut)
+    (face,) = HaarFaces().detect(astronaut)
     assert face.box.overlap(FACE) > 0.7
 
 

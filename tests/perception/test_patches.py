@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from perception.light import Grey
-from perception.patches import CELLS, DEPTH, MOST, Patches, describe, lit_evenly
+from perception.patches import CELLS, DEPTH, MAX_CONTRAST, Patches, describe, lit_evenly
 
 CROP = np.random.default_rng(4).integers(0, 256, (75, 75), dtype=np.uint8)
 
@@ -51,4 +51,4 @@ def test_light_changes_a_face_less_than_another_face_does(seed: int) -> None:
 def test_however_strong_an_edge_is_its_contrast_is_bounded() -> None:
     shown = np.zeros((75, 75), np.uint8)
     shown[:, 40:] = 255
-    assert float(np.abs(lit_evenly(shown)).max()) <= MOST
+    assert float(np.abs(lit_evenly(shown)).max()) <= MAX_CONTRAST

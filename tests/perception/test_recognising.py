@@ -12,7 +12,7 @@ from perception.api import UNKNOWN, Box, Image
 from perception.crops import face_in, portrait
 from perception.faces import HaarFaces
 from perception.identity import Look
-from perception.people import FEWEST, MOST, VARIANTS, KnownPeople, NotOneFace, described, enrol
+from perception.people import FEWEST, MAX_PICTURES, VARIANTS, KnownPeople, NotOneFace, described, enrol
 from tests.benchmarks.identifying import Asked, Portraits, Rates, ask, clips, drawn, hundred, rates
 from tests.perception.people_drawn import crowd, pictures
 
@@ -85,9 +85,9 @@ def test_people_in_films_are_recognised_a_second_later(footage: Path) -> None:
 
 def test_of_many_portraits_some_are_compared_spread_over_all_and_of_few_all_variants() -> None:
     shown = [np.full((100, 100, 3), grey, np.uint8) for grey in range(100)]
-    assert [len(each) for each in described(shown[:FEWEST], MOST)] == [len(VARIANTS)] * FEWEST
-    assert [len(each) for each in described(shown[:10], MOST)] == [MOST // 10] * 10
-    assert [len(each) for each in described(shown, MOST)] == [1] * MOST
+    assert [len(each) for each in described(shown[:FEWEST], MAX_PICTURES)] == [len(VARIANTS)] * FEWEST
+    assert [len(each) for each in described(shown[:10], MAX_PICTURES)] == [MAX_PICTURES // 10] * 10
+    assert [len(each) for each in described(shown, MAX_PICTURES)] == [1] * MAX_PICTURES
 
 
 def test_a_picture_of_one_face_enrols_somebody(astronaut: Image) -> None:

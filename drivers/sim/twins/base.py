@@ -1,42 +1,26 @@
 """The twin of a Kobuki: the real driver's rules and odometry over a simulated body, in one thread."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import degrees, inf
 from random import Random
+from typing import Unpack
 
 from drivers.api import (
-    Away,
-    BaseLimits,
     BaseState,
+    DeviceStatus,
     Health,
-    Notice,
     Pose2D,
     Quality,
     Reading,
-    Reflexes,
-    Report,
     Sides,
-    Source,
-    Steered,
-    Steering,
-    Velocity,
-    unheard,
-    unreported,
-    unsteered,
 )
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.guard import guarded
-from drivers.history import History
 from drivers.kobuki.commands import BaseControl
 from drivers.kobuki.driver import SILENT_AFTER, STALE_AFTER
 from drivers.kobuki.feedback import Core, Inertia
-from drivers.kobuki.helm import Helm
-from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.requests import check, require
-from drivers.kobuki.senses import compare
+from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.sim.body import NOTHING, Body, either
 from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.twins.panel import PanelTwin
@@ -46,7 +30,7 @@ Contacts = tuple[Sides, Sides, Sides, frozenset[int], bool]
 """Bumper, cliff, wheel drop, buttons, and whether it stands on the contacts of its dock."""
 
 
-class BaseTwin(PanelTwin):
+class BaseTwin(SteeredBase, PanelTwin):
     """A ``drivers.api.Base`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
@@ -62,36 +46,19 @@ class BaseTwin(PanelTwin):
         self,
         clock: Clock,
         *,
-        max_linear: float = 0.5,
-        max_angular: float = 1.9,
-        linear_acceleration: float = 0.5,
-        angular_acceleration: float = 3.5,
-        reflexes: Reflexes | None = None,
-        away: Away | None = None,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        steered: Steered = unsteered,
-        name: str = "base",
         body: Body | None = None,
         gyro_noise: float = 0.0,
         dropouts: float = 0.0,
         seed: int = 0,
+        **settings: Unpack[Settings],
     ) -> None:
         if not (0 <= dropouts <= 1 and 0 <= gyro_noise < inf):
-            raise ValueError(f"{name}: {dropouts=}, {gyro_noise=}: out of range")
-        super().__init__(name, Plug(name, report, back=self._connected))
+            raise ValueError(f"{self.name}: {dropouts=}, {gyro_noise=}: out of range")
+        SteeredBase.__init__(self, clock, **settings)
+        PanelTwin.__init__(self, self.name, Plug(self.name, self._report, back=self._connected))
         self.body = body or Body()
-        self._clock = clock
-        self._report = guarded(report)
-        self._changed = guarded(changed)
-        self._steered = guarded(steered)
-        limits = Limits(max_linear, max_angular, linear_acceleration, angular_acceleration)
-        self._limits = limits.told
-        self._helm = Helm(limits, reflexes, away)
-        self._told = self._helm.steering
         self._odometry = Odometry()
-        self._headings = History()
-        self._random = Random(f"{seed} {name}")  # noqa: S311 - chance, not a secret
+        self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._gyro_noise = gyro_noise
         self._dropouts = dropouts
         self._gyro_error = 0.0  # radians that the noise has added up to
@@ -101,56 +68,9 @@ class BaseTwin(PanelTwin):
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
         self._latest: BaseState | None = None  # of the newest report, made when somebody asks
         self._heard_at = -inf
-        self._silent = False
         self._frames = 0
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
-
-    @property
-    def limits(self) -> BaseLimits:
-        """How fast it goes, and how quickly that changes."""
-        return self._limits
-
-    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
-
-        Raises as the real one.
-        """
-        check(self.name, velocity, source)
-        now = self._clock.now()
-        if not self._hears(now):
-            self.stop()
-            self.plug.require()
-            detail, hint = self._silence()
-            raise NotConnected(detail, hint=hint)
-        require(self.name, self._helm.latched)
-        return self._helm.steer(velocity, now, self._felt, source)
-
-    def stop(self, *, source: Source | None = None) -> None:
-        """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).
-
-        Safe from any state, more than once; does not raise when offline.
-        """
-        if self._helm.halt(source) and self.plug.online:
-            self.body.command(0.0, 0.0, self._clock.now())
-
-    def latch(self, reason: str) -> None:
-        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
-        self._helm.latch(reason)
-        self.stop()
-
-    def enable(self) -> None:
-        """End a latched stop; nothing of before is in force then."""
-        self._helm.enable()
-
-    @property
-    def latched(self) -> str:
-        """Why it is latched; empty while it is not."""
-        return self._helm.latched
-
-    def steering(self) -> Steering:
-        """Return who commands it, and what came of that."""
-        return self._helm.steering
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale when it is older than the real driver's limit."""
@@ -162,21 +82,12 @@ class BaseTwin(PanelTwin):
         fresh = now - self._heard_at <= STALE_AFTER
         return Reading(self._latest, self._heard_at, Quality.GOOD if fresh else Quality.STALE)
 
-    def heading_at(self, stamp: float) -> float | None:
-        """The heading in radians at a past time (the last 3 s), interpolated; None when that is not known."""
-        found = self._headings.at(stamp)
-        return found[0] if found else None
-
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
-        self._helm.absence.begin()
+        self._mux.absence.begin()
         self.plug.open()
-
-    def rest(self) -> None:
-        """Stand still: the only rest of a base."""
-        self.stop()
 
     def close(self) -> None:
         """Stand still, and hear nothing any more. Safe from any state, more than once."""
@@ -185,7 +96,7 @@ class BaseTwin(PanelTwin):
 
     def health(self) -> Health:
         """Say whether reports arrive."""
-        health = replace(self.plug.health({"frames": self._frames}), returned=self._helm.absence.returned)
+        health = replace(self.plug.health({"frames": self._frames}), returned=self._mux.absence.returned)
         if health.online and not self._hears(self._clock.now()):
             detail, hint = self._silence()
             return replace(health, online=False, detail=detail, hint=hint)
@@ -201,15 +112,13 @@ class BaseTwin(PanelTwin):
             self._hear(now)
         elif not (self._silent or self._hears(now)):
             self._silent = True
-            self._report(Notice(self.name, "offline", *self._silence()))
+            self._report(DeviceStatus(self.name, "offline", *self._silence()))
         felt = self._feels(now)
         if felt is not None:
-            self._helm.feel(felt, now)
-        velocity = self._helm.velocity(now, felt)
+            self._mux.feel(felt, now)
+        velocity = self._mux.velocity(now, felt)
         self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
-        if self._helm.steering != self._told:
-            self._told = self._helm.steering
-            self._steered(self._told)
+        self._tell_steering(self._mux.steering)
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
@@ -240,7 +149,7 @@ class BaseTwin(PanelTwin):
 
     def _connected(self) -> None:
         """Begin anew: nothing of before is in force, but the pose goes on from where it was."""
-        self._helm.halt()
+        self._mux.halt()
         self._odometry.anchor()
         self._silent = False
         now = self._clock.now()
@@ -259,16 +168,14 @@ class BaseTwin(PanelTwin):
         self._headings.add(now, (self._odometry.pose.heading,))
         self._signals = self.body.signals()
         self._heard_at = now
-        self._helm.hear(now)
+        self._mux.hear(now)
         self._latest = None
         self._frames += 1
         self._feel()
 
     def _feel(self) -> None:
         """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
-        if self._silent:
-            self._silent = False
-            self._report(Notice(self.name, "online", f"{self.name}: the base reports again"))
+        self._tell_return(f"{self.name}: the base reports again")
         bumper, cliff, buttons = self._pressed
         body = self.body
         contacts = (either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons, body.docked)
@@ -276,11 +183,7 @@ class BaseTwin(PanelTwin):
             return
         self._contacts = contacts
         before, self._felt = self._felt, self._state()
-        change = compare(before, self._felt)
-        for fault in change.faults:
-            self._report(Notice(self.name, "fault", fault, "stand the base on the floor, away from the edge"))
-        if change.felt:
-            self._changed()
+        self._tell(before, (self._felt,))
 
     def _state(self) -> BaseState:
         """Return the state as of the newest report."""
@@ -305,7 +208,23 @@ class BaseTwin(PanelTwin):
         """Return what the reflexes go by: what it touches, and where that is while it matters."""
         if not self._hears(now):
             return None
-        return self._state() if self._helm.alert else self._felt
+        return self._state() if self._mux.alert else self._felt
+
+    @property
+    def _newest(self) -> BaseState | None:
+        return self._felt
+
+    def _unheard(self, now: float) -> NotConnected | None:
+        if self._hears(now):
+            return None
+        if not self.plug.online:
+            return self.plug.absent()
+        detail, hint = self._silence()
+        return NotConnected(detail, hint=hint)
+
+    def _stand(self) -> None:
+        if self.plug.online:
+            self.body.command(0.0, 0.0, self._clock.now())
 
     def _hears(self, now: float) -> bool:
         return self.plug.online and now - self._heard_at <= SILENT_AFTER

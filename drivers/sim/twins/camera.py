@@ -6,7 +6,7 @@ from random import Random
 
 import numpy as np
 
-from drivers.api import CameraFrame, Health, Image, Report, unreported
+from drivers.api import CameraFrame, Health, Image, Report, ignore
 from drivers.clock import Clock
 from drivers.sim.twins.plug import Plug
 
@@ -18,6 +18,8 @@ class CameraTwin:
     0..1 of pictures that get lost, drawn from ``seed``. Raises ValueError for values that make no sense.
     """
 
+    name = "camera"
+
     def __init__(
         self,
         draw: Callable[[float], Image],
@@ -25,21 +27,19 @@ class CameraTwin:
         *,
         rate: float = 20.0,
         field_of_view: float = radians(60.0),
-        report: Report = unreported,
-        name: str = "camera",
+        report: Report = ignore,
         dropouts: float = 0.0,
         seed: int = 0,
     ) -> None:
         if not (rate > 0 and 0 < field_of_view < 3.14 and 0 <= dropouts <= 1):
-            raise ValueError(f"{name}: {rate=}, {field_of_view=}, {dropouts=}: out of range")
-        self.name = name
+            raise ValueError(f"{self.name}: {rate=}, {field_of_view=}, {dropouts=}: out of range")
         self.field_of_view = field_of_view
-        self.plug = Plug(name, report)
+        self.plug = Plug(self.name, report)
         self.period = 1 / rate
         self._draw = draw
         self._clock = clock
         self._dropouts = dropouts
-        self._random = Random(f"{seed} {name}")  # noqa: S311 - chance, not a secret
+        self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._picture: Image | None = None  # the newest
         self._frozen = self._covered = False
         self._opened: float | None = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Generic, Protocol, TypeVar
 
-from drivers.api import Health, Report, unheard, unreported
+from drivers.api import Health, Report, ignore
 from drivers.clock import Clock
 from drivers.guard import guarded
 from drivers.sim.acts import Reply
@@ -78,6 +78,8 @@ class HearingTwin(Generic[W]):
     nothing, and does not know. ``step`` it every ``PERIOD``; ``changed`` is called when words have come.
     """
 
+    name = "microphone"
+
     PERIOD = 0.05
 
     def __init__(
@@ -89,13 +91,11 @@ class HearingTwin(Generic[W]):
         deaf: Callable[[float, float], bool] = never,
         mishearing: float = 0.0,
         seed: int = 0,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "microphone",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
     ) -> None:
-        self.name = name
         self.dulled = False
-        self.plug = Plug(name, report, gone=self._forget)
+        self.plug = Plug(self.name, report, gone=self._forget)
         self._clock = clock
         self._grammar = grammar
         self._make = make

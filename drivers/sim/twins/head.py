@@ -8,26 +8,22 @@ from drivers.absence import Absence, Enabling
 from drivers.api import (
     HEAD_ACCELERATION,
     Away,
-    HeadLimits,
     HeadPose,
     Health,
     Quality,
     Reading,
     Report,
-    unheard,
-    unreported,
+    ignore,
 )
 from drivers.arduino.axis import TRAILING, ServoAxis
 from drivers.clock import Clock
-from drivers.guard import guarded
-from drivers.history import History
+from drivers.led import LedHead
 from drivers.pantilt import AHEAD, PanTilt
-from drivers.sim.servo import Shaft
+from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.sim.twins.plug import Plug
-from drivers.virtual.rodney import SERVO_SPEED
 
 
-class HeadTwin(Enabling):
+class HeadTwin(LedHead[ServoAxis], Enabling):
     """A ``drivers.api.Head`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``pan``, ``tilt``, ``speed`` (rad/s), ``acceleration`` (rad/s^2) and ``start`` as for ``ArduinoHead``: from where
@@ -39,6 +35,7 @@ class HeadTwin(Enabling):
     """
 
     PERIOD = 0.02
+    TRAILS = TRAILING
 
     def __init__(
         self,
@@ -49,32 +46,22 @@ class HeadTwin(Enabling):
         speed: float,
         acceleration: float = HEAD_ACCELERATION,
         away: Away | None = None,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "head",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
         start: HeadPose = AHEAD,
     ) -> None:
-        self.name = name
-        self.plug = Plug(name, report, back=self._connected, gone=self._gone)
-        self._clock = clock
-        self._changed = guarded(changed)
+        self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
+        super().__init__(
+            clock, PanTilt(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed
+        )
         self._built = (pan, tilt)  # what it is trimmed to later turns it in truth
-        self._way = PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start)
         self._shafts = tuple(Shaft(float(axis.awake), float(axis.awake), SERVO_SPEED) for axis in (pan, tilt))
         self._absence = Absence(away)
         self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
-        self._began = False  # it has gone for its start, or is not to
-        self._settled = False  # it stood still at the last step too: nothing is left to be sent
         self._pose = AHEAD
         self._stamp = -inf
-        self._history = History()
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
-
-    @property
-    def limits(self) -> HeadLimits:
-        """How far, how fast and how hard it turns."""
-        return self._way.limits
 
     def look(self, target: HeadPose) -> HeadPose:
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
@@ -96,34 +83,12 @@ class HeadTwin(Enabling):
             return Reading(None, self._clock.now(), Quality.NONE)
         return Reading(self._pose, self._stamp, Quality.GOOD if self.plug.online else Quality.STALE)
 
-    def pose_at(self, stamp: float) -> HeadPose | None:
-        """Where the servos stood at a past time, by what they were sent, interpolated; None when that is not known."""
-        values = self._history.at(stamp - TRAILING)
-        return None if values is None else HeadPose(*values)
-
-    def stop(self) -> None:
-        """Brake, within its acceleration, and hold."""
-        self._way.brake(self._clock.now())
-
-    def trim(self, *, pan: float | None = None, tilt: float | None = None) -> tuple[float, float]:
-        """Set the trims that are given, in radians of the servo; return both. Raises BadRequest for over 45 degrees."""
-        self._settled = False
-        return self._way.trim(pan=pan, tilt=tilt, now=self._clock.now())
-
-    def stay(self) -> None:
-        """Go nowhere when it is there. To be called before ``open``."""
-        self._began = True
-
     # --- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
         self._absence.begin()
         self.plug.open()
-
-    def rest(self) -> None:
-        """Hold: hobby servos know no other rest."""
-        self.stop()
 
     def close(self) -> None:
         """Hold at once, and let the servos stand where they are. Safe from any state, more than once."""

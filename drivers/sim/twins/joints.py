@@ -5,23 +5,21 @@ from dataclasses import replace
 from math import inf
 from typing import Literal
 
-from drivers.absence import Absence, Enabling
-from drivers.api import Away, Coupling, Health, JointLimits, JointState, Quality, Reading, Report, unheard, unreported
+from drivers.api import Away, Coupling, Health, JointState, Quality, Reading, Report, ignore
 from drivers.clock import Clock
-from drivers.dynamixel.clamping import Clamping
+from drivers.dynamixel.commanded import CommandedJoints
 from drivers.dynamixel.driver import FRESH
 from drivers.dynamixel.following import Following
 from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.legs import paced
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
-from drivers.dynamixel.telling import REMEDY, Telling
+from drivers.dynamixel.telling import REMEDY
 from drivers.dynamixel.wire import Fault
-from drivers.guard import guarded
 from drivers.sim.twins.plug import Plug
 from drivers.sim.twins.servo import ServoTwin
 
 
-class JointsTwin(Enabling):
+class JointsTwin(CommandedJoints):
     """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
@@ -40,33 +38,19 @@ class JointsTwin(Enabling):
         *,
         at_rest: Literal["hold", "relax"] = "hold",
         away: Away | None = None,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "arm",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
     ) -> None:
-        check(name, dict(joints))
-        self.name = name
-        self.plug = Plug(name, report, back=self._connected, gone=self._gone)
+        check(self.name, dict(joints))
         self._servos = {joint: ServoTwin(joint, spec) for joint, spec in joints.items()}
-        self._limits = {joint: servo.joint.limits for joint, servo in self._servos.items()}
-        self._clock = clock
-        self._absence = Absence(away)
-        self._stiff_at_rest = at_rest == "hold"
-        self._report = guarded(report)
-        self._changed = guarded(changed)
         described = {joint: servo.joint for joint, servo in self._servos.items()}
-        self._telling = Telling(name, described, self._report)
-        self._clamping = Clamping(name, described, self._report)
+        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed)
+        self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
         self._following = Following()
         self._read_at = -inf
         self._readings: Mapping[str, Reading[JointState]] = {}
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
-
-    @property
-    def limits(self) -> Mapping[str, JointLimits]:
-        """The joints by name, in the order of the robot file."""
-        return self._limits
 
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
@@ -108,18 +92,6 @@ class JointsTwin(Enabling):
             return {name: Reading(None, now, Quality.NONE) for name in self._servos}
         quality = Quality.GOOD if now - self._read_at <= FRESH else Quality.STALE
         return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
-
-    def hold(self, joints: Collection[str] | None = None) -> None:
-        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
-
-        Safe from any state; unplugged, it tells of the joints instead, and holds them when it is plugged in again.
-        Raises BadRequest for an unknown joint.
-        """
-        self._command(self._servos if joints is None else joints, stiff=True)
-
-    def relax(self, joints: Collection[str] | None = None) -> None:
-        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
-        self._command(self._servos if joints is None else joints, stiff=False)
 
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut down stiff again where they stand; return the names of the joints.

@@ -13,7 +13,7 @@ class PanelTwin:
     """
 
     def __init__(self, name: str, plug: Plug) -> None:
-        self.name = name
+        self._name = name
         self.plug = plug
         self.played: list[Tune | tuple[float, float]] = []
         self.lights: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
@@ -25,12 +25,12 @@ class PanelTwin:
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Note a tone in ``played``. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
+        tone(self._name, frequency, seconds)
         self.plug.require()
         self.played.append((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        check_light(self.name, number)
+        check_light(self._name, number)
         self.plug.require()
         self.lights[number] = colour

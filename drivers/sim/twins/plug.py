@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from drivers.api import Health, Notice, Report, unheard, unreported
+from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.errors import NotConnected
 from drivers.guard import guarded
 
@@ -17,10 +17,10 @@ class Plug:
     def __init__(
         self,
         name: str,
-        report: Report = unreported,
+        report: Report = ignore,
         *,
-        back: Callable[[], None] = unheard,
-        gone: Callable[[], None] = unheard,
+        back: Callable[[], None] = ignore,
+        gone: Callable[[], None] = ignore,
     ) -> None:
         self.online = False
         self.connections = 0
@@ -48,8 +48,8 @@ class Plug:
         if self.online:
             self.online = False
             self._gone()
-            why = self._absent()
-            self._report(Notice(self._name, "offline", str(why), why.hint))
+            why = self.absent()
+            self._report(DeviceStatus(self._name, "offline", str(why), why.hint))
 
     def plug_in(self) -> None:
         """Put the plug in again. Safe more than once."""
@@ -59,24 +59,25 @@ class Plug:
     def require(self) -> None:
         """Raise NotConnected, with the reason and what to try, unless the device is online."""
         if not self.online:
-            raise self._absent()
+            raise self.absent()
 
     def health(self, counters: Mapping[str, int]) -> Health:
         """Say whether the device is there, with its ``counters``."""
         figures = {"connections": self.connections, **counters}
         if self.online:
             return Health(online=True, counters=figures)
-        why = self._absent()
+        why = self.absent()
         return Health(online=False, detail=str(why), hint=why.hint, counters=figures)
 
     def _connect(self) -> None:
         if self._open and self._plugged and not self.online:
             self.online = True
             self.connections += 1
-            self._report(Notice(self._name, "online", "the simulated device is there"))
+            self._report(DeviceStatus(self._name, "online", "the simulated device is there"))
             self._back()
 
-    def _absent(self) -> NotConnected:
+    def absent(self) -> NotConnected:
+        """Return why the device is not there, and what to try."""
         if not self._open:
             return NotConnected(f"{self._name}: not opened yet", hint="open it first")
         return NotConnected(f"{self._name}: the simulated device is unplugged", hint=f"plug the {self._name} in again")

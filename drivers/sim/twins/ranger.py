@@ -5,7 +5,7 @@ from math import inf
 
 import numpy as np
 
-from drivers.api import Health, Quality, Ranges, RangeScan, Reading, Report, unheard, unreported
+from drivers.api import Health, Quality, Ranges, RangeScan, Reading, Report, ignore
 from drivers.clock import Clock
 from drivers.guard import guarded
 from drivers.rplidar.driver import STALE_AFTER
@@ -26,6 +26,8 @@ class RangerTwin:
     Else as ``drivers.rplidar.driver.RPLidar``. Raises ValueError for values that make no sense.
     """
 
+    name = "range"
+
     def __init__(
         self,
         look: Look,
@@ -34,17 +36,15 @@ class RangerTwin:
         model: str = "a1",
         place: Place = (0.0, 0.0, 0.0),
         blind: Sequence[Sector] = (),
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "range",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
         noise: float = NOISE,
         dropouts: float = 0.0,
         seed: int = 0,
     ) -> None:
         if not (model in MODELS and 0 <= dropouts <= 1 and 0 <= noise < inf):
-            raise ValueError(f"{name}: {model=}, {dropouts=}, {noise=}: out of range")
-        self.name = name
-        self.plug = Plug(name, report, back=self._begin)
+            raise ValueError(f"{self.name}: {model=}, {dropouts=}, {noise=}: out of range")
+        self.plug = Plug(self.name, report, back=self._begin)
         self._model = MODELS[model]
         self.PERIOD = 0.5 / self._model.rate
         """Seconds between two steps: half a turn."""
@@ -55,7 +55,7 @@ class RangerTwin:
         self._changed = guarded(changed)
         self._noise = noise
         self._dropouts = dropouts
-        self._random = np.random.default_rng([seed, *name.encode()])
+        self._random = np.random.default_rng([seed, *self.name.encode()])
         self._measured: RangeScan | None = None  # in the middle of the turn that goes on
         self._latest: RangeScan | None = None
         self._turned_at = -inf

@@ -1,6 +1,6 @@
 """The twin of a screen: what it shows can be asked, and it has a plug."""
 
-from drivers.api import Health, Mood, Report, unreported
+from drivers.api import Health, Mood, Report, ignore
 from drivers.clock import Clock
 from drivers.screen.kept import KeptScreen
 from drivers.sim.twins.plug import Plug
@@ -15,11 +15,10 @@ class ScreenTwin(KeptScreen):
         *,
         rest: Mood = Mood.ASLEEP,
         awake: Mood = Mood.NEUTRAL,
-        report: Report = unreported,
-        name: str = "screen",
+        report: Report = ignore,
     ) -> None:
-        super().__init__(clock, name=name, rest=rest, awake=awake)
-        self.plug = Plug(name, report)
+        super().__init__(clock, rest=rest, awake=awake)
+        self.plug = Plug(self.name, report)
 
     def open(self) -> None:
         """Wake up, and be there at once unless it is unplugged."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, unheard, unreported
+from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, ignore
 from drivers.clock import Clock
 from drivers.sim.twins.plug import Plug
 from drivers.voice.printed import PrintedVoice
@@ -20,12 +20,11 @@ class VoiceTwin(PrintedVoice):
         out: Callable[[str], None],
         *,
         usual: Manner = AS_USUAL,
-        report: Report = unreported,
-        changed: Callable[[], None] = unheard,
-        name: str = "voice",
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
     ) -> None:
-        super().__init__(clock, out, usual=usual, changed=changed, name=name)
-        self.plug = Plug(name, report, gone=self.rest)
+        super().__init__(clock, out, usual=usual, changed=changed)
+        self.plug = Plug(self.name, report, gone=self.rest)
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""

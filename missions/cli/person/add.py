@@ -5,7 +5,7 @@ from contextlib import closing
 
 import click
 
-from drivers.api import Notice
+from drivers.api import DeviceStatus
 from drivers.api.senses import CameraKeys
 from drivers.camera.choose import open_source
 from drivers.camera.pictures import pictures
@@ -13,17 +13,17 @@ from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.assembly.detectors import face_detector
+from missions.assembly.people import People, PeopleError, proper_name
 from missions.cli.numbers import Real, Whole
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
-from missions.people import People, PeopleError, proper_name
 from perception.api import Image
 from perception.crops import face_in
 from perception.finder import FaceDetector
-from perception.people import FEWEST, MOST, KnownPeople, NotOneFace, enrol
+from perception.people import FEWEST, MAX_PICTURES, KnownPeople, NotOneFace, enrol
 
-PATIENCE = 5.0
+PICTURE_TIMEOUT = 5.0
 """Seconds in which a camera must show something."""
 
 
@@ -81,7 +81,7 @@ def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
     hints = dict[str, None]()
     for path, number, image in pictures(files):
         if len(found) + len(faults) >= LIMIT:
-            hint = f"some tens, from different sides and days, teach more; {MOST} are used at most"
+            hint = f"some tens, from different sides and days, teach more; {MAX_PICTURES} are used at most"
             raise PeopleError(f"nothing was kept: these are more than {LIMIT} pictures", hint=hint)
         try:
             found.append(enrol(image, detector))
@@ -109,7 +109,7 @@ def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds
                 click.echo(f"{guide[:1].upper()}{guide[1:]}.", err=True)
             frame = eye.read(0.2)
             if frame is None:
-                if not seen and clock.now() > PATIENCE:
+                if not seen and clock.now() > PICTURE_TIMEOUT:
                     health = eye.health()
                     raise NotConnected(health.detail, hint=health.hint)
                 if seen and not eye.health().online:
@@ -139,6 +139,6 @@ def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:
     return max(set(taken), key=taken.count) if 2 * len(taken) > len(looks) else ""
 
 
-def _report(notice: Notice) -> None:
+def _report(notice: DeviceStatus) -> None:
     if notice.kind != "online":
         click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

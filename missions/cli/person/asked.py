@@ -9,9 +9,9 @@ import click
 from config.library import find
 from drivers.api.senses import CameraKeys
 from missions.assembly.gallery import people_of
+from missions.assembly.people import People, PeopleError, folder
 from missions.cli.root import FAILURE
-from missions.drivers import load_robot
-from missions.people import People, PeopleError, folder
+from missions.library.drivers import load_robot
 
 
 def robot_option(command: Any) -> Any:

@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 
 import click
 
+from missions.assembly.people import Known
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.root import SUCCESS
-from missions.columns import in_columns
-from missions.people import Known
+from missions.views.columns import in_columns
 from perception.elastic import Calibration
 from perception.people import KnownPeople
 

@@ -2,9 +2,9 @@
 
 import click
 
+from missions.assembly.people import PeopleError
 from missions.cli.person.asked import people_for, robot_option, saying_why
 from missions.cli.root import FAILURE, SUCCESS
-from missions.people import PeopleError
 
 
 @click.command()

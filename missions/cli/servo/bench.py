@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import click
 
-from behaviours.reach import Reach
+from behaviours.joint_ranges import JointRanges
 from config.faults import one_of
 from config.library import find
 from config.robot import RobotConfig
 from config.world import load_world
-from drivers.api import Joints, Notice, unheard
+from drivers.api import DeviceStatus, Joints, ignore
 from drivers.clock import Clock, SystemClock
 from drivers.dynamixel import wire
 from drivers.dynamixel.bus import At, Bus
@@ -25,13 +25,13 @@ from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.dynamixel.units import Framing
 from drivers.errors import DeviceFault, NoReply, NotConnected
 from missions.assembly.assemble import assemble
+from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.simulation import Simulation
-from missions.assembly.together import Audience, Wishes
+from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
 from missions.cli.servo.target import Target
-from missions.runner import CONNECT_TIME
 
-PATIENCE = 0.004
+REPLY_TIMEOUT = 0.004
 """Seconds that a servo's reply may be late."""
 
 DEFAULT_BAUD = 1_000_000
@@ -128,7 +128,7 @@ def opened_bus(
         groups: Mapping[str, tuple[str, ...]] = {}
         if target.robot is None and not target.virtual:
             baud = target.baud or DEFAULT_BAUD
-            bus = Bus(str(target.port), clock, baud=baud, patience=PATIENCE, framing=framing or "own")
+            bus = Bus(str(target.port), clock, baud=baud, patience=REPLY_TIMEOUT, framing=framing or "own")
         else:
             config = target.config()
             arm = _arm(config)
@@ -139,7 +139,7 @@ def opened_bus(
                 simulation = closings.enter_context(closing(Simulation(config, frozenset({"arm"}), clock)))
                 simulation.open()
                 port = simulation.ports["arm"]
-            waits = patience if target.virtual else PATIENCE
+            waits = patience if target.virtual else REPLY_TIMEOUT
             bus = Bus(port, clock, baud=arm.baud, patience=waits, framing=framing or arm.framing)
         closings.enter_context(closing(bus))
         bus.open()
@@ -152,7 +152,7 @@ class Arm:
     """An arm that is open and there, behind its driver."""
 
     joints: Joints
-    reach: Reach
+    reach: JointRanges
     config: DynamixelKeys
     clock: Clock
 
@@ -166,8 +166,8 @@ def opened_arm(target: Target) -> Iterator[Arm]:
     target.require_joints()
     config, clock = target.config(), SystemClock()
     arm = _arm(config)
-    wishes = Wishes(world=load_world(find("worlds", "empty")) if target.virtual else None)
-    audience = Audience(tell, unheard, click.echo, lambda *_: None, lambda *_: None)
+    wishes = Overrides(world=load_world(find("worlds", "empty")) if target.virtual else None)
+    audience = Hooks(tell, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"arm"}), clock, wishes, audience)
     joints = robot.robot.arm
     with interruptible(), closing(robot):
@@ -188,7 +188,7 @@ def _arm(config: RobotConfig) -> DynamixelKeys:
     return arm
 
 
-def tell(notice: Notice) -> None:
+def tell(notice: DeviceStatus) -> None:
     """Show what a device tells, on stderr; that it is there is no news."""
     if notice.kind != "online":
         click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

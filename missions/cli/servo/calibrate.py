@@ -17,7 +17,7 @@ from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.ranges import Range, check_keepable, keep_ranges
 from missions.cli.servo.target import Target, target_options
 from missions.cli.servo.until import patience, require_terminal, show
-from missions.columns import in_columns
+from missions.views.columns import in_columns
 
 LEAST = radians(5)
 """What was turned by less than this was not turned on purpose."""

@@ -14,7 +14,7 @@ from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
 from missions.cli.servo.writing import robot_text
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 
 @click.command("import")

@@ -13,7 +13,7 @@ from drivers.errors import BadRequest
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import opened_bus
 from missions.cli.servo.target import Target, target_options
-from missions.columns import in_columns
+from missions.views.columns import in_columns
 
 HEADINGS = ("address", "register", "value", "meaning", "delivered", "kept in")
 

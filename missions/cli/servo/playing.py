@@ -8,9 +8,9 @@ from types import ModuleType
 import click
 
 from behaviours.joint_motion import RUN_IN
+from behaviours.joint_ranges import degrees
 from behaviours.moves import Play
 from behaviours.playing import Playing
-from behaviours.reach import degrees
 from behaviours.tracking_error import Sample
 from config.library import find, shipped
 from config.robot import RobotConfig
@@ -19,9 +19,9 @@ from missions.assembly.target import target_of
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
 from missions.cli.servo.running import run_leaf
+from missions.cli.servo.tables import followed, poses, rehearsed, write_csv
 from missions.cli.servo.target import Target, target_options
-from missions.moves.load import load_move
-from missions.moves.report import followed, poses, rehearsed, write_csv
+from missions.hands.moves.load import load_move
 
 POINTS = 400
 """Of a curve that is drawn."""
@@ -143,7 +143,7 @@ def _draw(path: Path, title: str, goals: Curves, limits: Mapping[str, JointLimit
 def _drawing() -> ModuleType:
     """Import what draws; only who wants a picture needs it. Raises click.UsageError where it is not installed."""
     try:
-        from missions.moves import plot  # noqa: PLC0415
+        from missions.hands.moves import plot  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"--plot needs matplotlib ({error})\n  try: pip install 'missiontree[plots]'") from error
     return plot

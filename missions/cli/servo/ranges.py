@@ -11,7 +11,7 @@ from config.marked import read_source
 from config.robot import RobotConfig
 from config.units import written
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 AGAIN = "mission servo calibrate --robot FILE"
 

@@ -9,7 +9,7 @@ from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.register import Block
 from drivers.errors import BadRequest, NoReply
-from missions.columns import in_columns
+from missions.views.columns import in_columns
 
 HEADINGS = ("joint", "id", "position", "goal", "error", "speed", "load", "volts", "degC", "torque", "")
 """What the table of joints shows; angles in degrees."""

@@ -14,7 +14,7 @@ from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import opened_arm
 from missions.cli.servo.target import Target, target_options
 from missions.cli.servo.until import patience, require_terminal, show
-from missions.moves.record import Recording
+from missions.hands.moves.record import Recording
 
 
 @click.command()

@@ -12,24 +12,20 @@ Its YAML has one controller a joint, with the servo's steps at the joint's 0 (``
 What it does not say is the model of the servo: that is for the caller to know.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
-from config.faults import Fault, InvalidFileError, Source
-from config.fields import Fields, fields_of
+from config.declared import nearest, note_mistakes, read_keys
+from config.faults import Diagnostic, InvalidFileError, Source
+from config.fields import Fields, fields_of, value_of
+from config.marked import Mapping as MarkedMapping
 from config.marked import read_source
 from config.units import seen
+from drivers.api.keys import Mistake, key, keys
 from drivers.dynamixel.declared import JointKeys, Ticks, last_id
 from drivers.dynamixel.models import MODELS, Model
-
-LEFT_OUT = {
-    "joint_compliance_slope": "the compliance of a servo stays as it is",
-    "joint_compliance_margin": "the compliance of a servo stays as it is",
-    "joint_compliance_punch": "the compliance of a servo stays as it is",
-}
-"""What has no place in a robot file, and what is done instead."""
 
 UNLIKE = {
     "JointTorqueController": "turns a wheel, and takes no positions",
@@ -40,12 +36,56 @@ UNLIKE = {
 """The types of controller that are no joints of ours, and why."""
 
 
+@keys
+class KindKeys:
+    """What runs the joint in ROS."""
+
+    package: str = key(default="")
+    module: str = key(default="")
+    type: str = key(default="JointPositionController")
+
+
+@keys
+class MotorKeys:
+    """The servo of a joint, with its steps at the joint's 0 and at its ends."""
+
+    id: int = key(low=0)
+    init: int = key(low=0)
+    min: int = key()
+    max: int = key()
+    acceleration: object = key(default=None)
+
+
+@keys
+class ControllerKeys:
+    """One joint."""
+
+    controller: KindKeys | None = key(default=None)
+    joint_name: str = key()
+    motor: MotorKeys = key()
+    joint_speed: float = key(default=1.0, low=0.02)
+    joint_max_speed: float = key(default=inf, low=0.02)
+    joint_torque_limit: float = key(default=1.0, low=0.01, high=1.0)
+    joint_compliance_slope: object = key(default=None)
+    joint_compliance_margin: object = key(default=None)
+    joint_compliance_punch: object = key(default=None)
+
+
+LEFT_OUT: Mapping[tuple[str, ...], str] = {
+    ("joint_compliance_slope",): "compliance",
+    ("joint_compliance_margin",): "compliance",
+    ("joint_compliance_punch",): "compliance",
+    ("motor", "acceleration"): "acceleration",
+}
+"""What has no place in a robot file, and what of a servo it is that stays as it is."""
+
+
 @dataclass(frozen=True, slots=True)
 class RosJoints:
     """The joints by name; and what was changed or left out, each at its place in the file."""
 
     joints: Mapping[str, JointKeys]
-    notes: tuple[Fault, ...]
+    notes: tuple[Diagnostic, ...]
 
 
 def load_ros_joints(path: Path, *, model: str = "AX-12A") -> RosJoints:
@@ -57,8 +97,8 @@ def ros_joints_of(source: Source, *, model: str = "AX-12A") -> RosJoints:
     """Read the text of such a file. Raises as ``load_ros_joints`` does, and KeyError for an unknown model."""
     fields = fields_of(source, what="a file of controllers")
     reader = _Reader(MODELS[model])
-    for key, node in fields.entries():
-        reader.take(key.text, Fields(source, node, fields.faults, what=f"controller '{key.text}'"))
+    for name, node in fields.entries():
+        reader.take(name.text, Fields(source, node, fields.faults, what=f"controller '{name.text}'"))
     if not reader.joints and not fields.faults:
         fields.fault(fields.node.mark, "there is no controller of a joint in it")
     if fields.faults:
@@ -71,88 +111,81 @@ class _Reader:
 
     def __init__(self, model: Model) -> None:
         self.joints: dict[str, JointKeys] = {}
-        self.notes: list[Fault] = []
+        self.notes: list[Diagnostic] = []
         self._model = model
-        self._named: dict[str, str] = {}
-        self._numbered: dict[int, str] = {}
+        self._first: dict[str, str] = {}
 
     def take(self, controller: str, fields: Fields) -> None:
         """Read one controller."""
         if _unlike(fields):
             return
         mistakes = len(fields.faults)
-        name = fields.text("joint_name")
-        motor = fields.section("motor", required=True)
-        speed = min(fields.number("joint_speed", 1.0, low=0.02), fields.number("joint_max_speed", inf, low=0.02))
-        torque = fields.number("joint_torque_limit", 1.0, low=0.01, high=1.0)
-        for key, instead in LEFT_OUT.items():
-            self._leave_out(fields, key, instead)
-        fields.done()
-        if motor is None:
-            return
-        number, ticks = motor.integer("id", low=0, high=last_id(self._model)), self._ticks(motor)
-        self._leave_out(motor, "acceleration", "the acceleration of a servo stays as it is")
-        motor.done()
+        read = read_keys(fields, ControllerKeys)
+        note_mistakes(fields, self._mistakes(read))
         if len(fields.faults) > mistakes:
             return
-        _once(fields, "joint_name", f"joint '{name}'", self._named.setdefault(name, controller), controller)
-        _once(motor, "id", f"servo {number}", self._numbered.setdefault(number, controller), controller)
-        model = self._model.name
-        self.joints[name] = JointKeys(id=number, written_model=model, speed=speed, torque=torque, ticks=ticks)
+        note_mistakes(fields, self._twice(controller, read))
+        self.joints[read.joint_name] = JointKeys(
+            id=read.motor.id,
+            written_model=self._model.name,
+            speed=min(read.joint_speed, read.joint_max_speed),
+            torque=read.joint_torque_limit,
+            ticks=self._ticks(fields, read.motor),
+        )
+        for at, what in LEFT_OUT.items():
+            if getattr(read.motor if at[0] == "motor" else read, at[-1]) is not None:
+                self._note(fields, at, f"'{at[-1]}' is left out: the {what} of a servo stays as it is")
 
-    def _ticks(self, motor: Fields) -> Ticks:
-        """Read the steps at the joint's 0 and at its ends, which are brought within those that the servo has."""
-        mistakes = len(motor.faults)
-        init = motor.integer("init", low=0, high=self._model.last)
-        ticks = Ticks(init=init, min=self._end(motor, "min"), max=self._end(motor, "max"))
-        if ticks.min == ticks.max and len(motor.faults) == mistakes:
-            motor.fault(motor.node.mark, f"'min' and 'max' are both {ticks.min}: the joint could not move")
-        if not min(ticks.min, ticks.max) <= init <= max(ticks.min, ticks.max):
+    def _mistakes(self, read: ControllerKeys) -> Iterator[Mistake]:
+        """Yield what the servo cannot do."""
+        for word, most in (("id", last_id(self._model)), ("init", self._model.last)):
+            if getattr(read.motor, word) > most:
+                at = ("motor", word)
+                yield Mistake(f"'{word}' must be at most {most}", at, about=(at,))
+        low, high = self._within(read.motor.min), self._within(read.motor.max)
+        if low == high:
+            message = f"'min' and 'max' are both {low}: the joint could not move"
+            yield Mistake(message, ("motor",), about=(("motor",),))
+
+    def _twice(self, controller: str, read: ControllerKeys) -> Iterator[Mistake]:
+        """Yield what another controller has already."""
+        for at, what in ((("joint_name",), f"joint '{read.joint_name}'"), (("motor", "id"), f"servo {read.motor.id}")):
+            first = self._first.setdefault(what, controller)
+            if first != controller:
+                yield Mistake(f"{what} belongs to controller '{first}' already", at, about=(at,))
+
+    def _ticks(self, fields: Fields, motor: MotorKeys) -> Ticks:
+        """Return the steps at the joint's 0 and at its ends, which are brought within those that the servo has."""
+        for word, written in (("min", motor.min), ("max", motor.max)):
+            if written != (found := self._within(written)):
+                has = f"an {self._model.name} has 0..{self._model.last}"
+                self._note(fields, ("motor", word), f"'{word}' is {found} and not {written}: {has}")
+        ticks = Ticks(init=motor.init, min=self._within(motor.min), max=self._within(motor.max))
+        if not min(ticks.min, ticks.max) <= ticks.init <= max(ticks.min, ticks.max):
             ends = f"'min' {ticks.min} and 'max' {ticks.max}"
-            self._note(motor, "init", f"'init' {init} lies outside {ends}: the joint cannot go to its 0")
+            message = f"'init' {ticks.init} lies outside {ends}: the joint cannot go to its 0"
+            self._note(fields, ("motor", "init"), message)
         return ticks
 
-    def _end(self, motor: Fields, key: str) -> int:
-        written = motor.integer(key)
-        found = min(max(written, 0), self._model.last)
-        if found != written:
-            self._note(
-                motor, key, f"'{key}' is {found} and not {written}: an {self._model.name} has 0..{self._model.last}"
-            )
-        return found
+    def _within(self, step: int) -> int:
+        return min(max(step, 0), self._model.last)
 
-    def _leave_out(self, fields: Fields, key: str, instead: str) -> None:
-        if fields.node_of(key) is not None:
-            self._note(fields, key, f"'{key}' is left out: {instead}")
-
-    def _note(self, fields: Fields, key: str, message: str) -> None:
-        node = fields.node_of(key)
-        self.notes.append(Fault(fields.source, (node or fields.node).mark, message))
+    def _note(self, fields: Fields, at: tuple[str, ...], message: str) -> None:
+        self.notes.append(Diagnostic(fields.source, nearest(fields.node, at), message))
 
 
 def _unlike(fields: Fields) -> bool:
     """Note a controller that is no joint of ours, and return True for it."""
-    section = fields.section("controller")
-    kind = section.text("type", "JointPositionController") if section is not None else "JointPositionController"
+    section = fields.node_of("controller")
+    node = section.get("type") if isinstance(section, MarkedMapping) else None
+    kind = "JointPositionController" if node is None else value_of(node)
     twin = fields.node_of("motor_master") or fields.node_of("motor_slave")
-    if section is not None and kind != "JointPositionController":
-        node = section.node_of("type") or section.node
-        why = UNLIKE.get(kind, "is unknown")
+    if node is not None and kind != "JointPositionController":
+        why = UNLIKE.get(str(kind), "is unknown")
         fields.fault(node.mark, f"{fields.what}: a {seen(kind)} {why}", "take it out of the file")
-        return True
-    if twin is not None:
+    elif twin is not None:
         why = "a joint of two servos (motor_master, motor_slave) cannot be had"
         fields.fault(twin.mark, f"{fields.what}: {why}", "make it two joints")
-        return True
-    if section is not None:
-        section.text("package", "")
-        section.text("module", "")
-        section.done()
-    return False
-
-
-def _once(fields: Fields, key: str, what: str, first: str, controller: str) -> None:
-    """Note what another controller has already."""
-    node = fields.node_of(key)
-    if first != controller and node is not None:
-        fields.fault(node.mark, f"{what} belongs to controller '{first}' already")
+    else:
+        return False
+    return True

@@ -14,7 +14,7 @@ from missions.cli.run import EXIT_CODES
 from missions.cli.servo.target import Target
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
-from missions.order import Order
+from missions.order import RunRequest
 from missions.runner import Runner
 
 NOTHING: Mapping[str, Lookup] = MappingProxyType({})
@@ -35,7 +35,7 @@ def run_leaf(
     plan = check_plan(source, {kind.word: kind}, things, robot=target_of(config))
     ports = {} if target.port is None else {"arm": target.port}
     watcher = Watcher(sys.stdout)
-    order = Order(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
+    order = RunRequest(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
     runner = Runner(order, listeners=[watcher], plan=plan)
     watcher.watch(runner.root)
     target.tell_if_simulated()

@@ -15,7 +15,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import opened_bus
 from missions.cli.servo.target import Target, target_options
 
-VIRTUAL_PATIENCE = 0.015
+VIRTUAL_REPLY_TIMEOUT = 0.015
 """Seconds that a virtual servo may take to answer: less than elsewhere, for most of the IDs are not there."""
 
 RATES = (1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000)
@@ -59,7 +59,7 @@ def scan(
     or one of the file is missing.
     """
     protocols: tuple[Protocol, ...] = (1, 2) if protocol is None else (1,) if protocol == "1" else (2,)
-    with opened_bus(target, patience=VIRTUAL_PATIENCE, framing=framing) as bench:
+    with opened_bus(target, patience=VIRTUAL_REPLY_TIMEOUT, framing=framing) as bench:
         bus, joints = bench.bus, bench.joints
         wanted, names = bus.baud, {joint.spec.id: joint.name for joint in joints.values()}
         bauds = _bauds(wanted, fixed=target.virtual or target.baud is not None, all_bauds=all_bauds)

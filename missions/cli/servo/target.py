@@ -12,7 +12,7 @@ from config.library import find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
 from missions.cli.numbers import Whole
-from missions.drivers import load_robot
+from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from config.faults import Source
 from config.writing import flow, number, word
 from drivers.dynamixel.declared import JointKeys
-from missions.drivers import robot_of
+from missions.library.drivers import robot_of
 
 
 def robot_text(name: str, joints: Mapping[str, JointKeys], *, port: str, baud: int = 1_000_000) -> str:

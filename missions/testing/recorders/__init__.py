@@ -4,10 +4,14 @@
 when each was given.
 """
 
+from typing import TYPE_CHECKING
+
+from drivers.api.renamed import renamed
 from missions.testing.recorders.base import RecordedBase, RecordedRanger, drive
 from missions.testing.recorders.bench import Bench
 from missions.testing.recorders.joints import RecordedHead, RecordedJoints
-from missions.testing.recorders.recorder import (
+from missions.testing.recorders.senses import RecordedSight, RecordedVoice, RecordedWords, face
+from missions.testing.recorders.spy import (
     CANCEL,
     ENABLE,
     GONE,
@@ -17,12 +21,11 @@ from missions.testing.recorders.recorder import (
     RELAX,
     REST,
     STOP,
-    Recorder,
+    Spy,
     good,
     none,
     stale,
 )
-from missions.testing.recorders.senses import RecordedSight, RecordedVoice, RecordedWords, face
 
 __all__ = [
     "CANCEL",
@@ -42,10 +45,13 @@ __all__ = [
     "RecordedSight",
     "RecordedVoice",
     "RecordedWords",
-    "Recorder",
+    "Spy",
     "drive",
     "face",
     "good",
     "none",
     "stale",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, {"Recorder": "Spy"})

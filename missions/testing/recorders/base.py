@@ -22,7 +22,7 @@ from drivers.api import (
     Velocity,
 )
 from drivers.clock import ManualClock
-from missions.testing.recorders.recorder import ENABLE, LATCH, STOP, Recorder, good, none
+from missions.testing.recorders.spy import ENABLE, LATCH, STOP, Spy, good, none
 
 
 def drive(linear: float, angular: float) -> Velocity:
@@ -30,7 +30,7 @@ def drive(linear: float, angular: float) -> Velocity:
     return Velocity(linear, angular)
 
 
-class RecordedBase(Recorder):
+class RecordedBase(Spy):
     """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched`` and ``steers``: who has the wheels."""
 
     protocol = Base
@@ -88,7 +88,7 @@ class RecordedBase(Recorder):
         return None if self.reading.value is None else self.reading.value.pose.heading
 
 
-class RecordedRanger(Recorder):
+class RecordedRanger(Spy):
     """A ``drivers.api.Ranger`` in the middle of the base; the test sets ``reading``. Nothing is around it at first."""
 
     protocol = Ranger

@@ -1,6 +1,7 @@
 """A run over a robot of recorders."""
 
-from typing import TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from py_trees.common import Status
 
@@ -8,11 +9,14 @@ from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import NodeByNode, Run
+from drivers.api.driver import resolved
+from drivers.api.kinds import KINDS, Kind
 from drivers.clock import ManualClock
 from missions.testing.recorders.base import RecordedBase, RecordedRanger
 from missions.testing.recorders.joints import RecordedHead, RecordedJoints
 from missions.testing.recorders.screen import RecordedScreen
 from missions.testing.recorders.senses import RecordedHearing, RecordedSight, RecordedVoice
+from missions.testing.recorders.spy import Spy
 
 L = TypeVar("L", bound=Leaf)
 
@@ -20,7 +24,8 @@ L = TypeVar("L", bound=Leaf)
 class Bench:
     """A run over a robot of recorders: ``settled`` keeps what had to be stopped for a leaf, ``news`` what changed.
 
-    That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it.
+    That ``robot`` takes the recorders is also what holds them to the protocols: mypy checks it. ``others`` are those of
+    parts for which none is written, by their fields in ``Robot``: they keep commands by their names.
     """
 
     def __init__(self, clock: ManualClock | None = None) -> None:
@@ -45,8 +50,12 @@ class Bench:
             hearing_part=self.hearing,
             screen_part=self.screen,
         )
+        unwritten = (kind for kind in KINDS.values() if not hasattr(self, kind.field))
+        self.others = {kind.field: plain(kind, self.clock) for kind in unwritten}
+        parts: Any = {f"{field}_part": recorder for field, recorder in self.others.items()}
+        self.robot = replace(self.robot, **parts)
         self.settled: list[frozenset[str]] = []
-        self.run.settle = self.settled.append
+        self.run.safe_stop = self.settled.append
         self.news: list[tuple[str, Status]] = []
         self.run.observer = NodeByNode(lambda node: self.news.append((node.name, node.status)))
 
@@ -69,3 +78,10 @@ class Bench:
         self.clock.advance(after)
         self.run.tick += 1
         return node.halt()
+
+
+def plain(kind: Kind, clock: ManualClock) -> Spy:
+    """Return a spy for parts of a kind, by its protocol alone."""
+    protocol = resolved(kind.seen or kind.device)
+    made: type[Spy] = type(f"Recorded{protocol.__name__}", (Spy,), {"protocol": protocol})
+    return made(kind.name, clock)

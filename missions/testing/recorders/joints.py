@@ -14,10 +14,10 @@ from drivers.api import (
     Reading,
 )
 from drivers.clock import ManualClock
-from missions.testing.recorders.recorder import HOLD, RECOVER, RELAX, STOP, Recorder, good
+from missions.testing.recorders.spy import HOLD, RECOVER, RELAX, STOP, Spy, good
 
 
-class RecordedHead(Recorder):
+class RecordedHead(Spy):
     """A ``drivers.api.Head``; the test sets ``reading`` and ``limits``."""
 
     protocol = Head
@@ -45,7 +45,7 @@ class RecordedHead(Recorder):
         self.keep_anyway(STOP)
 
 
-class RecordedJoints(Recorder):
+class RecordedJoints(Spy):
     """A ``drivers.api.Joints``; the test sets ``limits``, the ``readings`` by name, and which joints are ``shut``.
 
     It keeps moves as mappings of goals, whose speeds are in ``speeds``, and couplings as tuples.

@@ -2,10 +2,10 @@
 
 from drivers.api import Mood, Screen, Shown
 from drivers.clock import ManualClock
-from missions.testing.recorders.recorder import Recorder
+from missions.testing.recorders.spy import Spy
 
 
-class RecordedScreen(Recorder):
+class RecordedScreen(Spy):
     """A ``drivers.api.Screen``: keeps moods, texts, and openings of the mouth as numbers, in one row.
 
     Like the real one it raises nothing in trouble. ``now`` is what it shows.

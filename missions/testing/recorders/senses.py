@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.api import AS_USUAL, Manner, MouthShape, Priority, Voice
+from drivers.api.renamed import told_renamed
 from drivers.clock import ManualClock
-from missions.testing.recorders.recorder import CANCEL, Recorder
+from missions.testing.recorders.spy import CANCEL, Spy
 from perception.api import Box, Face, Marker, Scene, Thing, Words
 
 
@@ -30,7 +31,7 @@ class RecordedWords:
         self._voice.keep_anyway(CANCEL)
 
 
-class RecordedVoice(Recorder):
+class RecordedVoice(Spy):
     """A ``drivers.api.Voice``: keeps each text as it is, with its manner and priority where those are not the usual.
 
     Of a sound it keeps the path; the utterances are in ``said``.
@@ -132,15 +133,25 @@ class RecordedHearing:
 
 
 def face(
-    stamp: float, *, number: int = 1, bearing: float = 0.0, drop: float = 0.0, yaw: float = 0.0, pitch: float = 0.0
+    stamp: float,
+    *,
+    number: int = 1,
+    bearing: float = 0.0,
+    elevation: float = 0.0,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    drop: float | None = None,
 ) -> Face:
-    """Return a face that stands still, seen at ``stamp``; angles in radians."""
+    """Return a face that stands still, seen at ``stamp``; angles in radians. ``drop`` is deprecated."""
+    if drop is not None:
+        told_renamed("drop", "elevation", stacklevel=3)
+        elevation = drop
     return Face(
         number,
         stamp,
         Box(300, 220, 40, 40),
         bearing=bearing,
-        drop=drop,
+        elevation=elevation,
         yaw=yaw,
         pitch=pitch,
         yaw_rate=0.0,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.library import shipped_missions
+from missions.library.shipped import shipped_missions
 from missions.testing.coverage import FileCoverage, coverage, lines_of
 from missions.testing.coverage_page import page
 from missions.testing.play import play

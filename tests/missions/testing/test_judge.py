@@ -11,7 +11,7 @@ from missions.executive.executive import Result
 from missions.testing.expectations import Expectation, Item, Place
 from missions.testing.history import History
 from missions.testing.judge import CHECKS, judge
-from missions.testing.moments import Moment
+from missions.testing.moments import EventSpec
 
 
 def node(time: float, name: str, status: str, reason: str = "", *, key: str = "1.1", kind: str = "leaf") -> Event:
@@ -77,12 +77,20 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("failed", ["look"]),
     (
         "order",
-        [Moment("look", "starts"), Moment("look", "fails"), Moment("look", "starts"), Moment("say", "halts")],
+        [
+            EventSpec("look", "starts"),
+            EventSpec("look", "fails"),
+            EventSpec("look", "starts"),
+            EventSpec("say", "halts"),
+        ],
     ),
-    ("order", [Moment("tree", "starts"), Moment("look", "starts")]),
-    ("order", [Moment("say", "starts"), Moment("robot", "says", "Hello"), Moment("arm", "disconnects")]),
+    ("order", [EventSpec("tree", "starts"), EventSpec("look", "starts")]),
+    (
+        "order",
+        [EventSpec("say", "starts"), EventSpec("robot", "says", "Hello"), EventSpec("arm", "disconnects")],
+    ),
     ("faults", ["the cable"]),
-    ("order", [Moment("bumper", "fires"), Moment("bumper", "clears"), Moment("say", "halts")]),
+    ("order", [EventSpec("bumper", "fires"), EventSpec("bumper", "clears"), EventSpec("say", "halts")]),
     ("reflexes", ["bumper", "bumper left"]),
     ("base", ["stopped"]),
     ("pose", [Place(1.05, 2.0), Place(1.0, 2.0, heading=-3.1)]),
@@ -120,9 +128,13 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("succeeded", ["say"], "'say' started once, was halted once"),
     ("failed", ["ask"], "'ask' started once, succeeded once"),
     ("failed", ["nod"], "'nod' never ran"),
-    ("order", [Moment("nod", "starts")], "it never happened"),
-    ("order", [Moment("look", "succeeds"), Moment("look", "fails")], "happened only before, at 1.00 s"),
-    ("order", [Moment("ask", "succeeds"), Moment("nod", "starts")], "after 'ask succeeds' it never happened"),
+    ("order", [EventSpec("nod", "starts")], "it never happened"),
+    ("order", [EventSpec("look", "succeeds"), EventSpec("look", "fails")], "happened only before, at 1.00 s"),
+    (
+        "order",
+        [EventSpec("ask", "succeeds"), EventSpec("nod", "starts")],
+        "after 'ask succeeds' it never happened",
+    ),
     ("faults", ["elbow"], "the notices were"),
     ("faults", [], 'it was not to be told that "arm disconnects: the cable is out"'),
     ("reflexes", ["bumper", "cliff"], 'the reflexes that fired were "bumper left"'),

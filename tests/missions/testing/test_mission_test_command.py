@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS, USAGE
-from missions.library import shipped_missions
+from missions.library.shipped import shipped_missions
 from missions.testing.files import all_tests, named_tests
 from missions.testing.junit import junit
 from missions.testing.many import GONE, play_all

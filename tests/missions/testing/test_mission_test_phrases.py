@@ -6,18 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.faults import Fault, Mark, Source
+from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from missions.testing.mishaps import Mishap, read_mishap
-from missions.testing.moments import Moment, read_moment
+from missions.testing.moments import EventSpec, read_moment
 from missions.testing.phrases import Phrase
 from missions.testing.script import TOLD, Script, Turn, read_script
 
 RUNS = Turn("running", seconds=math.inf, ticks=math.inf)
 
 
-def phrase(text: str) -> tuple[Phrase, list[Fault]]:
-    faults: list[Fault] = []
+def phrase(text: str) -> tuple[Phrase, list[Diagnostic]]:
+    faults: list[Diagnostic] = []
     return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
 
 
@@ -39,7 +39,7 @@ def mishap(text: str) -> Mishap:
     return read
 
 
-def moment(text: str) -> Moment:
+def moment(text: str) -> EventSpec:
     words, faults = phrase(text)
     read = read_moment(words, known)
     words.end()
@@ -117,9 +117,12 @@ def test_every_script_can_be_written_and_read_back(turns: list[Turn]) -> None:
         ("arm turned elbow to -1 rad", Mishap("arm", "turned", "elbow", -1.0)),
         (
             "base bumped right when greet the person starts for 1 s",
-            Mishap("base", "bumped", "right", seconds=1.0, moment=Moment("greet the person", "starts")),
+            Mishap("base", "bumped", "right", seconds=1.0, moment=EventSpec("greet the person", "starts")),
         ),
-        ('camera covered when says "Hello"', Mishap("camera", "covered", moment=Moment("robot", "says", "Hello"))),
+        (
+            'camera covered when says "Hello"',
+            Mishap("camera", "covered", moment=EventSpec("robot", "says", "Hello")),
+        ),
     ],
 )
 def test_a_mishap_reads_as_it_is_said(text: str, expected: Mishap) -> None:
@@ -129,16 +132,16 @@ def test_a_mishap_reads_as_it_is_said(text: str, expected: Mishap) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("gesture starts", Moment("gesture", "starts")),
-        ('"greet the person" halts', Moment("greet the person", "halts")),
-        ("say succeeds", Moment("say", "succeeds")),
-        ('say "Hello, you"', Moment("robot", "says", "Hello, you")),
-        ("base stops", Moment("base", "stops")),
-        ("base disconnects", Moment("base", "disconnects")),
-        ("arm complains", Moment("arm", "complains")),
+        ("gesture starts", EventSpec("gesture", "starts")),
+        ('"greet the person" halts', EventSpec("greet the person", "halts")),
+        ("say succeeds", EventSpec("say", "succeeds")),
+        ('say "Hello, you"', EventSpec("robot", "says", "Hello, you")),
+        ("base stops", EventSpec("base", "stops")),
+        ("base disconnects", EventSpec("base", "disconnects")),
+        ("arm complains", EventSpec("arm", "complains")),
     ],
 )
-def test_a_moment_reads_as_it_is_said(text: str, expected: Moment) -> None:
+def test_a_moment_reads_as_it_is_said(text: str, expected: EventSpec) -> None:
     assert moment(text) == expected
 
 
@@ -207,7 +210,7 @@ def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
 
 
 def test_where_the_file_writes_a_text_otherwise_the_whole_of_it_is_marked() -> None:
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     node = Scalar(Mark(1, 1, 20), "camera frozn", "camera frozn", quoted=True)
     read_mishap(Phrase(Source("a.yaml", '"camera \\x66rozn"'), node, faults), known)
     assert faults[0].mark == Mark(1, 1, 20)

@@ -7,7 +7,7 @@ from behaviours.arm import Gesture
 from behaviours.basics import Set, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.sight import FindFace
-from config.faults import Fault, Mark, Source
+from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from missions.language.plan import Step
 from missions.testing.mocks import Cast, MockSpec, fits
@@ -23,7 +23,7 @@ def bench() -> Bench:
 
 
 def spec(target: str, text: str, result: dict[str, object] | None = None) -> MockSpec:
-    faults: list[Fault] = []
+    faults: list[Diagnostic] = []
     script = read_script(Phrase(Source("a", text), Scalar(Mark(), text, text), faults))
     assert not faults
     return MockSpec(target, script, result)

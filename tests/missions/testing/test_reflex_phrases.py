@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from config.faults import Fault, InvalidFileError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.marked import Scalar
 from missions.testing.mishaps import Mishap, read_mishap
-from missions.testing.moments import Moment, read_moment
+from missions.testing.moments import EventSpec, read_moment
 from missions.testing.phrases import Phrase
 from tests.missions.testing.playing import DRIVES, cases, played, seen
 
 
-def phrase(text: str) -> tuple[Phrase, list[Fault]]:
-    faults: list[Fault] = []
+def phrase(text: str) -> tuple[Phrase, list[Diagnostic]]:
+    faults: list[Diagnostic] = []
     return Phrase(Source("a.test.yaml", text), Scalar(Mark(1, 1, len(text)), text, text), faults), faults
 
 
@@ -31,7 +31,7 @@ def known(name: str) -> str:
         ("range unplugged at 3 s", Mishap("range", "unplugged", start=3.0)),
         (
             "range unplugged when bumper fires for 1 s",
-            Mishap("range", "unplugged", seconds=1.0, moment=Moment("bumper", "fires")),
+            Mishap("range", "unplugged", seconds=1.0, moment=EventSpec("bumper", "fires")),
         ),
     ],
 )
@@ -61,14 +61,14 @@ def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, me
 @pytest.mark.parametrize(
     ("text", "read"),
     [
-        ("bumper fires", Moment("bumper", "fires")),
-        ("battery_low clears", Moment("battery_low", "clears")),
-        ("cliff fires", Moment("cliff", "fires")),
-        ("cliff fails", Moment("cliff", "fails")),  # the behaviour of that name
-        ("range disconnects", Moment("range", "disconnects")),
+        ("bumper fires", EventSpec("bumper", "fires")),
+        ("battery_low clears", EventSpec("battery_low", "clears")),
+        ("cliff fires", EventSpec("cliff", "fires")),
+        ("cliff fails", EventSpec("cliff", "fails")),  # the behaviour of that name
+        ("range disconnects", EventSpec("range", "disconnects")),
     ],
 )
-def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, read: Moment) -> None:
+def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, read: EventSpec) -> None:
     words, faults = phrase(text)
     assert read_moment(words, known) == read
     words.end()

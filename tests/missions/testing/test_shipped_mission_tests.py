@@ -1,31 +1,35 @@
-"""Every mission that ships has tests, for its success and for its failure; ``mission test`` plays them."""
+"""Every mission that ships has tests, for its success and for its failure, and passes them."""
 
 import pytest
 
-from missions.library import shipped_missions
-from missions.testing.many import cores, play_all
+from missions.library.shipped import shipped_missions
+from missions.testing.play import play
 from missions.testing.report import failure
-from missions.testing.suite import Case, beside, load_suite
+from missions.testing.stage import IN_PROCESS
+from missions.testing.suite import beside, load_suite
+
+SHARE = 6
+"""Cases that one item plays: some take seconds, and items are what runs beside each other."""
 
 
-def shipped_cases(name: str) -> tuple[Case, ...]:
-    return load_suite(beside(shipped_missions()[name]))
+def shares() -> list[tuple[str, int, int]]:
+    """Return of each mission its name, and of each share of its cases the first case and the step to the next."""
+    found = []
+    for name, path in shipped_missions().items():
+        count = -(-beside(path).read_text(encoding="utf-8").count("- case:") // SHARE)
+        found += [(name, first, count) for first in range(count)]
+    return found
 
 
-@pytest.mark.parametrize("name", list(shipped_missions()))
-def test_every_shipped_mission_is_tested_for_success_and_for_failure(name: str) -> None:
-    wanted = {
-        item.value
-        for case in shipped_cases(name)
-        for expectation in case.expectations
-        for item in expectation.items
-        if expectation.key == "result"
-    }
-    assert {"success", "failure"} <= wanted
+@pytest.mark.parametrize(("name", "first", "step"), shares())
+def test_every_shipped_mission_passes_its_tests_for_success_and_for_failure(name: str, first: int, step: int) -> None:
+    cases = load_suite(beside(shipped_missions()[name]))
+    items = (item for case in cases for each in case.expectations if each.key == "result" for item in each.items)
+    assert {"success", "failure"} <= {item.value for item in items}
+    verdicts = [play(case, limits=IN_PROCESS) for case in cases[first::step]]
+    assert verdicts
+    assert all(verdict.passed for verdict in verdicts), "\n".join(failure(each) for each in verdicts if not each.passed)
 
 
-def test_all_shipped_missions_pass_their_tests() -> None:
-    cases = [case for name in shipped_missions() for case in shipped_cases(name)]
-    assert len(cases) > 80
-    for verdict in play_all(cases, jobs=cores()):
-        assert verdict.passed, failure(verdict)
+def test_no_mission_ships_without_tests() -> None:
+    assert {name for name, _, _ in shares()} == set(shipped_missions())

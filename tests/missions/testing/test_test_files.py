@@ -7,7 +7,7 @@ import pytest
 from config.faults import InvalidFileError
 from missions.testing.expectations import Place
 from missions.testing.mishaps import Mishap
-from missions.testing.moments import Moment
+from missions.testing.moments import EventSpec
 from missions.testing.suite import Case, load_suite
 
 MISSION = """mission: nod
@@ -90,7 +90,7 @@ def test_every_expectation_is_read_into_plain_values(tmp_path: Path) -> None:
     values = {each.key: [item.value for item in each.items] for each in case.expectations}
     assert values["within"] == [120.0]
     assert values["ran"] == [("nod", 2), ("say", 1)]
-    assert values["order"][0] == Moment("nod", "starts")
+    assert values["order"][0] == EventSpec("nod", "starts")
     assert values["faults"] == []
     (place,) = values["pose"]
     assert isinstance(place, Place)
@@ -124,7 +124,7 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("    expect: {ran: repeat}\n"), "5:19: mission 'nod' has no 'repeat'; "),
         (one_case("    expect: {ran: {nod: often}}\n"), "5:25: how often 'nod' has to start needs a whole number"),
         (one_case("    expect: {order: [nod strats]}\n"), "5:26: what 'nod' does cannot be 'strats'"),
-        (one_case("    expect: {pose: {near: 1 m}}\n"), "5:27: 'near' needs a list"),
+        (one_case("    expect: {pose: {near: 1 m}}\n"), "5:27: 'near' needs a place, such as [1 m, 0 m]"),
         (one_case("    expect: {pose: {near: [0 m, 0 m], heading: 9}}\n"), "5:48: 'heading' needs an angle"),
         (one_case("    expect: {returns: {don: 2}}\n"), "5:24: the mission returns no 'don'"),
         (one_case("    expect: {base: still}\n"), "5:20: 'base' cannot be 'still'"),

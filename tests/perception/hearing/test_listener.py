@@ -7,7 +7,7 @@ import pytest
 
 from perception.api import Hearing
 from perception.hearing.ears import Ears
-from perception.hearing.listener import PATIENCE, START, Listener
+from perception.hearing.listener import CLIP_TIMEOUT, START, Listener
 from perception.hearing.sound import RATE, Piece
 from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk
 from tests.waiting import wait_until
@@ -144,11 +144,11 @@ def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
 
 def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: Scene) -> None:
     scene.begin()
-    scene.hear((1.0, 1.5), seconds=PATIENCE + 1)
+    scene.hear((1.0, 1.5), seconds=CLIP_TIMEOUT + 1)
     assert scene.worker.kills == 0
-    scene.hear(seconds=2, first=round(50 * (PATIENCE + 1)))
+    scene.hear(seconds=2, first=round(50 * (CLIP_TIMEOUT + 1)))
     assert scene.worker.kills > 0
-    assert scene.listener.listened() == pytest.approx(PATIENCE + 2, abs=0.1)
+    assert scene.listener.listened() == pytest.approx(CLIP_TIMEOUT + 2, abs=0.1)
 
 
 def test_a_recogniser_that_hangs_before_it_is_ready_is_killed_too(scene: Scene) -> None:

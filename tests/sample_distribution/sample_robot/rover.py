@@ -25,14 +25,14 @@ from drivers.api import (
     Steering,
     Tune,
     Velocity,
-    unsteered,
+    ignore,
 )
 from drivers.api.driver import Site
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.history import History
-from drivers.kobuki.helm import Helm
 from drivers.kobuki.limits import Limits
+from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.link import Link
 from sample_robot.declared import RoverKeys
 
@@ -67,14 +67,14 @@ class Rover:
         *,
         reflexes: Reflexes,
         away: Away,
-        steered: Steered = unsteered,
+        steered: Steered = ignore,
         horn: bool = True,
     ) -> None:
         self._link, self._clock, self._limits, self._horn = link, clock, limits, horn
         bounds = Limits(limits.speed, limits.turn, limits.acceleration, limits.turn_acceleration)
-        self._helm = Helm(bounds, reflexes, away)
+        self._mux = VelocityMultiplexer(bounds, reflexes, away)
         self._steered: Callable[[Steering], None] = steered
-        self._told = self._helm.steering
+        self._told = self._mux.steering
         self._lock = RLock()
         self._begun = b""
         self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
@@ -84,7 +84,7 @@ class Rover:
     def open(self) -> None:
         """Start looking for it."""
         with self._lock:
-            self._helm.absence.begin()
+            self._mux.absence.begin()
         self._link.open(self)
 
     def rest(self) -> None:
@@ -101,7 +101,7 @@ class Rover:
         link = self._link.health()
         if not link.online:
             return link
-        returned = self._helm.absence.returned
+        returned = self._mux.absence.returned
         if self._hears():
             return Health(True, counters=link.counters, returned=returned)
         said = f"base: {self._link.port}: open, but no report of a rover"
@@ -121,36 +121,36 @@ class Rover:
             self.stop()
             raise NotConnected(health.detail, hint=health.hint)
         with self._lock:
-            if self._helm.latched:
-                raise DeviceFault(f"base: it stands still: {self._helm.latched}", hint="enable it")
-            return self._helm.steer(velocity, self._clock.now(), self._latest.value, source)
+            if self._mux.latched:
+                raise DeviceFault(f"base: it stands still: {self._mux.latched}", hint="enable it")
+            return self._mux.steer(velocity, self._clock.now(), self._latest.value, source)
 
     def stop(self, *, source: Source | None = None) -> None:
         """Stand still now."""
         with self._lock:
-            if self._helm.halt(source):
+            if self._mux.halt(source):
                 with suppress(NotConnected):
                     self._link.write(b"v 0 0\n")
 
     def latch(self, reason: str) -> None:
         """Stand still until it is enabled."""
         with self._lock:
-            self._helm.latch(reason)
+            self._mux.latch(reason)
             self.stop()
 
     def enable(self) -> None:
         """End that."""
         with self._lock:
-            self._helm.enable()
+            self._mux.enable()
 
     @property
     def latched(self) -> str:
         """Why it is latched."""
-        return self._helm.latched
+        return self._mux.latched
 
     def steering(self) -> Steering:
         """Return who commands it."""
-        return self._helm.steering
+        return self._mux.steering
 
     def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has one tone for all
         """Sound the horn."""
@@ -183,7 +183,7 @@ class Rover:
         """Begin anew."""
         self._begun = b""
         with self._lock:
-            self._helm.halt()
+            self._mux.halt()
 
     def received(self, data: bytes) -> None:
         """Take in reports."""
@@ -200,9 +200,9 @@ class Rover:
             return
         self._renewed_at = now
         with self._lock:
-            due = self._helm.velocity(now, self._latest.value if self._hears() else None)
+            due = self._mux.velocity(now, self._latest.value if self._hears() else None)
             self._link.write(b"v %d %d\n" % (round(1000 * due.linear), round(1000 * due.angular)))
-            steering = self._helm.steering
+            steering = self._mux.steering
         if steering != self._told:
             self._told = steering
             self._steered(steering)
@@ -217,8 +217,8 @@ class Rover:
         self._latest = Reading(state, now, Quality.GOOD)
         self._headings.add(now, [heading])
         with self._lock:
-            self._helm.hear(now)
-            self._helm.feel(state, now)
+            self._mux.hear(now)
+            self._mux.feel(state, now)
         self._heard_at = now
         self.pulse()
 

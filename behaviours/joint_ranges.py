@@ -1,0 +1,85 @@
+"""What an arm has, and how far and fast it goes: joints by name and group, for leaves and for the checker."""
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import field
+
+from drivers.api import JointLimits
+from drivers.api.quick import dataclass
+from drivers.errors import BadRequest
+
+LIKE = 0.75
+"""As much of two names must be alike for a slip: what is proposed moves, and an elbow is not the right elbow."""
+
+SLACK = 1e-6
+"""Radians by which an angle may lie beyond a limit: what is written in degrees is not exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointRanges:
+    """The range of each joint, by name, in the order of the robot file; ``groups`` of joints go by one name."""
+
+    joints: Mapping[str, JointLimits]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def unknown(self, names: Iterable[str]) -> list[str]:
+        """Return a mistake for each name that means neither a joint nor a group."""
+        known = {*self.joints, *self.groups}
+        return [
+            f"the arm has no joint or group '{name}'{_meant(name, known)}"
+            for name in dict.fromkeys(names)
+            if name not in known
+        ]
+
+    def lacking(self, joints: Iterable[str]) -> list[str]:
+        """Return a mistake for each name that is none of a joint."""
+        return [self._no_joint(name) for name in dict.fromkeys(joints) if name not in self.joints]
+
+    def named(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the joints that ``names`` mean, groups spelt out, each once; all joints where there is no name.
+
+        Raises BadRequest with every name that means nothing.
+        """
+        names = tuple(names)
+        if wrong := self.unknown(names):
+            raise BadRequest("; ".join(wrong))
+        if not names:
+            return tuple(self.joints)
+        return tuple(dict.fromkeys(joint for name in names for joint in self.groups.get(name, (name,))))
+
+    def beyond(self, poses: Iterable[Mapping[str, float]]) -> list[str]:
+        """Return a mistake for each joint in ``poses`` (radians) that the arm lacks, or that is asked too far."""
+        wrong: dict[str, str] = {}
+        for pose in poses:
+            for joint, angle in pose.items():
+                limits = self.joints.get(joint)
+                if limits is None:
+                    wrong.setdefault(joint, self._no_joint(joint))
+                elif not limits.lower - SLACK <= angle <= limits.upper + SLACK:
+                    ends = f"{degrees(limits.lower)} to {degrees(limits.upper)}"
+                    wrong.setdefault(joint, f"{joint} at {degrees(angle)} is outside its limits ({ends})")
+        return list(wrong.values())
+
+    def too_fast(self, speeds: Mapping[str, float]) -> list[str]:
+        """Return a mistake for each joint that is to go faster (rad/s) than it can."""
+        return [
+            f"{joint} at {degrees(speed)}/s is faster than it goes ({degrees(self.joints[joint].speed)}/s)"
+            for joint, speed in speeds.items()
+            if joint in self.joints and speed > self.joints[joint].speed + SLACK
+        ]
+
+    def _no_joint(self, name: str) -> str:
+        if name in self.groups:
+            return f"'{name}' is a group of joints, and here each needs its own angle"
+        return f"the arm has no joint '{name}'{_meant(name, self.joints)}"
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=LIKE)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def degrees(angle: float) -> str:
+    """Write an angle (radians) for a message: "12.5 deg"."""
+    return f"{round(math.degrees(angle), 1) + 0.0:g} deg"

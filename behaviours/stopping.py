@@ -1,0 +1,91 @@
+"""The way of a leaf to rest: it is told to stop, has time to do so, and is stopped for it once that is over."""
+
+from typing import ClassVar
+
+from py_trees.common import Status
+
+from behaviours.node import Node
+from behaviours.run import log
+from drivers.errors import NotConnected
+
+IDLE = Status.INVALID
+
+AT_REST, STARTING, WORKING, HALTING = range(4)
+"""How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
+
+
+class Stopping(Node):
+    """The half of a leaf that brings it to rest; ``behaviours.leaf.Leaf`` says how it is used."""
+
+    drives: ClassVar[frozenset[str]] = frozenset()
+    halt_limit: ClassVar[float] = 1.0
+    _leaf_stage = AT_REST
+    _halt_by: float | None = None
+    _halt_tick = -1
+
+    @property
+    def acting(self) -> bool:
+        """True from its start until it has ended or come to rest: while it may drive what it claims."""
+        return self._leaf_stage != AT_REST
+
+    @property
+    def place(self) -> str:
+        """What it is and where it stands, for messages: "drive (line 4)"."""
+        return f"{self.name} (line {self.line})" if self.line else self.name
+
+    def halting(self) -> bool:
+        """Called at each tick after ``terminate(INVALID)``: True while it still needs time to stop cleanly.
+
+        After ``halt_limit`` seconds its actuators are stopped for it.
+        """
+        return False
+
+    def _terminate(self, status: Status) -> None:
+        try:
+            self.terminate(status)
+        except BaseException as error:  # what cannot be stopped politely is stopped by its driver
+            if not isinstance(error, NotConnected):
+                log.exception("%s raised while it stopped", self.place)
+            self._stop_safely()
+            if self._interrupted(error):
+                raise
+
+    def _interrupted(self, error: BaseException) -> bool:
+        """True for a Ctrl-C, which is the user's and no fault of the leaf."""
+        return self.run.interruptible and isinstance(error, KeyboardInterrupt)
+
+    def _stop_safely(self) -> None:
+        if self.drives:
+            try:
+                self.run.safe_stop(self.drives)
+            except Exception:  # as in _terminate
+                log.exception("%s: its actuators could not be stopped", self.place)
+
+    def give_up(self) -> None:
+        """Forget a start, or a halt, that was under way."""
+        self._leaf_stage, self._halt_by = AT_REST, None
+
+    def _stopped(self) -> bool:
+        now = self.run.now()
+        if self._halt_by is None:
+            self._leaf_stage, self._halt_by = HALTING, now + self.halt_limit
+            self._terminate(IDLE)
+        elif self._halt_tick == self.run.tick:
+            return False
+        self._halt_tick = self.run.tick
+        if self._still_halting():
+            if now < self._halt_by:
+                return False
+            self._stop_safely()
+        self._leaf_stage, self._halt_by = AT_REST, None
+        return True
+
+    def _still_halting(self) -> bool:
+        try:
+            return self.halting()
+        except BaseException as error:  # as in _terminate
+            log.exception("%s raised while it stopped", self.place)
+            self._stop_safely()
+            if self._interrupted(error):
+                raise
+            return False

@@ -1,0 +1,161 @@
+"""``dataclass`` of the standard library, made in a fraction of the time: a start makes some hundreds of classes.
+
+Python 3.11 and 3.12 compile each method of each class by itself. Here ``__init__`` alone is compiled, and the other
+methods share their code. Fields, ``replace``, ``asdict``, ``match``, copies and messages are as of the standard
+library, and a class of one make may inherit from one of the other.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from operator import attrgetter
+from reprlib import recursive_repr
+from typing import TYPE_CHECKING, Any, cast
+
+__all__ = ["dataclass"]
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass
+else:
+
+    def dataclass(cls=None, /, *, frozen=False, eq=True, slots=False, kw_only=False):
+        """Do what ``dataclasses.dataclass`` does, for the options that are used here."""
+
+        def make(plain):
+            return _made(plain, frozen=frozen, eq=eq, slots=slots, kw_only=kw_only)
+
+        return make if cls is None else make(cls)
+
+
+Values = Callable[[object], tuple[Any, ...]]
+"""Gives the values of some fields of an instance."""
+
+
+def _made(plain: type, *, frozen: bool, eq: bool, slots: bool, kw_only: bool) -> type:
+    """Return ``plain`` as a dataclass; methods that it has of its own stay."""
+    own = frozenset(plain.__dict__)
+    bases = [vars(base)["__dataclass_params__"] for base in plain.__mro__[1:] if "__dataclass_params__" in vars(base)]
+    if any(base.frozen is not frozen for base in bases):
+        raise TypeError(
+            f"{plain.__qualname__} and the dataclasses that it inherits from are frozen, or none of them is"
+        )
+    with _thawed(bases):
+        made: type[Any] = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots, kw_only=kw_only)(plain)
+    vars(made)["__dataclass_params__"].frozen = frozen  # so that those of the standard library may inherit from it
+    fields = dataclasses.fields(made)
+    methods: dict[str, Callable[..., Any] | None] = {"__init__": _init(made, frozen), "__repr__": _repr(fields)}
+    if eq:
+        methods["__eq__"] = _eq(_values(field.name for field in fields if field.compare))
+        hashed = _values(f.name for f in fields if (f.compare if f.hash is None else f.hash))
+        if "__hash__" not in own or ("__eq__" in own and plain.__dict__["__hash__"] is None):
+            own -= {"__hash__"}
+            methods["__hash__"] = _hash(hashed) if frozen else None
+    if frozen:
+        names = frozenset(field.name for field in fields)
+        methods |= {"__setattr__": _frozen(made, names, "assign to"), "__delattr__": _frozen(made, names, "delete")}
+        if slots:
+            methods |= {"__getstate__": _state, "__setstate__": _restore}
+    for name, method in methods.items():
+        if name not in own:
+            if method is not None:
+                method.__qualname__ = f"{made.__qualname__}.{name}"
+            setattr(made, name, method)
+    return made
+
+
+@contextmanager
+def _thawed(bases: list[Any]) -> Iterator[None]:
+    """Let a class inherit from frozen ones that is frozen itself only once its methods are made."""
+    were = [base.frozen for base in bases]
+    for base in bases:
+        base.frozen = False
+    try:
+        yield
+    finally:
+        for base, frozen in zip(bases, were, strict=True):
+            base.frozen = frozen
+
+
+def _init(made: type, frozen: bool) -> Callable[..., None]:
+    """Return an ``__init__`` that takes the fields in their order, those that are ``kw_only`` by their names."""
+    names: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
+    taken: list[str] = []
+    named: list[str] = []
+    body: list[str] = []
+    annotations: dict[str, object] = {}
+    for field in dataclasses.fields(made):
+        name = value = field.name
+        made_anew = field.default_factory is not dataclasses.MISSING
+        if made_anew:
+            names[f"_new_{name}"] = field.default_factory
+            value = f"(_new_{name}() if {name} is _none else {name})" if field.init else f"_new_{name}()"
+        elif field.default is not dataclasses.MISSING:
+            names[f"_given_{name}"] = field.default
+            value = name if field.init else f"_given_{name}"
+        elif not field.init:
+            continue
+        if field.init:
+            default = "=_none" if made_anew else f"=_given_{name}" if f"_given_{name}" in names else ""
+            (named if field.kw_only else taken).append(name + default)
+            annotations[name] = field.type
+        body.append(f" _set(self,{name!r},{value})" if frozen else f" self.{name}={value}")
+    if hasattr(made, "__post_init__"):
+        body.append(" self.__post_init__()")
+    parameters = ",".join(["self", *taken, *(["*", *named] if named else [])])
+    exec(f"def __init__({parameters}):\n" + "\n".join(body or [" pass"]), names)  # noqa: S102 - of names of fields
+    init = cast(Callable[..., None], names["__init__"])
+    init.__annotations__ = {**annotations, "return": None}
+    return init
+
+
+def _values(names: Iterable[str]) -> Values:
+    """Return what gives the values of the attributes of these names, in a tuple also where it is one or none."""
+    several = tuple(names)
+    if len(several) > 1:
+        return cast(Values, attrgetter(*several))
+    return lambda instance: tuple(getattr(instance, name) for name in several)
+
+
+def _repr(fields: tuple[dataclasses.Field[Any], ...]) -> Callable[[object], str]:
+    names = [field.name for field in fields if field.repr]
+
+    @recursive_repr()
+    def shown(self: object) -> str:
+        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
+        return f"{type(self).__qualname__}({values})"
+
+    return shown
+
+
+def _eq(values: Values) -> Callable[[object, object], Any]:
+    def equal(self: object, other: object) -> Any:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    return equal
+
+
+def _hash(values: Values) -> Callable[[object], int]:
+    return lambda self: hash(values(self))
+
+
+def _frozen(made: type, names: frozenset[str], what: str) -> Callable[..., None]:
+    """Return a ``__setattr__`` or ``__delattr__`` that refuses fields, and all else but of subclasses."""
+    plain = "__setattr__" if what == "assign to" else "__delattr__"
+
+    def refused(self: object, name: str, *value: object) -> None:
+        if type(self) is made or name in names:
+            raise dataclasses.FrozenInstanceError(f"cannot {what} field {name!r}")
+        getattr(super(made, self), plain)(name, *value)
+
+    return refused
+
+
+def _state(self: object) -> list[object]:
+    """Return the values of all fields, for copies and pickles: they cannot be set one by one."""
+    return [getattr(self, field.name) for field in dataclasses.fields(cast(Any, self))]
+
+
+def _restore(self: object, state: list[object]) -> None:
+    """Set the values of all fields."""
+    for field, value in zip(dataclasses.fields(cast(Any, self)), state, strict=True):
+        object.__setattr__(self, field.name, value)

@@ -1,0 +1,64 @@
+"""The half of an arm that is the same for the real one and its twin: what it is told, and what it tells."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
+from typing import Literal
+
+from drivers.absence import Absence, Enabling
+from drivers.api import Away, JointLimits, Report
+from drivers.clock import Clock
+from drivers.dynamixel.clamping import Clamping
+from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.telling import Telling
+from drivers.guard import guarded
+
+
+class CommandedJoints(Enabling, ABC):
+    """Named joints that are held and relaxed. A subclass has the bus, or the bodies, of their servos.
+
+    ``at_rest`` says what rest means for this arm: stiff where it is, or without torque; ``away`` what of before goes on
+    when it is back. ``report`` hears what the servos tell, ``changed`` is called after every round of readings.
+    """
+
+    name = "arm"
+
+    def __init__(
+        self,
+        joints: Mapping[str, Joint],
+        clock: Clock,
+        *,
+        at_rest: Literal["hold", "relax"],
+        away: Away | None,
+        report: Report,
+        changed: Callable[[], None],
+    ) -> None:
+        self._joints = joints
+        self._limits = {joint: described.limits for joint, described in joints.items()}
+        self._clock = clock
+        self._absence = Absence(away)
+        self._stiff_at_rest = at_rest == "hold"
+        self._report = guarded(report)
+        self._changed = guarded(changed)
+        self._telling = Telling(self.name, joints, self._report)
+        self._clamping = Clamping(self.name, joints, self._report)
+
+    @property
+    def limits(self) -> Mapping[str, JointLimits]:
+        """The joints by name, in the order of the robot file."""
+        return self._limits
+
+    def hold(self, joints: Collection[str] | None = None) -> None:
+        """Let the named joints (None: all) stand still and stiff where they are now, and follow no more.
+
+        Safe from any state; does not raise when offline. Joints that do not confirm it are told, and held once they are
+        back. Raises BadRequest for an unknown joint.
+        """
+        self._command(self._joints if joints is None else joints, stiff=True)
+
+    def relax(self, joints: Collection[str] | None = None) -> None:
+        """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
+        self._command(self._joints if joints is None else joints, stiff=False)
+
+    @abstractmethod
+    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+        """Hold or relax, and tell of the joints that did not confirm it."""

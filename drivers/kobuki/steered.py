@@ -1,0 +1,172 @@
+"""A base that is steered by several, the same for the real Kobuki and its twin: commands, latch, and what it tells."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from threading import RLock
+from typing import TypedDict, Unpack
+
+from drivers.api import (
+    Away,
+    BaseLimits,
+    BaseState,
+    DeviceStatus,
+    Reflexes,
+    Report,
+    Source,
+    Steered,
+    Steering,
+    Velocity,
+    ignore,
+)
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.guard import guarded
+from drivers.history import History
+from drivers.kobuki.limits import Limits
+from drivers.kobuki.requests import check, require
+from drivers.kobuki.senses import compare
+from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
+
+
+class Settings(TypedDict, total=False):
+    """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard); and who is told.
+
+    ``changed`` is called whenever a contact or button changes, ``steered`` with whatever is new of who commands.
+    """
+
+    max_linear: float
+    max_angular: float
+    linear_acceleration: float
+    angular_acceleration: float
+    reflexes: Reflexes | None
+    away: Away | None
+    report: Report
+    changed: Callable[[], None]
+    steered: Steered
+
+
+class SteeredBase(ABC):
+    """The half of a ``drivers.api.Base`` that commands go to. A subclass adds its wire or its body.
+
+    Commands are safe between threads. Raises ValueError for a limit that is not positive.
+    """
+
+    name = "base"
+
+    def __init__(self, clock: Clock, **settings: Unpack[Settings]) -> None:
+        self._clock = clock
+        self._report = guarded(settings.get("report", ignore))
+        self._changed = guarded(settings.get("changed", ignore))
+        self._steered = guarded(settings.get("steered", ignore))
+        limits = Limits(
+            settings.get("max_linear", 0.5),
+            settings.get("max_angular", 1.9),
+            settings.get("linear_acceleration", 0.5),
+            settings.get("angular_acceleration", 3.5),
+        )
+        self._limits = limits.told
+        self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"))
+        self._told = self._mux.steering
+        self._headings = History()
+        self._silent = False
+        # Held from the choice of a command until it is written, so that no older one can follow the zero of a stop.
+        self._lock = RLock()
+
+    @property
+    def limits(self) -> BaseLimits:
+        """How fast it goes, and how quickly that changes."""
+        return self._limits
+
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
+
+        The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite and for
+        ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected when no reports arrive: it does not drive
+        blind, and stands still.
+        """
+        check(self.name, velocity, source)
+        now = self._clock.now()
+        if (silence := self._unheard(now)) is not None:
+            self.stop()
+            raise silence
+        with self._lock:
+            require(self.name, self._mux.latched)
+            return self._mux.steer(velocity, now, self._newest, source)
+
+    def stop(self, *, source: Source | None = None) -> None:
+        """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).
+
+        Safe from any state, more than once; does not raise when offline.
+        """
+        with self._lock:
+            if self._mux.halt(source):
+                self._stand()
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        with self._lock:
+            self._mux.latch(reason)
+            self.stop()
+
+    def enable(self) -> None:
+        """End a latched stop; nothing of before is in force then."""
+        with self._lock:
+            self._mux.enable()
+
+    @property
+    def latched(self) -> str:
+        """Why it is latched; empty while it is not."""
+        return self._mux.latched
+
+    def steering(self) -> Steering:
+        """Return who commands it, and what came of that, as of the last renewal."""
+        return self._mux.steering
+
+    def heading_at(self, stamp: float) -> float | None:
+        """The heading in radians at a past time (the last 3 s), interpolated; None when that is not known."""
+        found = self._headings.at(stamp)
+        return found[0] if found else None
+
+    def rest(self) -> None:
+        """Stand still: the only rest of a base."""
+        self.stop()
+
+    # --- what the subclass adds, and what it calls --------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def _newest(self) -> BaseState | None:
+        """The newest state, for the reflexes; None before the first."""
+
+    @abstractmethod
+    def _unheard(self, now: float) -> NotConnected | None:
+        """Say why no command can be taken; None while reports arrive."""
+
+    @abstractmethod
+    def _stand(self) -> None:
+        """Tell the wheels to stand, where anybody is there to be told. Does not raise NotConnected."""
+
+    def _tell_steering(self, steering: Steering) -> None:
+        """Tell who commands, if that is new."""
+        if steering != self._told:
+            self._told = steering
+            self._steered(steering)
+
+    def _tell_return(self, what: str) -> None:
+        """Tell that the base is back, if it was silent."""
+        if self._silent:
+            self._silent = False
+            self._report(DeviceStatus(self.name, "online", what))
+
+    def _tell(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
+        """Tell what has changed of contacts and buttons, from state to state."""
+        felt = False
+        for state in states:
+            change = compare(before, state)
+            felt = felt or change.felt
+            for fault in change.faults:
+                hint = "stand the base on the floor, away from the edge"
+                self._report(DeviceStatus(self.name, "fault", fault, hint))
+            before = state
+        if felt:
+            self._changed()

@@ -1,0 +1,123 @@
+"""Trained models that are not shipped: where they come from, by what sum they are known, and where they are kept."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import BinaryIO
+
+from drivers.api.quick import dataclass
+from missions.library.folders import data_folder
+
+TIMEOUT = 30.0
+"""Seconds for which a server may be silent."""
+
+CHUNK = 1 << 16
+
+
+class FetchError(RuntimeError):
+    """A model that could not be fetched: the message says why, ``hint`` what to type next."""
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One file: its name, where it is published, its SHA-256 in hexadecimal and its size in bytes."""
+
+    name: str
+    summary: str
+    file: str
+    url: str
+    sha256: str
+    size: int
+
+
+# Sum and size as the OpenCV Zoo publishes them in its repository (Git LFS, models/face_detection_yunet).
+YUNET = Model(
+    "yunet",
+    "Finds faces, also small, dark and turned ones (OpenCV Zoo, MIT licence).",
+    "face_detection_yunet_2023mar.onnx",
+    "https://github.com/opencv/opencv_zoo/raw/main/models/face_detection_yunet/face_detection_yunet_2023mar.onnx",
+    "8f2383e4dd3cfbb4553ea8718107fc0423210dc964f9f4280604804ed2552fa4",
+    232_589,
+)
+
+MODELS: Mapping[str, Model] = {model.name: model for model in (YUNET,)}
+
+
+def folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where models are kept: among the user's data."""
+    return data_folder(environment) / "models"
+
+
+def is_there(model: Model, where: Path) -> bool:
+    """Say whether the very file is there already."""
+    path = where / model.file
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() == model.sha256
+    except OSError:
+        return False
+
+
+def fetch(model: Model, where: Path, *, url: str | None = None, told: Callable[[int], None] = lambda _: None) -> Path:
+    """Download a model into the folder ``where``, and return the file's path; ``told`` hears how many bytes came.
+
+    ``url`` is another place to fetch it from. The file appears whole and checked, or not at all.
+    Raises FetchError for what cannot be reached, is not that file, or cannot be written.
+    """
+    source = url or model.url
+    if not source.startswith(("https://", "http://")):
+        raise FetchError(f"{model.name}: '{source}' is no address of a web server", hint="https://...")
+    target = where / model.file
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+        number, name = tempfile.mkstemp(dir=where, prefix=f".{model.file}.")
+    except OSError as error:
+        raise FetchError(f"{where}: {error.strerror}", hint="XDG_DATA_HOME says where models are kept") from error
+    part = Path(name)
+    try:
+        with os.fdopen(number, "wb") as file:
+            _download(model, source, file, told)
+        part.chmod(0o644)
+        part.replace(target)
+    except OSError as error:
+        raise FetchError(f"{target}: {error.strerror}", hint=f"df -h {where}  (is there room?)") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return target
+
+
+def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], None]) -> None:
+    """Write what the server sends into ``file``, as long as it can be the model; raise FetchError if it is not."""
+    # What speaks to servers takes a while to import, and a run only asks where models are kept.
+    from http.client import HTTPException  # noqa: PLC0415
+    from urllib.error import HTTPError, URLError  # noqa: PLC0415
+    from urllib.request import urlopen  # noqa: PLC0415
+
+    who, sum256, size = f"{model.name}: {source}", hashlib.sha256(), 0
+    elsewhere = f"curl -LO {source}  (does it work elsewhere? then copy it to {folder()})"
+    try:
+        with closing(urlopen(source, timeout=TIMEOUT)) as answer:  # noqa: S310 - a web address, see fetch
+            while (chunk := answer.read(CHUNK)) and size <= model.size:
+                size += len(chunk)
+                sum256.update(chunk)
+                file.write(chunk)
+                told(size)
+    except HTTPError as error:
+        error.close()
+        raise FetchError(f"{who}: the server says {error.code} {error.reason}", hint=elsewhere) from error
+    except URLError as error:
+        raise FetchError(f"{who}: cannot be reached: {error.reason}", hint=elsewhere) from error
+    except (HTTPException, TimeoutError, ConnectionError) as error:
+        raise FetchError(f"{who}: broke off after {size} bytes: {error}", hint="type the same again") from error
+    if sum256.hexdigest() != model.sha256:
+        raise FetchError(
+            f"{who}: is not the file that was published: {size} bytes with SHA-256 {sum256.hexdigest()}, "
+            f"not {model.size} bytes with {model.sha256}",
+            hint=f"mission models fetch {model.name}  (again, from another network)",
+        )

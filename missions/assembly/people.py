@@ -1,0 +1,256 @@
+"""The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
+
+Nothing else is kept of them: what recognises them is learnt anew from the pictures at each start. Somebody is a folder
+with pictures (``missions.assembly.portraits``); whatever else is there belongs to somebody else, and is left alone.
+"""
+
+import fcntl
+import os
+import stat
+import unicodedata
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import quote
+
+from missions.assembly.portraits import NEW, clear, digest, files_in, keep, read
+from missions.library.folders import data_folder
+from perception.api import UNKNOWN, Image
+from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
+
+MAX_NAME_LENGTH = 60
+"""Letters of a name: also of four bytes each they make the name of a folder."""
+
+JOINERS = "\u200c\u200d"
+"""What parts and joins letters in Persian and Indian names, and is not seen itself."""
+
+WITHIN = frozenset(" -_'\u2019." + JOINERS)
+"""What a name may have beside letters, their marks and digits."""
+
+
+class PeopleError(RuntimeError):
+    """Something that cannot be done with people's pictures: the message says what, ``hint`` what to type next."""
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+Told = Callable[[PeopleError], None]
+"""What hears of pictures that are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Somebody whom the robot knows: how many pictures there are, and since when (seconds since 1970) the first."""
+
+    name: str
+    pictures: int
+    since: float
+
+
+def folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where pictures of people are kept: among the user's data."""
+    return data_folder(environment) / "people"
+
+
+def proper_name(name: str) -> str:
+    """Return a name as it is kept. Raises PeopleError for what cannot be anybody's."""
+    found = unicodedata.normalize("NFC", name).strip()
+    if found.casefold() == UNKNOWN:
+        raise PeopleError(f"'{UNKNOWN}' is what strangers are called", hint="choose another name")
+    fits = all(letter in WITHIN or unicodedata.category(letter)[0] in "LMN" for letter in found)
+    if not (fits and found[:1].isalpha() and len(found) <= MAX_NAME_LENGTH):
+        hint = f"first a letter of any script, then letters, digits, spaces and - _ ' . up to {MAX_NAME_LENGTH} in all"
+        raise PeopleError(f"{name!r:.80} cannot be a name", hint=hint)
+    return found
+
+
+class People:
+    """The pictures in one folder. Nothing is touched before it is asked for."""
+
+    def __init__(self, where: Path) -> None:
+        self.where = where
+
+    def known(self) -> list[Known]:
+        """Return who is known, by name. Raises PeopleError for a folder that cannot be read."""
+        return [
+            Known(name, len(files), min(status.st_mtime for status in files.values()))
+            for name, files in self._files().items()
+        ]
+
+    def find(self, name: str) -> str | None:
+        """Return the name of somebody as it is kept, however it is capitalised; None for nobody. Raises PeopleError."""
+        return next((each for each in self._files() if _key(each) == _key(name)), None)
+
+    def portraits(self, told: Told) -> dict[str, list[Image]]:
+        """Return the pictures of everybody of whom there are enough to learn from, by name.
+
+        Of somebody with many pictures some are taken, spread over all of them: what learns them compares each with
+        each. ``told`` hears of that, of each file that is no picture, and of each person of whom there are too few, or
+        for whom there is no room. Raises PeopleError for a folder that cannot be read.
+        """
+        found = {}
+        for name, files in self._taken(told).items():
+            portraits = [portrait for path in files if (portrait := _read(path, told)) is not None]
+            if len(portraits) >= FEWEST:
+                found[name] = portraits
+            elif portraits:
+                what = f"{name}: {len(portraits)} pictures are too few to know somebody by: it takes {FEWEST}"
+                told(PeopleError(what, hint=f"mission person add {quote(name)}"))
+        return found
+
+    def new_ones(self, name: str, portraits: Sequence[Image]) -> list[Image]:
+        """Return which of some pictures ``add`` would keep: each once, and none that is there. Raises as it does."""
+        kept = self.find(name) or proper_name(name)
+        whose = {
+            digest(portrait): who
+            for who, files in self._files().items()
+            for path in files
+            if (portrait := _read(path, lambda _: None)) is not None
+        }
+        found = {digest(portrait): portrait for portrait in portraits}
+        others = [whose[each] for each in found if whose.get(each, kept) != kept]
+        if others:
+            hint = f"leave it out, or first: mission person remove {quote(others[0])}"
+            raise PeopleError(f"nothing was kept: one of the pictures of {kept} is {others[0]}'s already", hint=hint)
+        fresh = [portrait for each, portrait in found.items() if each not in whose]
+        count = len(fresh) + list(whose.values()).count(kept)
+        if count < FEWEST:
+            hint = f"it takes {FEWEST} at least"
+            raise PeopleError(f"too few pictures of {kept}: {count}, where each counts once", hint=hint)
+        return fresh
+
+    def add(self, name: str, portraits: Sequence[Image]) -> str:
+        """Keep pictures of somebody, beside those that are there; return the name as it is kept.
+
+        A picture that is there already is not kept again. Raises PeopleError for a picture of somebody else's, too few
+        pictures, and what cannot be written; then none is kept.
+        """
+        fresh = self.new_ones(name, portraits)
+        kept = self.find(name) or proper_name(name)
+        try:
+            with self._alone():
+                if fresh:
+                    keep(fresh, self.where / kept)
+        except OSError as error:
+            hint = f"df -h {self.where}  (is there room?)"
+            raise PeopleError(f"{self.where / kept}: nothing was kept: {error.strerror}", hint=hint) from error
+        self.shut()
+        return kept
+
+    def remove(self, name: str) -> int:
+        """Delete somebody's pictures, and the folder if there is nothing else in it; return how many there were.
+
+        Raises PeopleError for somebody who is not known, and what cannot be deleted.
+        """
+        kept = self.find(name)
+        if kept is None:
+            known = ", ".join(self._files()) or "nobody"
+            raise PeopleError(f"nobody is called '{name}'", hint=f"known: {known}")
+        home = self.where / kept
+        try:
+            with self._alone():
+                return clear(home)
+        except OSError as error:
+            raise PeopleError(f"{home}: {error.strerror}", hint=f"ls -l {home}  (what is left there?)") from error
+
+    def shut(self) -> bool:
+        """Take the rights of others away from the folder and the pictures in it, and say whether anybody had some.
+
+        Where nobody is known nothing is touched. Raises PeopleError where it cannot be: these are pictures of people.
+        """
+        everybody = self._files()
+        folders = [self.where, *(self.where / name for name in everybody)] if everybody else []
+        changed = False
+        try:
+            for path in (*folders, *(file for files in everybody.values() for file in files)):
+                with suppress(FileNotFoundError):
+                    changed |= _shut(path)
+        except OSError as error:
+            raise PeopleError(
+                f"{self.where}: others may read these pictures of people, and that cannot be changed: {error.strerror}",
+                hint=f"sudo chown -R $USER {self.where}",
+            ) from error
+        return changed
+
+    def _taken(self, told: Told) -> dict[str, list[Path]]:
+        """Return the files to learn from, and tell of what is left out."""
+        everybody = {name: list(files) for name, files in self._files(told).items()}
+        late = list(everybody)[MAX_PICTURES_TOGETHER // FEWEST :]
+        if late:
+            told(PeopleError(f"{len(late)} people are left out, {late[0]} to {late[-1]}: there is room for "
+                             f"{MAX_PICTURES_TOGETHER // FEWEST}", hint="mission person remove NAME"))  # fmt: skip
+        share = min(MAX_PICTURES, MAX_PICTURES_TOGETHER // max(1, len(everybody) - len(late)))
+        for name, files in everybody.items():
+            if len(files) > share and name not in late:
+                told(PeopleError(f"{name}: {share} of {len(files)} pictures are used, spread over all of them"))
+                everybody[name] = [files[place * len(files) // share] for place in range(share)]
+        return {name: files for name, files in everybody.items() if name not in late}
+
+    def _files(self, told: Told = lambda _: None) -> dict[str, dict[Path, os.stat_result]]:
+        """Return the files of everybody of whom there are any. Raises PeopleError."""
+        found = {}
+        for home in self._folders():
+            try:
+                files = {} if home.name.startswith(".") else files_in(home)
+            except OSError as error:
+                told(PeopleError(f"{home}: {error.strerror}, and is left out", hint=f"ls -ld {home}"))
+                continue
+            if files:
+                found[home.name] = files
+        return found
+
+    def _folders(self) -> list[Path]:
+        """Return all folders in ours, links to some not among them. Raises PeopleError."""
+        try:
+            return sorted(path for path in self.where.iterdir() if path.is_dir() and not path.is_symlink())
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise PeopleError(f"{self.where}: {error.strerror}", hint=f"ls -ld {self.where}") from error
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
+        self.where.mkdir(mode=0o700, parents=True, exist_ok=True)
+        number = os.open(self.where, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
+                fcntl.flock(number, fcntl.LOCK_EX)
+            for left in self._folders():
+                if left.name.startswith(NEW):
+                    clear(left)
+            yield
+        finally:
+            os.close(number)
+
+
+def _key(name: str) -> str:
+    """Return what is the same for all ways to write a name: capitals, composed letters, joiners that are not seen."""
+    seen = "".join(letter for letter in name.strip() if letter not in JOINERS)
+    return unicodedata.normalize("NFC", seen.casefold())
+
+
+def _read(path: Path, told: Told) -> Image | None:
+    """Return a picture, None for one that has just been removed; for one that cannot be read too, and tell of it."""
+    try:
+        found = read(path)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        told(PeopleError(f"{path}: {error.strerror}, and is left out", hint=f"ls -l {path}"))
+        return None
+    if found is None:
+        told(PeopleError(f"{path}: is no portrait, and is left out", hint=f"rm {quote(str(path))}"))
+    return found
+
+
+def _shut(path: Path) -> bool:
+    """Take the rights of others away from a file or folder, and say whether they had some. Raises OSError."""
+    rights = stat.S_IMODE(path.stat().st_mode)
+    if not rights & 0o077:
+        return False
+    path.chmod(rights & 0o700)
+    return True

@@ -1,0 +1,142 @@
+"""A head that is open for a command at the terminal, and what all these commands do with it."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from math import degrees, radians
+from typing import Any
+
+import click
+
+from behaviours.head import Arrival, shown
+from config.library import find
+from config.world import load_world
+from drivers.api import DeviceStatus, Head, HeadPose, ignore
+from drivers.api.sections import Wired
+from drivers.arduino.declared import ArduinoKeys
+from drivers.clock import Clock, SystemClock
+from drivers.dynamixel.declared import NeckKeys
+from drivers.errors import NotConnected
+from drivers.pantilt import Trimmable
+from missions.assembly.assemble import assemble
+from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.interests import Interests
+from missions.assembly.lags import Lags
+from missions.assembly.together import Hooks, Overrides
+from missions.cli.keys import interruptible
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.drivers import load_robot
+from missions.order import DEFAULT_ROBOT
+
+PAUSE = 0.02
+"""Seconds between two looks at the head."""
+
+NEAREST = radians(0.51)
+"""As near as a servo of whole degrees comes to any goal."""
+
+TURN_TIMEOUT = 15.0
+"""Seconds for any turn of a head."""
+
+
+def robot_options(command: Any) -> Any:
+    """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
+    for option in (
+        click.option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
+        click.option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
+        click.option("--robot", metavar="NAME", help="The robot (a name or a file); its head moves. Else simulated."),
+    ):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A head that is open and there."""
+
+    head: Head
+    trimmer: Trimmable
+    config: ArduinoKeys | NeckKeys
+    clock: Clock
+    lags: Lags | None = None
+
+    def look(self, target: HeadPose) -> int:
+        """Look there, wait until the head does, and say it; return the exit code."""
+        goal = self.head.look(target)
+        if not self.arrives(goal):
+            here = self.head.pose().value
+            click.echo(f"the head rests at {'?' if here is None else shown(here)}, not at {shown(goal)}", err=True)
+            return FAILURE
+        click.echo(f"looks at {shown(goal)}" + ("" if goal == target else f", the limit for {shown(target)}"))
+        return SUCCESS
+
+    def arrives(self, goal: HeadPose) -> bool:
+        """Wait until the head is at ``goal``; say whether it has got there."""
+        arrival, start = Arrival(NEAREST), self.clock.now()
+        while not arrival(self.head.pose(), goal, self.clock.now()):
+            if arrival.stuck or self.clock.now() - start > TURN_TIMEOUT:
+                return False
+            pause()
+        return True
+
+    def where(self) -> dict[str, dict[str, float]]:
+        """Return where each axis is, its limits and its trim, in degrees, by the name of the joint."""
+        pose, limits, trims = self.head.pose().value, self.head.limits, self.trimmer.trim()
+        found = {}
+        for number, (axis, ends) in enumerate(((self.config.pan, limits.pan), (self.config.tilt, limits.tilt))):
+            figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
+            if pose is not None:
+                figures["angle"] = (pose.pan, pose.tilt)[number]
+            found[axis.joint] = {name: round(degrees(value), 2) + 0.0 for name, value in figures.items()}
+        return found
+
+
+@contextmanager
+def opened(
+    name: str | None, *, simulate: bool, port: str | None, stay: bool = False, camera: bool = False
+) -> Iterator[Bench]:
+    """Open the head of a robot, with its ``camera`` if wanted, and wait until it is there; close it whatever comes.
+
+    It goes to its start first, unless it is to ``stay``.
+    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    """
+    config = load_robot(find("robots", name or DEFAULT_ROBOT))
+    keys = config.head
+    if keys is None:
+        raise click.UsageError(f"{config.name} has no head")
+    virtual = simulate or name is None
+    if virtual and port is not None:
+        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+    part = "head" if isinstance(keys, Wired) else "arm"
+    wishes = Overrides(
+        world=load_world(find("worlds", "empty")) if virtual else None,
+        ports={} if port is None else {part: port},
+        interests=Interests(faces=False),
+    )
+    clock = SystemClock()
+    audience = Hooks(ignore if stay else _warned, ignore, click.echo, ignore, ignore)
+    robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
+    head, trimmer = robot.robot.head, robot.devices["head"]
+    if not isinstance(trimmer, Trimmable) or not isinstance(keys, ArduinoKeys | NeckKeys):
+        raise click.UsageError(f"the head of {config.name} cannot be trimmed")
+    if stay:
+        trimmer.stay()
+    with interruptible(), closing(robot):
+        robot.open()
+        while not (head.health().online and head.pose().good):
+            if clock.now() > CONNECT_TIME:
+                health = head.health()
+                raise NotConnected(health.detail, hint=health.hint)
+            pause()
+        yield Bench(head, trimmer, keys, clock, None if robot.eyes is None else robot.lags)
+
+
+def _warned(notice: DeviceStatus) -> None:
+    """Tell a person at the terminal what is wrong with the head, before it is moved."""
+    if notice.kind == "fault":
+        click.echo(f"{notice.device}: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+
+
+def pause() -> None:
+    """Wait a moment for the head's own thread."""
+    threading.Event().wait(PAUSE)

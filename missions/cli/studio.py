@@ -1,0 +1,107 @@
+"""``mission studio``: a page in the browser to see, start, drive and stop what runs on this machine."""
+
+import ipaddress
+import sys
+import webbrowser
+from contextlib import closing, suppress
+from pathlib import Path
+from ssl import SSLError
+
+import click
+
+from missions.cli.numbers import Whole
+from missions.cli.root import SUCCESS
+
+PORT = 8642
+
+
+@click.command()
+@click.option(
+    "--port", type=Whole(min=0, max=65535), default=PORT, show_default=True, help="Where; 0 for any free one."
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="Who can reach it: this computer alone, or with 0.0.0.0 all of its network.",
+)
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Another name by which browsers ask for it.")
+@click.option("--open", "in_browser", is_flag=True, help="Open the page in the browser.")
+@click.option("--record/--no-record", default=True, show_default=True, help="Record the runs that it starts.")
+@click.option(
+    "--certificate",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="TLS: a PEM file.",
+)
+@click.option("--key", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE", help="Its key.")
+@click.option("--leash", type=Whole(), hidden=True, help="The end of a pipe: the studio ends with it.")
+@click.option("--keep-tokens", is_flag=True, help="The tokens of last time, so that links and bookmarks go on to work.")
+def command(
+    port: int,
+    host: str,
+    names: tuple[str, ...],
+    in_browser: bool,
+    record: bool,
+    certificate: Path | None,
+    key: Path | None,
+    leash: int | None,
+    keep_tokens: bool,
+) -> int:
+    """Serve a page to see, start, drive and stop robots, for the browsers of this computer, or of the network.
+
+    Whoever opens the printed link is signed in: as an operator, or with the other one as a viewer, who sees all and may
+    stop. Runs go on when the studio ends, and those of other terminals are in it too.
+    """
+    try:
+        from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
+        from missions.studio.serving import Place, listening, serve  # noqa: PLC0415
+        from missions.studio.tokens import kept_tokens  # noqa: PLC0415
+    except ImportError as error:
+        raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
+    if key is not None and certificate is None:
+        raise click.UsageError("--key goes with --certificate FILE")
+    access = Access(*kept_tokens()) if keep_tokens else Access()
+    try:
+        socket = listening(Place(host, port))
+    except OSError as error:
+        hint = "another --port" if port else "another --host"
+        raise click.ClickException(f"{host} port {port}: {error.strerror or error}\n  try: {hint}") from error
+    with closing(socket):
+        place = Place(host, socket.getsockname()[1], names, certificate, key, record, access, leash)
+
+        def begun() -> None:
+            link = place.link(access.operator)
+            click.echo(f"studio: {link}")
+            click.echo(f"to look and stop only: {place.link(access.viewer)}")
+            if not _is_loopback(host):
+                _show_code(link)
+                if certificate is None:
+                    click.echo(
+                        "without TLS: who listens on this network can read the link (--certificate FILE)", err=True
+                    )
+            if in_browser:
+                webbrowser.open(place.link(access.once()))  # its command line is seen by all
+
+        try:
+            running = serve(place, [socket], begun)
+        except (SSLError, OSError) as error:
+            raise click.ClickException(f"{certificate or host}: {error}") from error
+    if running:
+        click.echo(f"still running: {', '.join(map(str, running))}\n  try: mission stop --end")
+    return SUCCESS
+
+
+def _is_loopback(host: str) -> bool:
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def _show_code(link: str) -> None:
+    """Draw a link for the camera of a phone."""
+    import segno  # noqa: PLC0415 - only where it is wanted
+
+    if sys.stdout.isatty():
+        segno.make(link, error="m").terminal(compact=True)

@@ -1,0 +1,38 @@
+"""Movements out of files: a gesture, a spreadsheet of joint angles, or a sheet of which a move file says what it means.
+
+A sheet alone has a column for every joint, headed by its name, in radians, and a row for every moment; a column
+``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``.
+"""
+
+from pathlib import Path
+
+from config.gesture import gesture_of
+from config.marked import read_source
+from config.move import JointSource, MoveConfig, is_move, move_of
+from drivers.api import Gesture
+from drivers.api.sections import ArmKeys
+from missions.hands.moves.gesture import movement
+from missions.hands.moves.rows import TIME, played
+from missions.hands.moves.sheet import KINDS, Sheet, read_sheet
+
+
+def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
+    """Read a movement. ``rate`` is that of a sheet's rows (Hz), where neither it nor its move file says when they are.
+
+    With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
+    of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
+    """
+    if path.suffix.lower() in KINDS:
+        sheet = read_sheet(path)
+        return played(sheet, _of_headings(sheet, path), rate=rate, arm=arm)
+    source = read_source(path)
+    if not is_move(source):
+        return movement(gesture_of(source, None if arm is None else arm.reaches))
+    move = move_of(source, path.parent, None if arm is None else arm.reaches)
+    return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
+
+
+def _of_headings(sheet: Sheet, path: Path) -> MoveConfig:
+    """Take every column for a joint."""
+    joints = {heading: JointSource(column=heading) for heading in sheet.headings if heading != TIME}
+    return MoveConfig(path.stem, "", path, joints)

@@ -1,0 +1,117 @@
+"""The rows of a sheet as keyframes: every column, or every three points of a body, becomes the angles of a joint."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import radians
+
+from config.faults import InvalidFileError, one_of
+from config.gesture import beyond
+from config.move import JointSource, MoveConfig
+from drivers.api import Gesture, Keyframe
+from drivers.api.sections import ArmKeys
+from missions.hands.moves.limbs import angle_at, steadied
+from missions.hands.moves.sheet import Sheet
+
+TIME = "time"
+"""The heading of the column that says when a row is, in seconds."""
+
+
+def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
+    """Return the movement that ``move`` makes of ``sheet``. Raises InvalidFileError with every mistake in the sheet.
+
+    ``rate`` and ``arm`` as for ``missions.hands.moves.load.load_move``.
+    """
+    _check_headings(sheet, move, arm)
+    times = _times(sheet, move.rate or rate)
+    joints = {joint: list(_angles(sheet, move, joint, source)) for joint, source in move.joints.items()}
+    if not sheet.faults and arm is not None:
+        for joint, angles in joints.items():
+            _check_reach(sheet, joint, move.joints[joint], angles, arm)
+    if sheet.faults:
+        raise InvalidFileError(sheet.faults)
+    steady = [steadied(angles, _dead_band(move, joint, arm)) for joint, angles in joints.items()]
+    poses = (dict(zip(joints, angles, strict=True)) for angles in zip(*steady, strict=True))
+    keyframes = tuple(Keyframe(time, pose) for time, pose in zip(times, poses, strict=True))
+    return Gesture(move.name, move.summary, keyframes, "cubic")
+
+
+def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None:
+    """Raise InvalidFileError for columns that are asked for and not there, and for joints that the arm lacks."""
+    for joint, source in move.joints.items():
+        for heading in source.headings:
+            if heading not in sheet.headings:
+                what = f"there is no column '{heading}', of which joint '{joint}' is made"
+                sheet.fault(sheet.top, 1, what, one_of(heading, sheet.headings))
+        if arm is not None and joint not in arm.reaches:
+            point = joint.endswith(("_x", "_y", "_z"))
+            hint = "a move file says of which points a joint is made" if point else one_of(joint, arm.reaches)
+            sheet.fault(sheet.top, sheet.headings.get(joint, 1), f"there is no joint '{joint}'", hint)
+    if not move.joints:
+        sheet.fault(sheet.top, 1, "there is no column of a joint")
+    if sheet.faults:
+        raise InvalidFileError(sheet.faults)
+
+
+def _times(sheet: Sheet, rate: float | None) -> list[float]:
+    """Return when each row is (s), the first at 0."""
+    if TIME not in sheet.headings:
+        if rate is None:
+            hint = "give the rate of its rows, or add a column 'time' (s)"
+            sheet.fault(sheet.top, 1, "it does not say when its rows are", hint)
+        return [number / (rate or 1.0) for number in range(len(sheet.rows))]
+    times, mistakes = sheet.numbers(TIME), len(sheet.faults)
+    for (row, _), (before, time) in zip(sheet.rows[1:], pairwise(times), strict=True):
+        if time <= before and not mistakes:
+            sheet.fault(row, sheet.headings[TIME], f"{time:g} s is not later than the {before:g} s of the row before")
+    return [time - times[0] for time in times]
+
+
+def _angles(sheet: Sheet, move: MoveConfig, joint: str, source: JointSource) -> Iterator[float]:
+    """Yield the angles (rad) of a joint, row by row."""
+    if source.points is None:
+        unit = radians(1) if move.degrees else 1.0
+        found = [unit * value for value in sheet.numbers(source.column)]
+    else:
+        found = _bends(sheet, joint, source)
+    return (source.sign * angle + source.offset for angle in found)
+
+
+def _bends(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
+    """Return the angle at the middle one of three points in every row; a limb without length is a fault."""
+    columns = [sheet.numbers(heading) for heading in source.headings]
+    axes = len(source.plane)
+    angles, problems = [], []
+    for (row, _), *coordinates in zip(sheet.rows, *columns, strict=True):
+        before, middle, behind = (tuple(coordinates[start : start + axes]) for start in (0, axes, 2 * axes))
+        try:
+            angles.append(angle_at(before, middle, behind))
+        except ValueError as error:
+            angles.append(0.0)
+            problems.append((row, f"joint '{joint}': {error}"))
+    if not sheet.faults:  # a cell without a number has one by now, and is no point
+        _note(sheet, source, problems)
+    return angles
+
+
+def _check_reach(sheet: Sheet, joint: str, source: JointSource, angles: Sequence[float], arm: ArmKeys) -> None:
+    """Note angles beyond the joint's limits."""
+    limits = arm.reaches[joint]
+    found = [(row, beyond(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
+    _note(sheet, source, [(row, problem) for row, problem in found if problem])
+
+
+def _note(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]]) -> None:
+    """Note the first problem of a joint, and how many more rows have one: where one has, mostly many do."""
+    if problems:
+        row, problem = problems[0]
+        others = len(problems) - 1
+        more = f", and so in {others} more {'row' if others == 1 else 'rows'}" if others else ""
+        headings = source.headings  # the column, or the first of the middle point
+        sheet.fault(row, sheet.headings[headings[len(headings) // 3]], problem + more)
+
+
+def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
+    """Return the change (rad) below which a joint is not moved."""
+    if move.dead_band is not None or arm is None:
+        return move.dead_band or 0.0
+    return arm.step(joint)

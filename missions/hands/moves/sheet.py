@@ -1,0 +1,172 @@
+"""Spreadsheets as columns of numbers under headings, every mistake with the row and column that it is in.
+
+``.csv`` is separated by commas, semicolons or tabs; ``.xls``, ``.xlsx`` and ``.ods`` need the extra ``sheets``. Rows
+that begin with ``#`` are remarks; the first of the others has the headings.
+"""
+
+import csv
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from math import isfinite
+from pathlib import Path
+
+from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, one_of
+from config.marked import read_source
+from config.reading import note_read, open_regular
+from config.units import seen
+from missions.hands.moves import workbook
+
+KINDS = (".csv", ".xls", ".xlsx", ".ods")
+"""How the names of spreadsheets end."""
+
+MAX_BYTES = 20_000_000
+
+READING_TIMEOUT = 60.0
+"""Seconds that a workbook may take to be read."""
+
+_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
+
+Cell = float | str
+"""A number, or a text; an empty cell is an empty text."""
+
+
+@dataclass(slots=True)
+class Sheet:
+    """A sheet that was read. ``headings`` are columns by name, ``rows`` those under them, each with its number.
+
+    Rows and columns count from 1, as in a spreadsheet. ``faults`` gathers what is wrong.
+    """
+
+    name: str
+    top: int  # the row of the headings
+    headings: dict[str, int] = field(default_factory=dict)
+    rows: list[tuple[int, Sequence[Cell]]] = field(default_factory=list)
+    faults: list[Diagnostic] = field(default_factory=list)
+
+    def fault(self, row: int, column: int, message: str, suggestion: str = "") -> None:
+        """Note a mistake in one cell. Raises InvalidFileError once there are too many to go on."""
+        note(self.faults, Diagnostic(Source(self.name, ""), Mark(row, column), message, suggestion))
+
+    def numbers(self, heading: str) -> list[float]:
+        """Return the column under ``heading``; a cell without a number is a fault, and 0."""
+        column = self.headings[heading]
+        cells = [(row, cells[column - 1] if column <= len(cells) else "") for row, cells in self.rows]
+        commas = [(row, cell) for row, cell in cells if isinstance(cell, str) and _COMMA.fullmatch(cell)]
+        if commas:
+            row, cell = commas[0]
+            more = f", and {len(commas) - 1} more below it" if len(commas) > 1 else ""
+            self.fault(row, column, f"{seen(cell)} has a decimal comma{more}", "write numbers with a point: 0.25")
+        return [0.0 if (row, cell) in commas else self._number(row, column, cell) for row, cell in cells]
+
+    def _number(self, row: int, column: int, cell: Cell) -> float:
+        found = _value(cell)
+        if found is None:
+            self.fault(row, column, "an empty cell" if cell == "" else f"{seen(cell)} is no number")
+        return found or 0.0
+
+
+def read_sheet(path: Path, tab: str | None = None) -> Sheet:
+    """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError with what is wrong."""
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise _refused(path, f"no spreadsheet: its name must end in {', '.join(KINDS)}")
+    written = _separated(path) if kind == ".csv" else _workbook(path, tab)
+    if len(written) > workbook.MAX_ROWS:
+        raise _refused(path, f"more than {workbook.MAX_ROWS:,} rows")
+    rows = [
+        (number, cells) for number, cells in enumerate(written, 1) if not str(next(iter(cells), "")).startswith("#")
+    ]
+    filled = [place for place, (_, cells) in enumerate(rows) if any(cell != "" for cell in cells)]
+    if len(filled) < 2:
+        raise _refused(path, "it needs a row of headings, and rows of numbers under it")
+    sheet = Sheet(str(path), rows[filled[0]][0])
+    _take_headings(sheet, rows[filled[0]][1])
+    for number, cells in rows[filled[0] + 1 : filled[-1] + 1]:
+        _take_row(sheet, number, cells)
+    if sheet.faults:
+        raise InvalidFileError(sheet.faults)
+    return sheet
+
+
+def _take_headings(sheet: Sheet, cells: Sequence[Cell]) -> None:
+    for column, cell in enumerate(cells, 1):
+        if cell == "":
+            continue
+        if isinstance(cell, float) or _value(cell) is not None:
+            sheet.fault(sheet.top, column, f"{seen(cell)} is no heading", "the first row has the names of the columns")
+        elif cell in sheet.headings:
+            sheet.fault(sheet.top, column, f"the heading {seen(cell)} stands here again")
+        else:
+            sheet.headings[cell] = column
+
+
+def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
+    filled = [column for column, cell in enumerate(cells, 1) if cell != ""]
+    stray = next((column for column in filled if column not in sheet.headings.values()), None)
+    if not filled:
+        sheet.fault(row, 1, "an empty row", "take it out: every row is a moment")
+    elif stray is not None:
+        hint = "a comma within a number makes two cells of it: write a point"
+        sheet.fault(row, stray, "a cell without a heading", hint if sheet.name.lower().endswith(".csv") else "")
+    else:
+        sheet.rows.append((row, cells))
+
+
+def _separated(path: Path) -> list[list[Cell]]:
+    """Read a file of separated values: all cells are texts."""
+    text = read_source(path).text
+    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    separator = max(",;\t", key=first.count)
+    try:
+        rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+        return [[cell.strip() for cell in row] for row in rows]
+    except csv.Error as error:
+        raise _refused(path, f"no separated values: {error}") from error
+
+
+def _workbook(path: Path, tab: str | None) -> list[list[Cell]]:
+    """Read one sheet of a workbook."""
+    if find_spec("python_calamine") is None:
+        raise _refused(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
+    try:
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
+        reader = [sys.executable, "-P", workbook.__file__, str(path), *([] if tab is None else [tab])]
+        heard = subprocess.run(reader, capture_output=True, check=True, timeout=READING_TIMEOUT)  # noqa: S603 - ourselves
+        note_read(path)
+    except OSError as error:
+        raise _refused(path, f"cannot be read: {error.strerror}") from error
+    except subprocess.SubprocessError as error:
+        raise _refused(path, "no workbook: it is damaged") from error
+    told = json.loads(heard.stdout)
+    if "error" in told:
+        raise _refused(path, f"no workbook: {told['error']}")
+    if told["rows"] is None:
+        raise _refused(path, f"there is no sheet {seen(tab)}", one_of(tab or "", told["sheets"]))
+    return [[_cell(value) for value in row] for row in told["rows"]]
+
+
+def _cell(value: object) -> Cell:
+    """Return what a cell of a workbook holds; what is neither number nor text (a date, TRUE) as its text."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value).strip()
+
+
+def _value(cell: Cell) -> float | None:
+    """Return the finite number that a cell holds, None if it holds none."""
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    return value if isfinite(value) and str(cell).isascii() and "_" not in str(cell) else None
+
+
+def _refused(path: Path, message: str, suggestion: str = "") -> InvalidFileError:
+    return InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), message, suggestion)])

@@ -1,0 +1,106 @@
+"""What a person's hands do to a robot: pushes become commands to the base, steps turn the head, stops latch."""
+
+from math import degrees, radians
+
+from drivers.api import STILL, Base, Head, HeadPose, Source, Velocity
+from drivers.errors import DriverError, NotConnected
+from missions.hands.teleop.keymap import ENABLE, GAZES, LATCH, PACES, Push
+
+HALF = 0.5
+MIN_SHARE, MAX_SHARE = 0.05, 1.0
+"""The shares of the base's limits between which a person may choose."""
+
+STEP = radians(3)
+"""How far a press of an arrow turns the head."""
+
+ANEW = "it was away: let go, and begin anew"
+BY_HAND = "stopped by hand: Enter enables"
+
+
+class Pilot:
+    """Commands a base as ``Source.TELEOP``, and a head, if there is one. For one thread.
+
+    ``ahead`` and ``turn`` are the shares of the base's limits at which a whole push drives.
+    """
+
+    def __init__(self, base: Base, head: Head | None = None, *, pace: float = HALF) -> None:
+        self._base = base
+        self._head = head
+        self._goal: HeadPose | None = None
+        self._driving = False
+        self._returned: float | None = None  # when the base was last back from an absence
+        self._stale = False  # whoever pushes now began before that
+        self._trouble = ""
+        self.ahead = self.turn = min(max(pace, MIN_SHARE), MAX_SHARE)
+
+    def press(self, key: str) -> None:
+        """Do what a key other than those that drive asks for."""
+        if key in PACES:
+            ahead, turn = PACES[key]
+            self.ahead = min(max(self.ahead * ahead, MIN_SHARE), MAX_SHARE)
+            self.turn = min(max(self.turn * turn, MIN_SHARE), MAX_SHARE)
+        elif key in GAZES:
+            pan, tilt = GAZES[key]
+            self.look(pan * STEP, tilt * STEP)
+        elif key == LATCH:
+            self._base.latch(BY_HAND)
+        elif key == ENABLE:
+            self._base.enable()
+
+    def steer(self, push: Push | None) -> None:
+        """Drive so until the next call, which is to come within ``COMMAND_LIFE``; None lets go of the wheels.
+
+        The base then stands at once. It stays so a moment longer than a command lives, before it obeys a mission again.
+        A push that began before the base was back from a long absence counts no more: let go, and begin anew.
+        """
+        before, self._returned = self._returned, self._base.health().returned
+        self._stale = push is not None and (self._stale or self._returned != before)
+        if self._stale:
+            push = None
+        if push is None and not self._driving:
+            return
+        limits = self._base.limits
+        wanted = STILL
+        if push is None:
+            self._base.stop(source=Source.TELEOP)
+        else:
+            wanted = Velocity(push.ahead * self.ahead * limits.speed, push.left * self.turn * limits.turn)
+        self._driving, self._trouble = push is not None, ""
+        try:
+            self._base.drive(wanted, source=Source.TELEOP)
+        except NotConnected as error:
+            self._trouble = str(error)
+        except DriverError:  # latched: that is shown all the time
+            self._driving = False
+
+    def words(self) -> str:
+        """Say in a line how it drives, at whose command, what it feels, and what is the matter."""
+        reading, steering = self._base.state(), self._base.steering()
+        state = reading.value
+        paces = dict.fromkeys(f"{100 * pace:.0f}" for pace in (self.ahead, self.turn))
+        told = [f"{'/'.join(paces)} %"]
+        if state is None or not reading.good:
+            return " | ".join((*told, self._trouble or self._base.health().detail or "no reports"))
+        told.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
+        why = f": {steering.because}" if steering.because else ""
+        told.append(self._base.latched or (ANEW if self._stale else "") or f"{steering.source or 'nobody'}{why}")
+        touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
+        told += [f"{name} {sides}" for name, sides in touched.items() if sides]
+        told.append(f"battery {state.battery_percent:.0f} %{' charging' if state.charging else ''}")
+        return " | ".join([*told, self._trouble] if self._trouble else told)
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong with the last command; empty where nothing did."""
+        return self._trouble
+
+    def look(self, pan: float, tilt: float) -> None:
+        """Turn the head by so many radians from where it was told to look, else from where it looks."""
+        if self._head is None:
+            return
+        here = self._goal or self._head.pose().value or HeadPose(0.0, 0.0)
+        try:
+            self._goal = self._head.look(HeadPose(here.pan + pan, here.tilt + tilt))
+            self._trouble = ""
+        except DriverError as error:
+            self._trouble = str(error)

@@ -1,0 +1,139 @@
+"""Which drivers there are: those of the house, and those of other distributions; and the robots that name them.
+
+A distribution offers drivers by entry points of the group ``missiontree.drivers``: ``base.rover`` is a driver of bases
+with the name ``rover``, and names a ``drivers.api.driver.Driver``. They are looked for where a robot file names one
+that the house does not have, or where all are told; what is wrong with one concerns nobody who does not use it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from inspect import get_annotations
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from config import robot
+from config.faults import Source
+from config.robot import RobotConfig
+from drivers.api.driver import BrokenDriver, Driver, resolved
+from drivers.api.keys import declared
+from drivers.api.kinds import KINDS
+from drivers.api.sections import ArmKeys
+from drivers.table import HOUSE
+from missions.library.offers import offered
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUP = "missiontree.drivers"
+"""The entry points by which distributions offer drivers."""
+
+
+class Table:
+    """The drivers that there are, by kind and name: a ``drivers.api.driver.Drivers``."""
+
+    @cached_property
+    def _points(self) -> Mapping[str, Sequence["EntryPoint"]]:
+        """The entry points of other distributions by their names, ``base.rover``."""
+        found: dict[str, list[EntryPoint]] = {}
+        for point in offered(GROUP):
+            found.setdefault(point.name, []).append(point)
+        return found
+
+    def names(self, kind: str) -> Sequence[str]:
+        """Return the names of the drivers of a kind, those of the house first."""
+        others = (name.partition(".") for name in self._points)
+        return list(dict.fromkeys([*HOUSE.get(kind, ()), *(name for of, _, name in others if of == kind and name)]))
+
+    def find(self, kind: str, name: str) -> Driver:
+        """Return a driver. Raises BrokenDriver for a declaration that cannot be used; KeyError for no such name."""
+        ours = HOUSE.get(kind, {}).get(name)
+        if ours is not None:
+            found = resolved(ours)
+            if not isinstance(found, Driver):
+                raise BrokenDriver(f"{ours} is no Driver")
+            return found
+        return _loaded(self._points[f"{kind}.{name}"])
+
+    def origin(self, kind: str, name: str) -> str:
+        """Return the distribution that a driver comes from; empty for one of the house."""
+        points = () if name in HOUSE.get(kind, ()) else self._points.get(f"{kind}.{name}", ())
+        return ", ".join(_owner(point) for point in points)
+
+    def all(self) -> Iterator[tuple[str, str, Driver | BrokenDriver]]:
+        """Yield the kind and the name of each driver with its declaration, or with what is wrong with that."""
+        for kind in KINDS:
+            for name in self.names(kind):
+                try:
+                    yield kind, name, self.find(kind, name)
+                except BrokenDriver as error:
+                    yield kind, name, error
+        for name, points in self._points.items():
+            kind, _, own = name.partition(".")
+            if kind not in KINDS or not own:
+                kinds = ", ".join(KINDS)
+                hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
+                yield kind, own, BrokenDriver(f"{_told(points[0])} names no driver of any kind: {hint}")
+            elif own in HOUSE.get(kind, ()):
+                yield kind, own, BrokenDriver(f"{_told(points[0])} is not used: MissionTree has a {kind}.{own} itself")
+
+
+def _loaded(points: Sequence["EntryPoint"]) -> Driver:
+    """Return what an entry point declares. Raises BrokenDriver."""
+    point, *others = points
+    told = _told(point)
+    if others:
+        raise BrokenDriver(f"{' and '.join(map(_told, points))} have one name: uninstall one of them")
+    try:
+        found: object = point.load()
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise BrokenDriver(f"{told} cannot be imported: {said}") from error
+    if not isinstance(found, Driver):
+        raise BrokenDriver(f"{told} is no drivers.api.driver.Driver, but {found!r:.60}")
+    if problem := _problem(point.name, found):
+        raise BrokenDriver(f"{told} {problem}")
+    return found
+
+
+def _problem(name: str, driver: Driver) -> str:
+    """Say what is wrong with a declaration; nothing where it is sound."""
+    if name != f"{driver.kind}.{driver.name}":
+        return f"declares the driver {driver.kind}.{driver.name}: both must have one name"
+    kind = KINDS[driver.kind]
+    declares: object = driver.keys
+    if not isinstance(declares, type) or not issubclass(declares, kind.keys):
+        return f"has keys that do not extend {kind.keys.__module__}.{kind.keys.__name__}"
+    if missing := [need for need in driver.needs if need not in KINDS]:
+        return f"needs parts that there are not: {', '.join(missing)}"
+    try:
+        declared(driver.keys)
+    except (TypeError, NameError) as error:
+        return f"has a key that means nothing: {error}"
+    name = driver.keys.__name__
+    if "__dataclass_fields__" not in vars(driver.keys) and get_annotations(driver.keys):
+        return f"has keys that are not read: write @keys before class {name}"
+    if issubclass(driver.keys, ArmKeys) and driver.keys.limits is ArmKeys.limits:
+        hint = "a property that returns a drivers.api.joints.JointLimits for each joint, by its name"
+        return f"has keys that do not say which joints there are: give {name} `limits`, {hint}"
+    return ""
+
+
+def _told(point: "EntryPoint") -> str:
+    owner = _owner(point)
+    return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")
+
+
+def _owner(point: "EntryPoint") -> str:
+    return point.dist.name if point.dist is not None else ""
+
+
+def load_robot(path: Path, drivers: Table | None = None) -> RobotConfig:
+    """Read a robot file, with the drivers that there are. Raises InvalidFileError with every mistake in it."""
+    return robot.load_robot(path, drivers or Table())
+
+
+def robot_of(source: Source, path: Path | None = None) -> RobotConfig:
+    """Read the text of a robot file, with the drivers that there are. Raises InvalidFileError."""
+    return robot.robot_of(source, Table(), path)

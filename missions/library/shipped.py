@@ -1,0 +1,76 @@
+"""The missions that ship with MissionTree, found by name, and the one way from a name to a checked plan."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf
+from config.library import find
+from missions.language.claims import Target
+from missions.language.document import load_plan
+from missions.language.plan import Plan
+from missions.library.things import THINGS
+from missions.library.vocabulary import found_beside
+
+HERE = Path(__file__).parents[1]
+
+TESTS = ".test.yaml"
+"""What the name of a file ends in that holds the tests of a mission."""
+
+
+def shipped_missions() -> dict[str, Path]:
+    """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
+    return {str(path.relative_to(HERE).with_suffix("")): path for path in mission_files(HERE.rglob("*.yaml"))}
+
+
+def mission_files(files: Iterable[Path]) -> list[Path]:
+    """Return those of ``files`` that are missions, in order: their tests are not."""
+    return [path for path in sorted(files) if not path.name.endswith(TESTS) and path.is_file()]
+
+
+def find_mission(name: str, beside: Path = Path()) -> Path:
+    """Return the file that ``name`` means: a name in the library, or a path relative to the folder ``beside``.
+
+    A mission in a folder may be named without it, where that is unique. Raises config.library.UnknownNameError with
+    what may be meant.
+    """
+    library = shipped_missions()
+    short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
+    if len(short) == 1:
+        return short[0]
+    return find("missions", name, library=library, folder=beside)
+
+
+def behaviour_files(name: str, given: Iterable[Path] = ()) -> list[Path]:
+    """Return the files of leaves for a mission, by its name or path: those ``given``, then those in its own folder.
+
+    Raises UnknownNameError.
+    """
+    files = list(given)
+    known = {path.resolve() for path in files}
+    return files + [path for path in found_beside(find_mission(name)) if path.resolve() not in known]
+
+
+def load_mission(
+    name: str,
+    *,
+    params: Mapping[str, str] | None = None,
+    complete: bool = False,
+    robot: Target | None = None,
+    leaves: Mapping[str, type[Leaf]] = LEAVES,
+) -> Plan:
+    """Read and check a mission by name or path, for a ``robot``; ``complete`` asks for all its params.
+
+    ``leaves`` are what it may be made of: missions.library.vocabulary finds more of them than ship with MissionTree.
+
+    Raises UnknownNameError, or InvalidFileError with every mistake in it.
+    """
+    return load_plan(
+        find_mission(name),
+        leaves,
+        THINGS,
+        find_mission=find_mission,
+        params=params,
+        complete=complete,
+        robot=robot,
+    )

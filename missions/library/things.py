@@ -1,0 +1,111 @@
+"""What missions name and the library holds: gestures and other moves, controllers and objects, as leaves take them.
+
+What reads a kind of file is imported with the first of it: a mission names few kinds.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from config.faults import InvalidFileError, did_you_mean
+from config.library import UnknownNameError, find, is_file, shipped
+from config.units import seen
+from drivers.api import Gesture
+from missions.language.plan import Step
+from perception.wanted import Wanted
+
+if TYPE_CHECKING:
+    from behaviours.tracking.follow import RuleBases
+    from config.object import ObjectConfig
+    from missions.hands.moves.keep import NewMove
+
+T = TypeVar("T")
+
+MOST_OF_A_PATH = 400
+"""Characters of a path that are told of; longer ones are slips of somebody's keyboard."""
+
+
+def gesture(name: str) -> Gesture:
+    """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
+    from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
+    from missions.hands.moves.gesture import movement  # noqa: PLC0415
+
+    return movement(_load(load_gesture, "gestures", name))
+
+
+def move(name: str) -> Gesture:
+    """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``gesture`` does."""
+    from missions.hands.moves.load import load_move  # noqa: PLC0415
+
+    return _load(load_move, "moves", name, shipped("gestures"))
+
+
+def new_move(name: str) -> "NewMove":
+    """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
+    from missions.hands.moves.keep import NewMove  # noqa: PLC0415
+
+    return NewMove(name)
+
+
+def controller(name: str) -> "RuleBases":
+    """Return a controller's rule bases by name or path. Raises as ``gesture`` does."""
+    from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
+    from config.controller import load_controller  # noqa: PLC0415
+
+    found = _load(load_controller, "controllers", name)
+    try:
+        return RuleBases.from_mapping(found.values)
+    except ValueError as error:
+        raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
+
+
+def wanted(name: str) -> Wanted:
+    """Return an object to look for, by name or path, or by a phrase such as "red ball". Raises as ``gesture`` does."""
+    found = _object(name)
+    return Wanted(found.name, found.colour, found.shape, found.size)
+
+
+def _object(name: str) -> "ObjectConfig":
+    from config.object import load_object, read_phrase  # noqa: PLC0415
+
+    if name in shipped("objects") or Path(name).suffix in (".yaml", ".yml"):
+        return _load(load_object, "objects", name)
+    try:
+        return read_phrase(name)
+    except ValueError as error:
+        # One word is a name more likely than a colour with a slip in it.
+        close = "" if " " in name.strip() else did_you_mean(name, shipped("objects"))
+        raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
+
+
+def looked_for(tree: Step) -> tuple[Wanted, ...]:
+    """Return the objects that a mission names, each once: what its sense for things is to look for."""
+    values = (value.constant for step in tree.walk() for value in step.arguments.values())
+    return tuple(dict.fromkeys(value for value in values if isinstance(value, Wanted)))
+
+
+def file(name: str) -> Path:
+    """Return the path of a file that is there. Raises LookupError."""
+    if not is_file(path := Path(name)):
+        raise LookupError(f"names a file that is not there: {name if len(name) <= MOST_OF_A_PATH else seen(name)}")
+    return path
+
+
+THINGS: Mapping[str, Callable[[str], object]] = {
+    "gesture": gesture,
+    "move": move,
+    "new move": new_move,
+    "controller": controller,
+    "object": wanted,
+    "file": file,
+}
+"""How each kind of thing is found."""
+
+
+def _load(load: Callable[[Path], T], kind: str, name: str, library: dict[str, Path] | None = None) -> T:
+    try:
+        return load(find(kind, name, library=library))
+    except UnknownNameError as error:
+        raise LookupError(f"needs a {kind.removesuffix('s')}: {error}") from error
+    except InvalidFileError as error:
+        raise LookupError(f"names a {kind.removesuffix('s')} that is wrong: {error}") from error

@@ -1,0 +1,191 @@
+"""Which leaves there are: those that ship with MissionTree, those of installed packages, and those of the user's files.
+
+A package offers leaves by entry points of the group ``missiontree.behaviours``: each names a class, or a module. Of a
+module, and of a file, every class is taken that it defines itself and whose name does not begin with ``_``: leaves that
+declare a ``word``, and plain behaviours of py_trees.
+"""
+
+import ast
+import inspect
+import re
+import sys
+import traceback
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from py_trees.behaviour import Behaviour
+
+from behaviours.catalogue import PLACES, Catalogue
+from behaviours.foreign import leaf_of
+from behaviours.leaf import Leaf
+from behaviours.node import Node
+from config.faults import Diagnostic, InvalidFileError, Mark, Source, one_of
+from config.marked import read_source
+from config.units import UNITS
+from drivers.api.quick import dataclass
+from missions.language.body import KEYS
+from missions.language.nodes import BRANCHES, MODIFIERS
+from missions.language.steps import BESIDE
+from missions.library.catalogue import WRITTEN
+from missions.library.offers import offered
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUP = "missiontree.behaviours"
+"""The entry points by which packages offer leaves."""
+
+FOLDER = "behaviours"
+"""The folder beside missions in which their own leaves are."""
+
+TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
+"""Words that mean something else in missions."""
+
+PREFIX = "missiontree_behaviours."
+"""What the names of modules that come from files begin with."""
+
+KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "controller"})
+"""The kinds of arguments."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """The classes that one file or entry point offers, and the source in which to show what is wrong with them."""
+
+    source: Source
+    classes: Sequence[type[Behaviour]]
+
+    def mark(self, cls: type) -> Mark:
+        """Return where a class stands in the source; its beginning where that is not known."""
+        try:
+            tree = ast.parse(self.source.text)
+        except SyntaxError:
+            return Mark()
+        found = (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name == cls.__name__)
+        return next((Mark(node.lineno, node.col_offset + 7, len(node.name)) for node in found), Mark())
+
+
+def found_beside(mission: Path) -> list[Path]:
+    """Return the files of leaves in the folder ``behaviours`` beside a mission's file, in the order of their names.
+
+    Those whose names begin with ``_`` are none, nor is anything in a package of Python.
+    """
+    folder = mission.parent / FOLDER
+    if (folder / "__init__.py").exists():
+        return []
+    return [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
+
+
+def vocabulary(files: Iterable[Path] = ()) -> Mapping[str, type[Leaf]]:
+    """Return every leaf by its word. Raises InvalidFileError with all that is wrong with those that are not ours."""
+    own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
+    leaves = Catalogue(PLACES, own)
+    files = {path.resolve(): path for path in files}.values()
+    for read in [
+        *(partial(_from_entry_point, point) for point in offered(GROUP)),
+        *(partial(_from_file, path) for path in files),
+    ]:
+        try:
+            offer = read()
+        except InvalidFileError as error:
+            faults += error.faults
+            continue
+        for cls in offer.classes:
+            try:
+                leaf = cls if issubclass(cls, Leaf) else leaf_of(cls)
+                _examine(leaf, leaves)
+            except (TypeError, NameError) as error:  # NameError: an annotation that means nothing
+                faults.append(Diagnostic(offer.source, offer.mark(cls), str(error)))
+            else:
+                own[leaf.word] = leaf
+    if faults:
+        raise InvalidFileError(faults)
+    return leaves
+
+
+def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
+    """Raise TypeError for a leaf that cannot be a word of the language."""
+    word, shown = leaf.word, f"{leaf.__name__}: the word '{leaf.word}'"
+    if re.fullmatch(r"[a-z][a-z0-9_]*", word) is None:
+        raise TypeError(f"{shown} must be small letters, digits and '_', beginning with a letter")
+    if word in TAKEN:
+        raise TypeError(f"{shown} means something else in missions already")
+    if word in leaves:
+        other = leaves[word]
+        raise TypeError(f"{shown} is taken by {other.__name__} of {other.__module__.removeprefix(PREFIX)}")
+    principal = [argument.name for argument in leaf.arguments.values() if argument.principal]
+    if len(principal) > 1:
+        raise TypeError(f"{leaf.__name__}: only one argument can be the principal one, not {' and '.join(principal)}")
+    for argument in leaf.arguments.values():
+        if argument.kind not in KINDS:
+            raise TypeError(f"{leaf.__name__}: '{argument.name}' is of no kind: {one_of(argument.kind, KINDS)}")
+    try:
+        inspect.signature(leaf).bind("name")
+    except TypeError as error:
+        raise TypeError(f"{leaf.__name__}: a leaf is made with its name alone, but here: {error}") from error
+
+
+def _from_entry_point(point: "EntryPoint") -> Offer:
+    """Import what an entry point names. Raises InvalidFileError when that cannot be."""
+    package = f" of {point.dist.name}" if point.dist is not None else ""
+    source = Source(f"entry point {point.name} = {point.value}{package}", "")
+    try:
+        found: object = point.load()
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        hint = f"repair or uninstall {point.dist.name}" if point.dist is not None else ""
+        raise InvalidFileError([Diagnostic(source, Mark(), f"cannot be imported: {_said(error)}", hint)]) from error
+    if isinstance(found, ModuleType):
+        return _of_module(found, source)
+    if isinstance(found, type) and issubclass(found, Behaviour):
+        return Offer(source, [found])
+    raise InvalidFileError([Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {found!r:.60}")])
+
+
+def _from_file(path: Path) -> Offer:
+    """Run a file of Python as a module of its own. Raises InvalidFileError when it raises, or has no leaves in it."""
+    source = read_source(path)
+    module = ModuleType(PREFIX + path.stem)
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # where dataclasses and the like look a class's module up
+    try:
+        # Compiled here, so that nothing is written beside the user's file.
+        exec(compile(source.text, str(path), "exec"), vars(module))  # noqa: S102 - running it is what was asked for
+    except BaseException as error:
+        del sys.modules[module.__name__]
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        fault = Diagnostic(source, _place(error, path), f"cannot be imported: {_said(error)}")
+        raise InvalidFileError([fault]) from error
+    return _of_module(module, source)
+
+
+def _of_module(module: ModuleType, source: Source) -> Offer:
+    found = [
+        cls
+        for name, cls in vars(module).items()
+        if isinstance(cls, type) and cls.__module__ == module.__name__ and not name.startswith("_")
+        if issubclass(cls, Behaviour) and not inspect.isabstract(cls)
+        if (cls.word if issubclass(cls, Leaf) else not issubclass(cls, Node))
+    ]
+    if not found:
+        hint = "write a class that extends behaviours.leaf.Leaf and has a `word`, or a py_trees behaviour"
+        raise InvalidFileError([Diagnostic(source, Mark(), "there is no behaviour in it", hint)])
+    return Offer(source, list(dict.fromkeys(found)))
+
+
+def _place(error: BaseException, path: Path) -> Mark:
+    """Return the line of the file at which an error came up."""
+    if isinstance(error, SyntaxError) and error.filename == str(path):
+        return Mark(error.lineno or 1, error.offset or 1)
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return Mark(lines[-1] or 1) if lines else Mark()
+
+
+def _said(error: BaseException) -> str:
+    words = error.msg if isinstance(error, SyntaxError) else str(error)
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__

@@ -1,0 +1,37 @@
+"""What is wrong with a file that should be a record."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+MAX_TIME = 1e9
+"""Seconds that no run lasts: thirty years."""
+
+
+class InvalidRecordError(ValueError):
+    """A file that is no record, or none that can be read; says so, and what to type next, in its message."""
+
+
+@contextmanager
+def understanding(path: Path) -> Iterator[None]:
+    """Raise InvalidRecordError where what a record holds is not what it should be."""
+    try:
+        yield
+    except InvalidRecordError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OverflowError) as error:
+        said = f"{type(error).__name__}: {error}"
+        raise InvalidRecordError(f"{path}: holds what this MissionTree does not understand: {said:.200}") from error
+
+
+def message_in(data: bytes) -> Any:
+    """Return what a message says. Raises ValueError for what is no object, or has a time at which no run is."""
+    found = json.loads(data)
+    if not isinstance(found, dict):
+        raise ValueError(f"a message is no object: {data[:80]!r}")
+    time = found.get("t", 0.0)
+    if not isinstance(time, int | float) or not -MAX_TIME < time < MAX_TIME:
+        raise ValueError(f"{str(time)[:40]!r} is no time of a run")
+    return found

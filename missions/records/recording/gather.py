@@ -1,0 +1,136 @@
+"""What stands at the beginning of a record: which files a run was made of, on what, and with which versions."""
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from config.faults import InvalidFileError, Source
+from config.marked import Mapping as Marked
+from config.marked import compose
+from config.reading import read_regular
+from config.robot import RobotConfig
+from config.world import WorldConfig
+from missions.assembly.models import YUNET, folder
+from missions.assembly.together import eye
+from missions.hands.moves.sheet import KINDS as SHEETS
+from missions.language.plan import Plan
+from missions.language.values import shown
+from missions.library.shipped import behaviour_files
+from missions.order import DEFAULT_WORLD, RunRequest
+from missions.records.recording.head import Contents, Head
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.tree_json import to_json
+from perception.faults import MAX_MODEL
+
+KINDS = ("mission", "world", "gesture", "controller", "object", "move", "robot")
+"""What the files of a run are, by the first of these words that stands in one as a key."""
+
+PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
+"""The versions that may make a difference."""
+
+
+def contents_of(
+    order: RunRequest,
+    plan: Plan,
+    config: RobotConfig,
+    files: Mapping[Path, bytes],
+    *,
+    started: datetime,
+    command: Sequence[str] = (),
+    mocks: Sequence[str] = (),
+    lag: float | None = None,
+) -> Contents:
+    """Return what a record of a run begins with.
+
+    ``files`` are those that were read for it, as ``config.reading.files_read`` has them; ``started`` is the time of day
+    at which its clock showed 0, ``command`` what was typed, ``mocks`` the leaves that a test has replaced, ``lag`` what
+    was known of the base's.
+    """
+    names = dict(_named(files, {path.resolve() for path in behaviour_files(order.mission, order.behaviours)}))
+    mission = Path(plan.source.name).resolve()
+    chosen = plan.tree.parts & config.parts
+    simulation = order.simulation
+    head = Head(
+        mission=plan.mission,
+        file=next((name for name, path in names.items() if path == mission), f"mission/{mission.name}"),
+        robot=config.name,
+        world=_world(order),
+        params=dict(order.params),
+        seed=order.seed,
+        simulate=simulation or "",
+        eyes="" if "camera" not in chosen else order.eyes if simulation == "fast" else "pixels",
+        rate=config.rate,
+        started=started.isoformat(),
+        versions=_versions(),
+        command=tuple(command),
+        parts=tuple(sorted(chosen)),
+        values={name: shown(value) for name, value in plan.params.items()},
+        behaviours=tuple(name for name in names if name.startswith("behaviours/")),
+        paths={name: str(path) for name, path in names.items()},
+        models=_models(config),
+        mocks=tuple(mocks),
+        eye=eye(config),
+        lag=lag,
+    )
+    tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
+    return Contents(head, {name: files[path] for name, path in names.items()}, tree)
+
+
+def _named(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:
+    """Yield each file with its name in the record: ``mission/greet.yaml``; the second of one name is numbered."""
+    taken: set[str] = set()
+    for path, data in files.items():
+        kind = "behaviours" if path in python else _kind(path, data)
+        name, number = f"{kind}/{path.name}", 1
+        while name in taken:
+            number += 1
+            name = f"{kind}/{path.stem}-{number}{path.suffix}"
+        taken.add(name)
+        yield name, path
+
+
+def _kind(path: Path, data: bytes) -> str:
+    """Return what a file is, by what it says itself."""
+    if path.suffix.lower() in SHEETS:
+        return "move"
+    try:
+        root = compose(Source(str(path), data.decode("utf-8-sig")))
+    except (InvalidFileError, UnicodeDecodeError):
+        return "file"
+    keys = set(root.keys()) if isinstance(root, Marked) else set()
+    return next((kind for kind in KINDS if kind in keys), "file")
+
+
+def _world(order: RunRequest) -> str:
+    match order.world:
+        case _ if order.simulation is None:
+            return ""
+        case WorldConfig() as world:
+            return world.name
+        case name:
+            return name or DEFAULT_WORLD
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:  # as missiontree itself is, run from a checkout
+            continue
+    return found
+
+
+def _models(config: RobotConfig) -> dict[str, str]:
+    """Return the model that finds faces, by its sum."""
+    if config.camera is None or config.camera.detector != "yunet":
+        return {}
+    path = Path(config.camera.model).expanduser() if config.camera.model else folder() / YUNET.file
+    try:
+        return {path.name: hashlib.sha256(read_regular(path, MAX_MODEL)).hexdigest()}
+    except OSError:  # then there are no eyes either, and who makes them says so
+        return {}

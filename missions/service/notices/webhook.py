@@ -1,0 +1,113 @@
+"""Notices to a web server: one POST of JSON for each."""
+
+from collections.abc import Mapping
+from contextlib import closing
+from functools import partial
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
+from typing import Any
+from urllib.error import HTTPError, URLError
+from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, Request, build_opener
+
+from config.notices import WebhookNotice, site_of
+from missions.service.notice import Notice
+from missions.service.notices.deadline import Deadline
+from missions.service.notices.refused import NotTaken, secret
+
+TIMEOUT = 10.0
+"""Seconds that it may take altogether, however slowly the server goes on."""
+
+
+class Webhook:
+    """Posts each notice; the server has taken it when it answers 2xx.
+
+    The header ``Idempotency-Key`` holds the notice's id, which is also in the JSON: so the server can drop doubles.
+    A redirection is no delivery: a POST that follows one becomes a GET without its text. What is told of errors has
+    the scheme and the host of its address alone: for many services the rest is a secret.
+    """
+
+    def __init__(self, config: WebhookNotice, environment: Mapping[str, str], timeout: float = TIMEOUT) -> None:
+        self._config, self._environment, self._timeout = config, environment, timeout
+
+    def __call__(self, notice: Notice) -> None:
+        """Post it once. Raises NotTaken for any other answer, and none."""
+        url, site = self._address()
+        headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
+        headers |= {name: secret(value, self._environment) for name, value in self._config.headers.items()}
+        request = Request(url, notice.as_json().encode(), headers, method="POST")  # noqa: S310 - http(s), as read
+        with Deadline(self._timeout) as deadline:
+            try:
+                opener = build_opener(_Stay, _Http(deadline), _Https(deadline))
+                with closing(opener.open(request, timeout=self._timeout)):
+                    if not deadline.over:  # the end of its headers came from them, not from us
+                        return
+                problem = ""
+            except HTTPError as error:
+                error.close()
+                problem = f"the server says {error.code} {error.reason}"
+            except URLError as error:
+                problem = f"cannot be reached: {error.reason}"
+            except ValueError:  # whose text has what it is about
+                problem = "a value of its headers has a letter that none may have"
+            except (HTTPException, OSError) as error:
+                problem = str(error) or type(error).__name__
+            if deadline.over:
+                problem = f"did not answer within {self._timeout:g} s"
+        path = url.removeprefix(site)
+        raise NotTaken(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
+
+    def _address(self) -> tuple[str, str]:
+        """Return the whole address, and what of it may be told."""
+        variable = self._config.url_from
+        url = secret(variable, self._environment).strip() if variable else self._config.url
+        try:
+            return url, site_of(url)
+        except ValueError:
+            raise NotTaken(f"the environment variable {variable} holds no address of a web server") from None
+
+
+class _Stay(HTTPRedirectHandler):
+    """Follows no redirection: each is an error then."""
+
+    def redirect_request(self, *_: object, **__: object) -> None:
+        """Return no request."""
+
+
+class _Connection(HTTPConnection):
+    """A connection that a deadline ends."""
+
+    deadline: Deadline
+
+    def connect(self) -> None:
+        """Connect, and have it ended in time: from here on, also while TLS is negotiated."""
+        super().connect()
+        self.deadline.ends(self.sock)
+
+
+class _SecureConnection(HTTPSConnection, _Connection):
+    """The same with TLS: HTTPSConnection connects by way of its neighbour here."""
+
+
+def _connected(kind: type[_Connection], deadline: Deadline, host: str, **options: Any) -> _Connection:
+    connection = kind(host, **options)
+    connection.deadline = deadline
+    return connection
+
+
+class _Http(HTTPHandler):
+    def __init__(self, deadline: Deadline) -> None:
+        super().__init__()
+        self._connected = partial(_connected, _Connection, deadline)
+
+    def http_open(self, req: Request) -> HTTPResponse:
+        """Connect with a deadline."""
+        return self.do_open(self._connected, req)
+
+
+class _Https(HTTPSHandler):
+    def __init__(self, deadline: Deadline) -> None:
+        super().__init__()
+        self._connected = partial(_connected, _SecureConnection, deadline)
+
+    def https_open(self, req: Request) -> HTTPResponse:
+        """Connect with a deadline."""
+        return self.do_open(self._connected, req)

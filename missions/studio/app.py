@@ -1,0 +1,101 @@
+"""The routes of the studio, behind its gate: the page, the websocket, and records to be fetched."""
+
+from collections.abc import AsyncIterator, Callable, Collection
+from contextlib import asynccontextmanager
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, Response
+from starlette.routing import BaseRoute, Route, WebSocketRoute
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket
+
+from missions.studio.access import Access
+from missions.studio.gate import Gate
+from missions.studio.ring import records_folder, records_in
+from missions.studio.session import Session
+from missions.studio.studio import PAGE, Studio, edition
+
+MOST_CLIENTS = 64
+"""Websockets at once."""
+
+TRY_LATER = 1013
+"""The code by which a websocket is closed for which there is no room."""
+
+KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
+"""The types of what the page is made of; nothing else is served of its folder."""
+
+VERSION_MARK = 'name="version" content=""'
+"""Where in the page its version is put in."""
+
+Opened = Callable[[], Studio]
+
+
+def application(make: Opened, access: Access, *, hosts: Collection[str], cookie: str) -> ASGIApp:
+    """Return the studio as an ASGI application. ``make`` is called once its loop runs."""
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        studio = app.state.studio = make()
+        async with studio.hub:
+            yield
+
+    return Gate(Starlette(routes=routes(), lifespan=lifespan), access, hosts, cookie)
+
+
+def routes() -> list[BaseRoute]:
+    """Return all routes."""
+    return [
+        WebSocketRoute("/ws", websocket),
+        Route("/", page),
+        Route("/records/{name}", fetched),
+        Route("/{name}", asset),
+    ]
+
+
+async def websocket(socket: WebSocket) -> None:
+    """Serve a client."""
+    studio: Studio = socket.app.state.studio
+    if studio.count >= MOST_CLIENTS:
+        await socket.close(TRY_LATER)
+        return
+    role = socket.scope["role"]
+    await Session(socket, role, studio.name(role), studio).run()
+
+
+async def page(request: Request) -> Response:
+    """Serve the page itself, with its version put in."""
+    del request
+    try:
+        text = (PAGE / "index.html").read_text(encoding="utf-8")
+    except OSError as error:
+        raise HTTPException(503, "the page is not installed: install MissionTree anew") from error
+    return HTMLResponse(text.replace(VERSION_MARK, f'name="version" content="{edition()}"'), headers=_again())
+
+
+async def asset(request: Request) -> Response:
+    """Serve a file of the page."""
+    name = request.path_params["name"]
+    if name == "index.html":
+        return await page(request)
+    path = next((each for each in PAGE.iterdir() if each.name == name), None)
+    if path is None or path.suffix not in KINDS or not path.is_file():
+        raise HTTPException(404)
+    return FileResponse(path, media_type=KINDS[path.suffix], headers=_again())
+
+
+async def fetched(request: Request) -> Response:
+    """Serve a record, as a file to be kept: it holds pictures, so that an operator alone gets it."""
+    if request.scope["role"] != "operator":
+        raise HTTPException(403)
+    name = request.path_params["name"]
+    found = next((path for path in records_in(records_folder()) if path.name == name), None)
+    if found is None:
+        raise HTTPException(404)
+    return FileResponse(found, media_type="application/octet-stream", filename=found.name)
+
+
+def _again() -> dict[str, str]:
+    """Return the header by which a browser asks each time whether there is another page."""
+    return {"Cache-Control": "no-cache"}

@@ -1,0 +1,154 @@
+"""One client of a run's control socket: what it has asked, and what it is still to be sent, at its own pace."""
+
+import socket
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+
+from missions.studio.commands import LARGEST, Watch
+from missions.studio.messages import Events, line_of
+from missions.studio.outlet import MOST_EVENTS, merged
+
+MOST_ANSWERS = 256
+"""Answers that wait for a client; one that asks on and reads nothing is hung up on."""
+
+MOST_UNSEEN = 2
+"""Pictures that are on their way to a client."""
+
+SEND_BUFFER = 65536
+"""Bytes that the kernel keeps for a client: what waits there is old when it is read."""
+
+BLOCK = 1 << 16
+
+NOTHING = Watch(state=False)
+
+
+class Client:
+    """Sends what a client is to hear as fast as that reads, the newest of each; never waits. For one thread.
+
+    ``encode`` returns a state as a line; what several clients are sent is encoded once by it.
+    """
+
+    def __init__(self, connection: socket.socket, run: str, encode: Callable[[Mapping[str, object]], bytes]) -> None:
+        connection.setblocking(False)
+        with suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        self.connection = connection
+        self.watch = NOTHING
+        self.gone = False
+        self._run, self._encode = run, encode
+        self._heard = bytearray()
+        self._sending: memoryview | None = None
+        self._first: deque[bytes] = deque()  # answers, and the scene
+        self._behind: Mapping[str, object] | None = None
+        self._events: deque[Mapping[str, object]] = deque()
+        self._lost = 0
+        self._picture: bytes | None = None
+        self._unseen: deque[float] = deque()
+        self._pictured = self._stamp = float("-inf")
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something could not be sent yet."""
+        return self._sending is not None
+
+    def read(self) -> Iterator[bytes]:
+        """Yield the lines that have come. ``gone`` is True after the last."""
+        try:
+            data = self.connection.recv(BLOCK)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self.gone = True
+            return
+        self._heard += data
+        while (end := self._heard.find(b"\n")) >= 0:
+            line = bytes(self._heard[:end])
+            del self._heard[: end + 1]
+            yield line
+        if len(self._heard) > LARGEST:
+            yield bytes(self._heard)
+            self.gone = True
+
+    def say(self, message: object) -> None:
+        """Send a message before all else that waits."""
+        self._first.append(line_of(message) + b"\n")
+        self.gone = self.gone or len(self._first) > MOST_ANSWERS
+        self.flush()
+
+    def begin(self, watch: Watch, scene: object) -> None:
+        """Watch so from now on, beginning with a ``scene``."""
+        self.watch, self._behind, self._picture = watch, None, None
+        self._events.clear()
+        self._unseen.clear()
+        self._lost = 0
+        self.say(scene)
+
+    def news(self, state: Mapping[str, object]) -> None:
+        """Send a state, or put it together with what waits."""
+        if self.watch.state:
+            self._behind = state if self._behind is None else merged(self._behind, state)
+            self.flush()
+
+    def events(self, events: list[Mapping[str, object]], lost: int) -> None:
+        """Send events; those that do not fit are lost."""
+        if self.watch.events and (events or lost):
+            self._events.extend(events)
+            over = max(0, len(self._events) - MOST_EVENTS)
+            for _ in range(over):
+                self._events.popleft()
+            self._lost += lost + over
+            self.flush()
+
+    def wants_picture(self, now: float) -> bool:
+        """Say whether it is to get a picture at ``now`` seconds."""
+        rate = self.watch.pictures
+        due = rate > 0 and now - self._pictured >= 1 / rate - 0.005
+        return due and self._picture is None and len(self._unseen) < MOST_UNSEEN
+
+    def picture(self, line: bytes, stamp: float, now: float) -> None:
+        """Send a picture of a time, unless it has been sent."""
+        if stamp > self._stamp:
+            self._picture, self._pictured, self._stamp = line, now, stamp
+            self._unseen.append(stamp)
+            self.flush()
+
+    def seen(self, stamp: float) -> None:
+        """The client has shown the picture of this time, and those before."""
+        while self._unseen and self._unseen[0] <= stamp:
+            self._unseen.popleft()
+
+    def flush(self) -> None:
+        """Send as much as the client takes."""
+        try:
+            while not self.gone:
+                if self._sending is None:
+                    line = self._next()
+                    if line is None:
+                        return
+                    self._sending = memoryview(line)
+                sent = self.connection.send(self._sending[:BLOCK])
+                self._sending = self._sending[sent:] if sent < len(self._sending) else None
+        except BlockingIOError:
+            return
+        except OSError:
+            self.gone = True
+
+    def _next(self) -> bytes | None:
+        """Return what is to be sent next."""
+        if self._first:
+            return self._first.popleft()
+        if self._behind is not None:
+            state, self._behind = self._behind, None
+            return self._encode(state)
+        if self._events or self._lost:
+            told = Events(run=self._run, events=list(self._events), lost=self._lost)
+            self._events.clear()
+            self._lost = 0
+            return line_of(told) + b"\n"
+        if self._picture is not None:
+            line, self._picture = self._picture, None
+            return line
+        return None

@@ -1,0 +1,150 @@
+"""What a client may ask of a run, over the studio or over the run's own control socket.
+
+A command is a JSON object ``{"do": word, "id": number, ...}``. It is answered with the same ``id``; one without an id
+is answered only where something is wrong with it.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from drivers.api.quick import dataclass
+from missions.studio.form import Bound
+
+KEY = "do"
+"""The member that has the word of a command."""
+
+LARGEST = 64 * 1024
+"""Bytes of a command, at most."""
+
+Role = Literal["viewer", "operator"]
+"""Who may: a viewer sees, and stops; an operator does all."""
+
+Run = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
+Id = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
+Number = Annotated[
+    int, "Counts the commands of this driver, upwards; a lower one than the last is dropped.", Bound(0, 2**53)
+]
+Sent = Annotated[float, "When it was sent, in seconds of any clock of the sender's that goes evenly."]
+Share = Bound(-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A command. ``role`` is the least that one must be to give it; ``of_run`` says that a run answers it."""
+
+    word: ClassVar[str] = ""
+    role: ClassVar[Role] = "operator"
+    of_run: ClassVar[bool] = False
+    id: Id = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OfRun(Command):
+    """A command that a run answers."""
+
+    of_run: ClassVar[bool] = True
+    run: Run = ""
+    by: Annotated[str, "Who asks: the studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch(OfRun):
+    """Tell what happens in a run from now on, instead of what was watched of it before; nothing, to watch no more.
+
+    The first message is a `scene` with all that is so far.
+    """
+
+    word: ClassVar[str] = "watch"
+    role: ClassVar[Role] = "viewer"
+    state: Annotated[bool, "Whether `state` comes."] = True
+    events: Annotated[bool, "Whether `events` come: all of them, as `mission run --events` writes them."] = False
+    pictures: Annotated[float, "So many `picture`s a second at most.", Bound(0.0, 30.0)] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen(OfRun):
+    """The picture of this time has been shown: while two are on their way, no third one comes."""
+
+    word: ClassVar[str] = "seen"
+    role: ClassVar[Role] = "viewer"
+    t: Annotated[float, "That of the picture."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop(OfRun):
+    """Latch every actuator still and pause the mission, until `release`. Without a run, all runs of this machine."""
+
+    word: ClassVar[str] = "stop"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release(OfRun):
+    """End a latched stop. The mission stays paused until `resume`."""
+
+    word: ClassVar[str] = "release"
+    stop: Annotated[int, "Which stop, as `state` counts them in `stops`: not one that nobody has seen."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pause(OfRun):
+    """Tick no more; the mission keeps its place, and its actuators hold still."""
+
+    word: ClassVar[str] = "pause"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resume(OfRun):
+    """Go on after `pause`; not while a stop is latched."""
+
+    word: ClassVar[str] = "resume"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step(OfRun):
+    """Tick once while paused."""
+
+    word: ClassVar[str] = "step"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Halt(OfRun):
+    """End the mission: its behaviours halt, the robot comes to rest, and the run is over."""
+
+    word: ClassVar[str] = "halt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take(OfRun):
+    """Take the wheels; where another driver has them, ask that one for them."""
+
+    word: ClassVar[str] = "take"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Give(OfRun):
+    """Let go of the wheels, or ask for them no more. They go to who has asked for them first."""
+
+    word: ClassVar[str] = "give"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive(OfRun):
+    """Drive so for 0.3 s, if one has the wheels. Both 0 is standing still."""
+
+    word: ClassVar[str] = "drive"
+    n: Number
+    t: Sent
+    ahead: Annotated[float, "The share of the speed, positive ahead.", Share]
+    left: Annotated[float, "The share of the turn rate, positive to the left.", Share]
+    pace: Annotated[float, "The share of the robot's limits that a share of 1 is.", Bound(0.05, 1.0)] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look(OfRun):
+    """Turn the head on, if one has the wheels and the mission does not move the head."""
+
+    word: ClassVar[str] = "look"
+    n: Number
+    t: Sent
+    left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", Share]
+    down: Annotated[float, "The same downwards.", Share]

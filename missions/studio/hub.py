@@ -1,0 +1,138 @@
+"""The runs of this machine, as the studio knows them: found by their control sockets, and stopped through them."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from typing import Self
+
+from missions.studio import sockets
+from missions.studio.form import BadMessage
+from missions.studio.link import Link
+
+PERIOD = 0.25
+"""Seconds from one look for new runs to the next."""
+
+
+class Hub:
+    """Keeps a connection to each run while it is entered, so that a stop has nothing to wait for.
+
+    ``changed`` is called whenever a run has come, has gone, is stopped or released; it must return at once.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._links: dict[str, Link] = {}
+        self._troubles: dict[str, str] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._looking = asyncio.Lock()
+        self._following: dict[Link, asyncio.Task[Mapping[str, object]]] = {}
+
+    async def __aenter__(self) -> Self:
+        self._begin(self._look_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        for link in list(self._links.values()):
+            await link.close()
+
+    def runs(self) -> list[Mapping[str, object]]:
+        """Return what there is, as `runs` tells it: the newest first."""
+        found = [{name: value for name, value in link.about.items() if name != "say"} for link in self._links.values()]
+        found.sort(key=lambda about: float(about.get("began", 0.0)), reverse=True)
+        return [*found, *({"run": run, "trouble": why} for run, why in self._troubles.items())]
+
+    async def look(self) -> None:
+        """Look for runs that have come."""
+        async with self._looking:
+            paths = {sockets.run_of(path): path for path in sockets.sockets()}
+            new = [run for run in paths if run not in self._links and run not in self._troubles]
+            self._troubles = {run: why for run, why in self._troubles.items() if run in paths}
+            for run in new:
+                try:
+                    self._links[run] = link = await Link.open(paths[run], self._heard)
+                except TimeoutError:
+                    self._troubles[run] = "it does not answer"
+                except (OSError, ValueError):
+                    continue
+                else:
+                    self._begin(self._attend(run, link))
+            if new:
+                self._changed()
+
+    async def stop(self, run: str, by: str) -> Mapping[str, object]:
+        """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there."""
+        if run and run not in self._links:
+            await self.look()
+            self.known(run)
+        if run:
+            return await self._stop_these({run: self._links[run]}, by)
+        links = dict(self._links)
+        told = await self._stop_these(links, by)
+        await self.look()  # one that has come meanwhile, too
+        new = {run: link for run, link in self._links.items() if links.get(run) is not link}
+        return {**told, **await self._stop_these(new, by)}
+
+    async def _stop_these(self, links: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
+        told = await asyncio.gather(*(self._stop(link, by) for link in links.values()))
+        return dict(zip(links, told, strict=True))
+
+    async def _stop(self, link: Link, by: str) -> Mapping[str, object]:
+        """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link."""
+        following = self._following.get(link)
+        if following is None:
+            following = self._following[link] = asyncio.ensure_future(self._stop_next(link, by))
+        return await asyncio.shield(following)
+
+    async def _stop_next(self, link: Link, by: str) -> Mapping[str, object]:
+        async with link.stopping:
+            del self._following[link]
+            return await _stop(link, by)
+
+    def known(self, run: str) -> Mapping[str, object]:
+        """Return what is known of a run. Raises BadMessage for one that is not there."""
+        if run not in self._links:
+            known = ", ".join(self._links) or "none"
+            raise BadMessage("no_such_run", f"there is no run '{run}' (there is: {known})")
+        return self._links[run].about
+
+    async def _look_on(self) -> None:
+        while True:
+            with suppress(OSError):
+                await self.look()
+            await asyncio.sleep(PERIOD)
+
+    async def _heard(self, line: str) -> None:
+        """A run tells of itself: it was stopped, or released."""
+        if line.startswith('{"say":"run"'):
+            about = json.loads(line)
+            if about["run"] in self._links:
+                self._links[about["run"]].about = about
+                self._changed()
+
+    async def _attend(self, run: str, link: Link) -> None:
+        await link.closed.wait()
+        if self._links.get(run) is link:
+            del self._links[run]
+        self._changed()
+
+    def _begin(self, work: Awaitable[None]) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+async def _stop(link: Link, by: str) -> Mapping[str, object]:
+    """Stop one run; where it does not answer, end it by a signal."""
+    try:
+        answer = await link.ask({"do": "stop", "by": by})
+    except TimeoutError:
+        link.terminate()
+        return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
+    except ConnectionError as error:
+        return {"trouble": str(error)}
+    result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
+    return result

@@ -1,0 +1,157 @@
+"""What there is to run, and on what, as the page shows it: the catalogue that `mission list` and `check` read.
+
+Over the studio, missions, robots and worlds are those of the library, and the files in the folder in which it was
+started: no command leads elsewhere.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import lru_cache
+from math import isfinite
+from pathlib import Path
+
+from config.faults import InvalidFileError
+from config.kinds import kinds_of
+from config.library import SUFFIXES, UnknownNameError, find, shipped
+from config.units import UNITS, written
+from config.world import load_world
+from missions.assembly.people import People, folder
+from missions.assembly.worlds import build_world
+from missions.language.document import declared_params
+from missions.language.params import Param
+from missions.language.plan import Plan
+from missions.language.values import shown
+from missions.library.drivers import load_robot
+from missions.library.shipped import TESTS, behaviour_files, find_mission, load_mission, shipped_missions
+from missions.library.things import THINGS
+from missions.library.vocabulary import vocabulary
+from missions.studio.commands import Command
+from missions.studio.form import BadMessage
+from missions.studio.wishes import Mission, World
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.plan import METRE, frame_of, plan
+from missions.views.pictures.tree_json import to_json
+
+Json = dict[str, object]
+
+MOTIONS = tuple(
+    f"motions/{name}"
+    for name in (
+        "forward", "spin_left", "spin_right", "square", "triangle", "back_and_forth", "circle_anticlockwise",
+        "circle_clockwise",
+    )
+)  # fmt: skip
+"""The motions of the TurtleBot course, in the order of their numbers."""
+
+
+def names_of(kind: str) -> Mapping[str, Path]:
+    """Return the files of a kind (missions, robots, worlds) that there are, by their names: ours, then the user's."""
+    known = shipped_missions() if kind == "missions" else shipped(kind)
+    own = (path for path in sorted(Path().iterdir()) if path.suffix in SUFFIXES and not path.name.endswith(TESTS))
+    return {**known, **{path.name: path for path in own if path.is_file() and kind in kinds_of(path)}}
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return a name, if it is one of those that there are. Raises BadMessage."""
+    if name in names_of(kind) or (kind == "missions" and name in {full.rpartition("/")[2] for full in names_of(kind)}):
+        return name
+    raise BadMessage("bad_file", f"there is no {kind.removesuffix('s')} '{name[:80]}' here", f"mission list {kind}")
+
+
+def library(command: Command) -> Json:
+    """Answer `library`."""
+    del command
+    return {
+        "missions": [_mission(name, path, path.stat().st_mtime_ns) for name, path in names_of("missions").items()],
+        "robots": [_summary(name, path, load_robot) for name, path in names_of("robots").items()],
+        "worlds": [_summary(name, path, load_world) for name, path in names_of("worlds").items()],
+        "motions": list(MOTIONS),
+        "people": _people(),
+    }
+
+
+def mission(command: Command) -> Json:
+    """Answer `mission`."""
+    name = check_name("missions", command.name if isinstance(command, Mission) else "")
+    found = _load(name)
+    leaves = vocabulary(behaviour_files(name))
+    params = declared_params(find_mission(name), leaves, THINGS)
+    return {
+        "name": name,
+        "summary": found.summary,
+        "file": found.source.name,
+        "parts": sorted(found.tree.parts),
+        "params": [_param(each) for each in params.values()],
+        "drawing": to_json(drawing_of(found)),
+    }
+
+
+def world(command: Command) -> Json:
+    """Answer `world`."""
+    name = check_name("worlds", command.name if isinstance(command, World) else "")
+    config = load_world(find("worlds", name))
+    built = build_world(config)
+    frame = frame_of(built)
+    return {
+        "svg": plan(config.name, built, config.summary),
+        "metre": METRE,
+        "width": frame.width,
+        "height": frame.height,
+        "x": frame.x,
+        "y": frame.y,
+        "heading": frame.heading,
+    }
+
+
+DOES: Mapping[str, Callable[[Command], Json]] = {"library": library, "mission": mission, "world": world}
+"""What does each command."""
+
+
+def _load(name: str) -> Plan:
+    return load_mission(name, leaves=vocabulary(behaviour_files(name)))
+
+
+@lru_cache(maxsize=512)
+def _mission(name: str, path: Path, changed: int) -> Json:
+    """Return what the list says of a mission, as it was when it was ``changed``; one that is wrong says why."""
+    del path, changed
+    try:
+        found = _load(name)
+    except (InvalidFileError, UnknownNameError) as error:
+        return {"name": name, "summary": "", "parts": [], "trouble": str(error)[:2000]}
+    return {"name": name, "summary": found.summary, "parts": sorted(found.tree.parts)}
+
+
+def _summary(name: str, path: Path, load: Callable[[Path], object]) -> Json:
+    try:
+        return {"name": name, "summary": str(getattr(load(path), "summary", ""))}
+    except InvalidFileError as error:
+        return {"name": name, "summary": "", "trouble": str(error)[:2000]}
+
+
+def _people() -> list[str]:
+    """Return the names of those whom the robot knows."""
+    with suppress(Exception):  # of a folder that cannot be read: a form without names
+        return [each.name for each in People(folder()).known()]
+    return []
+
+
+def _param(param: Param) -> Json:
+    """Return a param as a form has it."""
+    kind = param.type
+    told: Json = {
+        "name": param.name,
+        "kind": kind.kind,
+        "default": None if not param.known else shown(param.default),
+        "help": param.help,
+    }
+    if kind.kind != kind.of:
+        told["of"] = kind.of
+    if kind.of in UNITS:
+        told["units"] = list(UNITS[kind.of])
+    if kind.choices:
+        told["choices"] = list(kind.choices)
+    for side, bound in (("low", kind.low), ("high", kind.high)):
+        if isfinite(bound):
+            told[side] = written(bound, kind.of) if kind.of in UNITS else f"{bound:g}"
+    return told

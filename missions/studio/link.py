@@ -1,0 +1,107 @@
+"""The studio's connection to a run's control socket: commands go in, and each message is passed on as it comes."""
+
+import asyncio
+import itertools
+import json
+import os
+import signal
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+from missions.studio import sockets
+from missions.studio.sockets import LARGEST, PATIENCE
+
+OnLine = Callable[[str], Awaitable[None]]
+"""Gets each line of a run; while it waits, the run keeps the rest, and makes one of it."""
+
+
+async def ignore(line: str) -> None:
+    """Do nothing with a line."""
+    del line
+
+
+class Link:
+    """A connection to a run. Made by ``open``; ``about`` is the run's first message. ``closed`` once it has gone."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, on_line: OnLine) -> None:
+        self._reader, self._writer, self._on_line = reader, writer, on_line
+        self.about: Mapping[str, Any] = {}
+        self.process = sockets.process_of(writer.get_extra_info("socket"))
+        self.closed = asyncio.Event()
+        self.stopping = asyncio.Lock()
+        self._numbers = itertools.count(-1, -1)  # below all that clients give
+        self._asked: dict[int, asyncio.Future[Mapping[str, Any]]] = {}
+        self._task: asyncio.Task[None] | None = None
+
+    @classmethod
+    async def open(cls, path: Path, on_line: OnLine = ignore) -> Self:
+        """Connect to the run at ``path``. Raises OSError; TimeoutError where it does not answer."""
+        plain = await asyncio.to_thread(sockets.connect, path)
+        plain.setblocking(False)
+        reader, writer = await asyncio.open_unix_connection(sock=plain, limit=LARGEST)
+        link = cls(reader, writer, on_line)
+        try:
+            async with asyncio.timeout(PATIENCE):
+                link.about = json.loads(await reader.readline() or b"{}")
+        except BaseException:
+            writer.close()
+            raise
+        link._task = asyncio.create_task(link._read())
+        return link
+
+    def send(self, command: Mapping[str, object]) -> None:
+        """Send a command; its answer comes as a line."""
+        self._writer.write(json.dumps(command).encode() + b"\n")
+
+    async def ask(self, command: Mapping[str, object]) -> Mapping[str, Any]:
+        """Send a command and return its answer. Raises TimeoutError, ConnectionError."""
+        number = next(self._numbers)
+        future = self._asked[number] = asyncio.get_running_loop().create_future()
+        try:
+            self.send({**command, "id": number})
+            async with asyncio.timeout(PATIENCE):
+                answer: Mapping[str, Any] = await future
+                return answer
+        finally:
+            del self._asked[number]
+
+    @property
+    def unread(self) -> int:
+        """How many bytes wait for the run to read them."""
+        return self._writer.transport.get_write_buffer_size()
+
+    def terminate(self) -> None:
+        """Send the run the signal that its watchdog hears, whatever hangs."""
+        with suppress(ProcessLookupError):
+            os.kill(self.process, signal.SIGTERM)
+
+    async def close(self) -> None:
+        """Hang up: what was driven by this connection stands."""
+        self._writer.close()
+        if self._task is not None and self._task is not asyncio.current_task():
+            self._task.cancel()
+            with suppress(asyncio.CancelledError, OSError):
+                await self._task
+        with suppress(OSError):
+            await self._writer.wait_closed()
+
+    async def _read(self) -> None:
+        try:
+            while line := await self._reader.readline():
+                if self._asked and line.startswith(b'{"say":"answer","id":-'):
+                    answer = json.loads(line)
+                    future = self._asked.get(answer["id"])
+                    if future is not None and not future.done():
+                        future.set_result(answer)
+                else:
+                    await self._on_line(line.decode().rstrip("\n"))
+        except (OSError, ValueError):
+            pass
+        finally:
+            self._writer.close()
+            self.closed.set()
+            for future in self._asked.values():
+                if not future.done():
+                    future.set_exception(ConnectionError("the run has gone"))

@@ -1,0 +1,119 @@
+// Elements, made by script. Whatever comes over the link is a stranger's text: it becomes text nodes, and nothing else.
+
+const FOLDED = ["later", "preview"]; // panels that nobody needs at first
+const BREATH = 3; // times that it takes to draw something, until it is drawn again
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Return an element with attributes (or properties, where the value is no text), listeners ("onclick") and children. */
+export function el(tag, props, ...children) {
+  const node = document.createElement(tag);
+  for (const [name, value] of Object.entries(props ?? {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (typeof value !== "string" && typeof value !== "number" && value !== true) node[name] = value;
+    else node.setAttribute(name, value === true ? "" : value);
+  }
+  node.append(...children.flat().filter((each) => each !== null && each !== undefined && each !== false));
+  return node;
+}
+
+/** Return an element of a drawing. */
+export function svg(tag, attributes, ...children) {
+  const node = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes ?? {})) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}
+
+/** Set the text of an element, if that is another one. */
+export function put(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+/** Return a button; `more` are its attributes. */
+export function button(text, onclick, more) {
+  return el("button", { type: "button", onclick, ...more }, text);
+}
+
+/** Return a field with its label, and what helps below. */
+export function field(label, control, help = "") {
+  const id = `field-${(field.count = (field.count ?? 0) + 1)}`;
+  control.id = id;
+  const hint = help && el("span", { class: "hint", id: `${id}-hint` }, help);
+  if (help) control.setAttribute("aria-describedby", `${id}-hint`);
+  return el("div", { class: "field" }, el("label", { for: id }, label), control, hint);
+}
+
+/** Return a choice of `options`: texts, or pairs of a value and its text. */
+export function choice(options, value = "") {
+  const select = el("select");
+  for (const option of options) {
+    const [held, text] = Array.isArray(option) ? option : [option, option];
+    select.append(el("option", { value: held, selected: held === value ? true : false }, text));
+  }
+  return select;
+}
+
+/** Return a switch: a button that is on or off. The space bar is STOP, so nothing here is a check box. */
+export function toggle(text, on, changed) {
+  const node = button(text, () => {
+    const now = node.getAttribute("aria-checked") !== "true";
+    node.setAttribute("aria-checked", String(now));
+    changed?.(now);
+  }, { role: "switch", class: "switch", "aria-checked": String(on) });
+  return node;
+}
+
+/** Return a panel with a heading; it folds where it has a `key`, and that is remembered. */
+export function panel(title, key, ...children) {
+  const body = el("div", { class: "body" }, ...children);
+  const node = el("section", { class: `panel ${key}`, "aria-label": title });
+  const folded = () => node.classList.contains("folded");
+  const head = button(title, () => {
+    node.classList.toggle("folded");
+    head.setAttribute("aria-expanded", String(!folded()));
+    localStorage.setItem(`folded ${key}`, folded() ? "1" : "");
+    node.dispatchEvent(new Event("fold"));
+  }, { class: "fold-panel" });
+  if (localStorage.getItem(`folded ${key}`) ?? FOLDED.includes(key)) node.classList.add("folded");
+  head.setAttribute("aria-expanded", String(!folded()));
+  node.append(el("h2", null, head), body);
+  node.body = body;
+  return node;
+}
+
+/**
+ * Return a function that calls `work` before a picture of the screen, once, however often it is called: at once after a
+ * rest, else `every` milliseconds, and less often where that would be more than a share of what the device can do.
+ */
+export function soon(work, every = 0) {
+  let waiting = false;
+  let next = 0;
+  const run = () => requestAnimationFrame((began) => {
+    waiting = false;
+    work();
+    // When this picture is done is known once what comes after it begins: that has drawn it, too.
+    setTimeout(() => (next = began + Math.max(every, BREATH * (performance.now() - began))));
+  });
+  return () => {
+    if (waiting) return;
+    waiting = true;
+    const rest = next - performance.now();
+    if (rest > 0) setTimeout(run, rest);
+    else run();
+  };
+}
+
+const notes = document.getElementById("notes");
+
+/** Say something at the top of the page: an error of the protocol with its hint, or a text. */
+export function tell(what, kind = "bad") {
+  const text = typeof what === "string" ? what : what.message;
+  const hint = typeof what === "string" ? "" : what.hint;
+  const node = el("div", { class: `note ${kind}` }, el("span", null, text, hint && el("em", null, ` Try: ${hint}`)));
+  node.append(button("×", () => node.remove(), { "aria-label": "Dismiss" }));
+  for (const old of notes.children) if (old.textContent === node.textContent) return;
+  while (notes.children.length > 2) notes.firstChild.remove();
+  notes.append(node);
+  setTimeout(() => node.remove(), kind === "bad" ? 15000 : 6000);
+}

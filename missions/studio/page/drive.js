@@ -1,0 +1,220 @@
+// Drive: sticks, keys and a game pad. Whatever is lost (focus, page, pointer, link), the base stops at once.
+
+import { button, el, field, panel, put, tell } from "./dom.js";
+import { figure } from "./words.js";
+import "./camera.js";
+import "./plan.js";
+import "./stick.js";
+
+const PERIOD = 60; // milliseconds from one command to the next
+const TOLD = 1000; // milliseconds in which a run tells who drives
+const ZEROS = 3; // commands of standing still, after the last one that moves
+const KEYS = {
+  w: [1, 0, 0, 0], ArrowUp: [1, 0, 0, 0], s: [-1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0],
+  a: [0, 1, 0, 0], ArrowLeft: [0, 1, 0, 0], d: [0, -1, 0, 0], ArrowRight: [0, -1, 0, 0],
+  j: [0, 0, 1, 0], l: [0, 0, -1, 0], k: [0, 0, 0, 1], i: [0, 0, 0, -1],
+};
+const SHOULDER = 4; // the button of a game pad that is held to drive
+const RED = 1; // the one that is STOP
+const PAD_DEAD = 0.12;
+
+export class Drive {
+  #link;
+  #watcher;
+  #stop;
+  #shown = false;
+  #keys = new Set();
+  #number = 0;
+  #still = { drive: ZEROS, look: ZEROS };
+  #given = false; // the wheels, and the run has not told so yet
+  #blocked = false; // until all is let go: a command was late, or a stop was pressed
+  #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
+  #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
+  #take = button("Take the wheels", () => this.#wheels(), { class: "main" });
+  #said = el("p", { class: "wheels", role: "status" });
+  #asked = el("div", { class: "warning", role: "alert", hidden: true });
+  #pace = el("input", { type: "range", min: "5", max: "100", step: "5", value: "30" });
+  #limit = el("output");
+  #camera = el("studio-camera");
+  #plan = el("studio-plan");
+  #pad = el("p", { class: "hint" }, "Game pad: press one of its buttons to be seen.");
+
+  constructor({ link, watcher, stop }) {
+    this.#link = link;
+    this.#watcher = watcher;
+    this.#stop = stop;
+    const limit = field("Speed limit", this.#pace);
+    limit.append(this.#limit);
+    const keys = el("p", { class: "hint" }, "Keys: W A S D or arrows drive, I J K L turn the head.");
+    this.node = el("div", { class: "view drive" },
+      el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
+      el("div", { class: "cockpit" },
+        el("div", { class: "row" }, this.#take, this.#said), this.#asked, limit,
+        el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
+        keys, this.#pad));
+    this.#camera.begin(watcher);
+    this.#listen();
+    watcher.addEventListener("which", () => (this.#let_go(), this.#plan.clear(), this.#state()));
+    watcher.addEventListener("scene", ({ detail }) => this.#plan.under(link, detail.world));
+    watcher.addEventListener("state", ({ detail }) => (this.#plan.show(detail), this.#state()));
+    watcher.addEventListener("over", () => (this.#let_go(), this.#state()));
+    link.on("how", () => (this.#let_go(), this.#state()));
+    link.on("trouble", (error) => error.error === "late" && this.#block());
+    stop.addEventListener("stop", () => this.#block());
+    setInterval(() => this.#send(), PERIOD);
+    this.#pace.addEventListener("input", () => this.#state());
+    if (watcher.state) this.#plan.show(watcher.state);
+    this.#state();
+  }
+
+  show() {
+    this.#shown = this.#camera.shown = true;
+    if (this.#watcher.scene) this.#plan.under(this.#link, this.#watcher.scene.world);
+    this.#state();
+  }
+
+  hide() {
+    this.#shown = this.#camera.shown = false;
+    this.#give();
+  }
+
+  /** Whether this page has the wheels. */
+  get #mine() {
+    const { state, lives } = this.#watcher;
+    return Boolean(lives && this.#link.open && state?.driver && state.driver === this.#link.welcome?.name);
+  }
+
+  #listen() {
+    document.addEventListener("visibilitychange", () => document.hidden && this.#give());
+    addEventListener("pagehide", () => this.#give());
+    addEventListener("blur", () => this.#give());
+    addEventListener("keydown", (event) => {
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (!this.#shown || !(key in KEYS) || event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, textarea, li")) return;
+      event.preventDefault();
+      this.#keys.add(key);
+      if (!event.repeat) this.#send();
+    });
+    addEventListener("keyup", (event) => {
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (this.#keys.delete(key)) this.#send();
+    });
+    for (const stick of [this.#base, this.#head]) stick.addEventListener("push", () => this.#push(stick));
+    addEventListener("gamepaddisconnected", () => {
+      put(this.#pad, "The game pad is gone.");
+      this.#block();
+    });
+  }
+
+  /** A stick that is let go stops at once; one that moves waits for its turn. */
+  #push(stick) {
+    if (!stick.left && !stick.up) this.#send();
+  }
+
+  /** What sticks, keys and the game pad want: ahead and left of the base, left and down of the head. */
+  #wanted() {
+    const found = [this.#base.up, this.#base.left, this.#head.left, -this.#head.up];
+    for (const key of this.#keys) KEYS[key].forEach((share, at) => (found[at] += share));
+    this.#padded().forEach((share, at) => (found[at] += share));
+    return found.map((share) => Math.max(-1, Math.min(1, share)) || 0);
+  }
+
+  #padded() {
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected && each.mapping === "standard");
+    if (!pad || !this.#shown) return [];
+    if (pad.buttons[RED]?.pressed && !this.#blocked) this.#stop.stop();
+    const held = pad.buttons[SHOULDER]?.pressed;
+    put(this.#pad, held ? "Game pad: drives." : "Game pad: hold its left shoulder button to drive; its right red button is STOP.");
+    if (!held) return [];
+    const [x, y, pan, tilt] = pad.axes.map((value) => (Math.abs(value) < PAD_DEAD ? 0 : value));
+    return [-y, -x, -(pan ?? 0), tilt ?? 0];
+  }
+
+  #send() {
+    const [ahead, left, pan, tilt] = this.#wanted();
+    const moving = ahead || left || pan || tilt;
+    if (!moving) this.#blocked = false;
+    if (!this.#mine || !this.#shown || this.#given || this.#watcher.state.stopped) return;
+    const stamp = () => ({ n: ++this.#number, t: performance.now() / 1000 });
+    const go = (word, members, still) => {
+      this.#still[word] = still ? this.#still[word] + 1 : 0;
+      if (this.#still[word] <= ZEROS) this.#watcher.send(word, { ...stamp(), ...members });
+    };
+    if (this.#blocked) go("drive", { ahead: 0, left: 0 }, true);
+    else {
+      go("drive", { ahead, left, pace: this.#pace.value / 100 }, !ahead && !left);
+      if (this.#watcher.scene.parts.includes("head")) go("look", { left: pan, down: tilt }, !pan && !tilt);
+    }
+  }
+
+  /** Stand still until everything is let go. */
+  #block() {
+    this.#still.drive = 0;
+    this.#blocked = true;
+    this.#send();
+  }
+
+  #let_go() {
+    this.#keys.clear();
+    this.#base.release();
+    this.#head.release();
+  }
+
+  /** Stand still at once, and give up the wheels. */
+  #give() {
+    const mine = this.#mine;
+    this.#still.drive = 0;
+    this.#let_go();
+    if (!mine || this.#given) return;
+    this.#given = true;
+    setTimeout(() => (this.#given = false), TOLD);
+    this.#watcher.send("drive", { n: ++this.#number, t: performance.now() / 1000, ahead: 0, left: 0 });
+    this.#watcher.send("give");
+  }
+
+  async #wheels() {
+    if (this.#mine) {
+      this.#give();
+      return;
+    }
+    try {
+      const { yours } = await this.#watcher.ask("take");
+      if (!yours) tell("The driver has been asked for the wheels.", "good");
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  #state() {
+    const { state, scene, lives } = this.#watcher;
+    const operator = this.#link.welcome?.role === "operator";
+    const mine = this.#mine;
+    if (!mine) this.#given = false;
+    const base = Boolean(scene?.parts.includes("base"));
+    const asking = (state?.asking ?? []).filter((each) => each !== this.#link.welcome?.name);
+    const asked = state?.asking?.includes(this.#link.welcome?.name);
+    this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(asked);
+    put(this.#take, mine ? "Give up the wheels" : state?.driver ? `Ask ${state.driver} for the wheels` : "Take the wheels");
+    let words = "The mission drives.";
+    if (!lives) words = "Nothing runs that could be driven: start a mission first.";
+    else if (!base) words = "This run has no base to drive.";
+    else if (!operator) words = "You may look, and stop.";
+    else if (mine) words = state.stopped ? "A stop is latched: release it first." : "You drive.";
+    else if (asked) words = `You have asked ${state.driver} for the wheels.`;
+    else if (state.driver) words = `${state.driver} drives.`;
+    put(this.#said, words);
+    for (const stick of [this.#base, this.#head]) stick.toggleAttribute("disabled", !mine);
+    this.#head.parentElement.hidden = Boolean(scene) && !scene.parts.includes("head");
+    this.#asked.hidden = !mine || !asking.length;
+    if (!this.#asked.hidden && this.#asked.dataset.who !== asking[0]) {
+      this.#asked.dataset.who = asking[0];
+      this.#asked.replaceChildren(el("p", null, `${asking[0]} asks for the wheels.`), button("Hand over", () => this.#give()));
+    }
+    const limits = scene?.limits;
+    const share = this.#pace.value / 100;
+    const turn = limits && Math.round((limits.turn * share * 180) / Math.PI);
+    put(this.#limit, `${this.#pace.value} %${limits ? `: ${figure(limits.speed * share)} m/s, ${turn}°/s` : ""}`);
+    this.node.classList.toggle("mine", mine);
+
+  }
+}

@@ -1,0 +1,149 @@
+// Forms made of declarations: the params of a mission, and on what it runs.
+
+import { choice, el, field, toggle } from "./dom.js";
+import { plain } from "./words.js";
+
+const QUANTITY = /^\s*(-?[\d.]+)\s*([^\d\s][^\s]*)\s*$/;
+
+/** One param: a control for its kind, and the text that it stands for. */
+function control(param, people) {
+  const { kind, choices, units } = param;
+  const given = param.default ?? "";
+  if (choices?.length) return of_choice(choice(given ? choices : [["", "choose"], ...choices], given));
+  if (kind === "flag") return of_flag(given);
+  if (kind === "person" && people.length) {
+    return of_choice(choice([given ? given : ["", "choose"], ...people.filter((each) => each !== given)], given));
+  }
+  if (units?.length) {
+    const found = QUANTITY.exec(given);
+    if (!given || (found && units.includes(found[2]))) return of_quantity(units, found);
+  }
+  const numeric = kind === "number" || kind === "count";
+  const input = el("input", { type: "text", value: given, autocomplete: "off", ...(numeric && { inputmode: "decimal" }) });
+  return { node: input, labelled: input, text: () => input.value.trim() };
+}
+
+function of_choice(select) {
+  return { node: select, labelled: select, text: () => select.value };
+}
+
+function of_flag(given) {
+  const [yes, no] = /^(yes|no)$/.test(given) ? ["yes", "no"] : ["true", "false"];
+  const node = toggle("", given === yes);
+  return { node, labelled: node, text: () => (node.getAttribute("aria-checked") === "true" ? yes : no) };
+}
+
+function of_quantity(units, found) {
+  const input = el("input", { type: "text", inputmode: "decimal", value: found?.[1] ?? "", autocomplete: "off" });
+  const unit = choice(units, found?.[2] ?? units[0]);
+  unit.setAttribute("aria-label", "unit");
+  const node = el("span", { class: "joined" }, input, unit);
+  return { node, labelled: input, text: () => (input.value.trim() ? `${input.value.trim()} ${unit.value}` : "") };
+}
+
+function help(param) {
+  const { low, high } = param;
+  const bounds = low && high ? `${low} to ${high}` : low ? `at least ${low}` : high ? `at most ${high}` : "";
+  const list = param.kind === "list" ? `a list of ${param.of}: [one, two]` : "";
+  return [param.help, list, bounds, param.default === null ? "must be given" : ""].filter(Boolean).join(" · ");
+}
+
+/** The params of a mission as a form. */
+export class Params {
+  #controls = new Map();
+
+  constructor(params, people) {
+    const rows = params.map((param) => {
+      const found = control(param, people);
+      this.#controls.set(param, found);
+      const row = field(plain(param.name), found.labelled, help(param));
+      if (found.node !== found.labelled) {
+        found.labelled.before(found.node);
+        found.node.prepend(found.labelled);
+        row.insertBefore(found.node, row.children[1]);
+      }
+      return row;
+    });
+    this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no params."));
+  }
+
+  /** What differs from the defaults, as texts. Throws an Error with the name of one that is missing. */
+  get values() {
+    const found = {};
+    for (const [param, { text, labelled }] of this.#controls) {
+      const value = text();
+      if (param.default === null && !value) {
+        labelled.focus();
+        throw new Error(`“${plain(param.name)}” must be given.`);
+      }
+      if (value !== (param.default ?? "")) found[param.name] = value;
+    }
+    return found;
+  }
+}
+
+const HOW = [
+  ["fast", "simulated time"],
+  ["wire", "real time, down to the wires"],
+];
+const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", "2 ×"], ["5", "5 ×"], ["20", "20 ×"], ["", "as fast as it can"]];
+
+/** On what a mission runs: simulated, or on a robot, which moves. Kept from mission to mission. */
+export class Target {
+  #real = false;
+
+  constructor({ robots, worlds }) {
+    const named = (each) => [each.name, each.summary ? `${plain(each.name)}: ${each.summary}` : plain(each.name)];
+    this.robot = choice([["", "the usual one"], ...robots.map(named)]);
+    this.world = choice([["", "the usual one"], ...worlds.map(named)]);
+    this.how = choice(HOW);
+    this.speed = choice(SPEEDS, "1");
+    this.seed = el("input", { type: "text", inputmode: "numeric", value: "0", size: "6" });
+    this.sure = toggle("I have looked: there is room around the robot, and I can reach its switch.", false);
+    this.sure.classList.add("sure");
+    const kinds = el("div", { class: "segments", role: "radiogroup", "aria-label": "On what" });
+    this.kinds = [["Simulated", false], ["On the robot", true]].map(([text, real]) => {
+      const input = el("input", { type: "radio", name: "real", onchange: () => this.#choose(real), ...(!real && { checked: true }) });
+      kinds.append(el("label", null, input, el("span", null, text)));
+      return input;
+    });
+    this.paced = field("Speed", this.speed);
+    const seed = field("Seed", this.seed, "for whatever is drawn by chance");
+    this.simulated = el("div", { class: "fields two" }, field("World", this.world), field("How", this.how), this.paced, seed);
+    this.moving = el("div", { class: "warning", hidden: true }, el("p", null, "The robot will move."), this.sure);
+    this.how.addEventListener("change", () => (this.paced.hidden = this.how.value !== "fast"));
+    this.node = el("div", { class: "target" }, kinds, field("Robot", this.robot), this.simulated, this.moving);
+  }
+
+  /** Whether a robot would move. */
+  get real() {
+    return this.#real;
+  }
+
+  #choose(real) {
+    this.#real = real;
+    this.simulated.hidden = real;
+    this.moving.hidden = !real;
+    this.unsure();
+    this.node.dispatchEvent(new Event("change"));
+  }
+
+  /** What was confirmed holds for one run. */
+  unsure() {
+    this.sure.setAttribute("aria-checked", "false");
+  }
+
+  /** The members of `start`, or of `add_task` where it is for `later`. Throws an Error that says what is missing. */
+  members(later = false) {
+    if (this.#real) {
+      if (!this.robot.value) throw new Error("Choose the robot first.");
+      if (this.sure.getAttribute("aria-checked") !== "true") throw new Error("Confirm first that there is room around the robot.");
+      return { robot: this.robot.value, sure: true };
+    }
+    const found = { robot: this.robot.value, simulate: this.how.value, world: this.world.value };
+    if (later) return found;
+    const seed = Number(this.seed.value);
+    if (!Number.isSafeInteger(seed) || seed < 0) throw new Error("The seed is a whole number from 0 upwards.");
+    return { ...found, seed, ...(this.how.value === "fast" && this.speed.value && { speed: Number(this.speed.value) }) };
+  }
+}

@@ -1,0 +1,158 @@
+// A connection to the studio: opened again when it is lost, with answers to commands, and an age.
+
+const PING = 2000; // milliseconds from one `hello` to the next, so that a link that is dead is noticed
+const DEAD = 5000; // milliseconds without a word after which a link counts as lost
+const ANSWER = 15000; // milliseconds that an answer may take
+const WAITS = [300, 600, 1200, 2500, 5000];
+
+export const VERSION = document.querySelector("meta[name=version]").content;
+
+/** An error of the protocol: its name, what is wrong, and what to try. */
+export class StudioError extends Error {
+  constructor({ error = "fault", message = "", hint = "" }) {
+    super(message || error);
+    this.error = error;
+    this.hint = hint;
+  }
+}
+
+export const address = () => new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws`);
+
+export class Link {
+  /** `how` is connecting, open, lost, refused or old. */
+  how = "connecting";
+  heard = -Infinity;
+  welcome = null;
+  #socket = null;
+  #asked = new Map();
+  #listeners = new Map();
+  #number = 0;
+  #version;
+  #tries = 0;
+  #timer = 0;
+
+  /** `version` is what `hello` says: that of the page, or of the protocol, which a page of any age may speak. */
+  constructor(version = VERSION) {
+    this.#version = version;
+    setInterval(() => this.#look(), 1000);
+    addEventListener("online", () => this.retry());
+    document.addEventListener("visibilitychange", () => document.hidden || this.retry());
+    this.#open();
+  }
+
+  /** Call `heard` with every message of a word; "how" is the word for how the link is. */
+  on(word, heard) {
+    if (!this.#listeners.has(word)) this.#listeners.set(word, []);
+    this.#listeners.get(word).push(heard);
+  }
+
+  /** Milliseconds since the last word. */
+  get age() {
+    return performance.now() - this.heard;
+  }
+
+  get open() {
+    return this.how === "open";
+  }
+
+  /** Send a command that needs no answer; return whether it was sent. */
+  send(command) {
+    if (!this.open || this.#socket.readyState !== WebSocket.OPEN) return false;
+    this.#socket.send(JSON.stringify(command));
+    return true;
+  }
+
+  /** Send a command, and return its result. Throws StudioError. */
+  ask(command, patience = ANSWER) {
+    return new Promise((resolve, reject) => {
+      const id = ++this.#number;
+      if (!this.send({ ...command, id })) {
+        reject(new StudioError({ error: "lost", message: "The link to the studio is lost: nothing was sent." }));
+        return;
+      }
+      const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio has not answered." }), patience);
+      this.#asked.set(id, { resolve, reject, timer });
+    });
+  }
+
+  /** Try now to open a link that is lost. */
+  retry() {
+    if (this.how !== "lost") return;
+    clearTimeout(this.#timer);
+    this.#open();
+  }
+
+  #open() {
+    const socket = new WebSocket(address());
+    this.#socket = socket;
+    socket.onopen = () => {
+      this.heard = performance.now();
+      socket.send(JSON.stringify({ do: "hello", version: this.#version }));
+    };
+    socket.onmessage = (event) => socket === this.#socket && this.#hear(event.data);
+    socket.onclose = () => socket === this.#socket && this.#lost();
+  }
+
+  #hear(text) {
+    this.heard = performance.now();
+    const message = JSON.parse(text);
+    if (message.say === "answer") {
+      if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
+      else if (message.error === "old_page") this.#become("old");
+      else this.#tell("trouble", new StudioError(message));
+      return;
+    }
+    if (message.say === "welcome") {
+      this.welcome = message;
+      this.#tries = 0;
+      this.#become(this.#version === VERSION && message.page !== VERSION ? "old" : "open");
+    }
+    this.#tell(message.say, message);
+  }
+
+  #settle(id, answer) {
+    const asked = this.#asked.get(id);
+    if (!asked) return;
+    this.#asked.delete(id);
+    clearTimeout(asked.timer);
+    if (answer.ok) asked.resolve(answer.result ?? {});
+    else asked.reject(new StudioError(answer));
+  }
+
+  #lost() {
+    this.#socket.onmessage = this.#socket.onclose = null;
+    for (const id of [...this.#asked.keys()]) this.#settle(id, { ok: false, error: "lost", message: "The link was lost before the answer came." });
+    if (this.how === "old" || this.how === "refused") return;
+    this.#become("lost");
+    const wait = WAITS[Math.min(this.#tries++, WAITS.length - 1)];
+    this.#timer = setTimeout(() => this.#open(), wait * (0.75 + Math.random() / 2));
+    if (this.#tries === 2) this.#ask_why();
+  }
+
+  /** A websocket does not say why it was refused: a plain request does. */
+  async #ask_why() {
+    const found = await fetch("index.html", { cache: "no-store" }).catch(() => null);
+    if (found && (found.status === 401 || found.status === 403)) {
+      clearTimeout(this.#timer);
+      this.#become("refused");
+    }
+  }
+
+  #look() {
+    if (this.how !== "open") return;
+    if (this.age > DEAD) {
+      this.#socket.close();
+      this.#lost();
+    } else if (this.age > PING / 2) this.send({ do: "hello", version: this.#version });
+  }
+
+  #become(how) {
+    if (this.how === how) return;
+    this.how = how;
+    this.#tell("how", how);
+  }
+
+  #tell(word, message) {
+    for (const heard of this.#listeners.get(word) ?? []) heard(message);
+  }
+}

@@ -1,0 +1,166 @@
+// Live: what a run does now.
+
+import { button, el, panel, put, soon, tell, toggle } from "./dom.js";
+import { Joints, Lines, Parts, Variables } from "./panels.js";
+import { ending, plain, reality, seconds } from "./words.js";
+import "./camera.js";
+import "./plan.js";
+import "./tree.js";
+
+const OLD = 1500; // milliseconds without news after which what is shown is greyed
+
+export class Live {
+  #link;
+  #watcher;
+  #shown = false;
+  #title = el("h1");
+  #facts = el("p", { class: "facts" });
+  #result = el("p", { class: "result", role: "status" });
+  #clock = el("span", { class: "clock" });
+  #age = el("p", { class: "age", role: "status" });
+  #tree = el("studio-tree", { class: "live" });
+  #camera = el("studio-camera");
+  #plan = el("studio-plan");
+  #variables = new Variables();
+  #parts = new Parts();
+  #joints = new Joints();
+  #spoken = new Lines("What is said and heard", ["said", "heard"]);
+  #log = new Lines("Log");
+  #pause = button("Pause", () => this.#do(this.#watcher.state?.paused ? "resume" : "pause"));
+  #step = button("Step", () => this.#do("step"));
+  #halt = button("End the mission", () => this.#end(), { class: "danger" });
+  #news = new Map();
+  #parted = soon(() => this.#part(), 200);
+
+  constructor({ link, watcher }) {
+    this.#link = link;
+    this.#watcher = watcher;
+    const follow = toggle("Follow", true, (on) => (this.#tree.follow = on));
+    this.#tree.follow = true;
+    const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)));
+    const cameras = panel("Camera", "camera", this.#camera);
+    cameras.addEventListener("fold", () => (this.#camera.shown = this.#shown && !cameras.classList.contains("folded")));
+    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
+    this.node = el("div", { class: "view live" },
+      el("div", { class: "head" }, el("div", null, this.#title, this.#facts, this.#result, this.#age),
+        el("div", { class: "controls", role: "group", "aria-label": "The mission" }, this.#clock, this.#pause, this.#step, this.#halt)),
+      el("div", { class: "columns" },
+        el("div", null, panel("Tree", "tree", tools, this.#tree), panel("Variables", "values", this.#variables.node)),
+        el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Said and heard", "spoken", this.#spoken.node)),
+        el("div", null, panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
+    this.#camera.begin(watcher);
+    watcher.addEventListener("which", () => this.#clear());
+    watcher.addEventListener("scene", ({ detail }) => this.#scene(detail));
+    watcher.addEventListener("state", ({ detail }) => this.#state(detail));
+    watcher.addEventListener("over", () => this.#controls());
+    link.on("how", () => this.#controls());
+    setInterval(() => this.#aged(), 500);
+    this.#clear();
+    if (!watcher.scene) return;
+    this.#scene(watcher.scene); // it has begun before there was this view
+    this.#state({ ...watcher.state, anew: true });
+  }
+
+  show() {
+    this.#shown = true;
+    this.#camera.shown = true;
+    this.#controls();
+  }
+
+  hide() {
+    this.#shown = false;
+    this.#camera.shown = false;
+  }
+
+  #clear() {
+    for (const each of [this.#variables, this.#parts, this.#joints, this.#spoken, this.#log]) each.clear();
+    this.#plan.clear();
+    this.#tree.clear();
+    this.node.classList.add("none");
+    put(this.#title, this.#watcher.run ? "…" : "Nothing runs");
+    put(this.#facts, this.#watcher.run ? "" : "Start a mission from Run, or on a terminal: it shows here.");
+    put(this.#result, "");
+    this.#controls();
+  }
+
+  #scene(scene) {
+    this.node.classList.remove("none");
+    put(this.#title, plain(scene.mission));
+    const params = Object.entries(scene.params).map(([name, value]) => `${plain(name)}: ${value}`);
+    put(this.#facts, [plain(scene.robot), reality(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
+    this.#tree.draw(scene.drawing);
+    this.#plan.under(this.#link, scene.world);
+    this.#joints.panel.hidden = !scene.parts.includes("arm");
+    for (const each of [this.#spoken, this.#log]) each.clear();
+  }
+
+  #state(state) {
+    if (state.changed || state.anew) this.#tree.show(state.changed ?? {}, state.t, state.anew);
+    else this.#tree.show({}, state.t);
+    this.#plan.show(state);
+    this.#spoken.add(state.log);
+    this.#log.add(state.log, state.lost);
+    if (state.variables) this.#news.set("variables", { ...this.#news.get("variables"), ...state.variables });
+    for (const name of ["parts", "joints"]) if (state[name]) this.#news.set(name, state[name]);
+    this.#parted();
+  }
+
+  /** Renew what is shown as tables, once for each picture of the screen. */
+  #part() {
+    const { state } = this.#watcher;
+    if (!state) return;
+    this.#variables.show(this.#news.get("variables"), state.t);
+    this.#parts.show(this.#news.get("parts"));
+    this.#joints.show(this.#news.get("joints"));
+    this.#news.clear();
+    this.#controls();
+  }
+
+  #controls() {
+    const { state, over, lives } = this.#watcher;
+    const may = this.#link.welcome?.role === "operator" && this.#link.open && lives;
+    const stopped = Boolean(state?.stopped);
+    put(this.#clock, state ? seconds(state.t) : "");
+    put(this.#pause, state?.paused ? "Go on" : "Pause");
+    this.#pause.disabled = !may || stopped;
+    this.#step.disabled = !may || stopped || !state.paused;
+    this.#halt.disabled = !may || state.stopping;
+    let result = "";
+    if (over) result = ending(over.result, over.reason);
+    else if (stopped) result = `■ ${state.stopped}`;
+    else if (state?.stopping) result = "is being ended…";
+    else if (state?.paused) result = "❚❚ paused";
+    else if (state?.driver) result = `${state.driver} drives`;
+    put(this.#result, result);
+    this.#result.className = `result ${over ? over.result || "unknown" : stopped ? "failure" : ""}`;
+  }
+
+  #aged() {
+    const age = this.#watcher.lives ? performance.now() - this.#watcher.came : 0;
+    const old = age > OLD || (this.#watcher.lives && !this.#link.open);
+    this.node.classList.toggle("old", old);
+    put(this.#age, old ? `No news for ${seconds(Math.round(age / 1000))}: this is how it was.` : "");
+  }
+
+  async #do(word) {
+    try {
+      await this.#watcher.ask(word);
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  /** A mission is ended by a second press: it cannot be taken back. */
+  #end() {
+    if (!this.#halt.classList.contains("armed")) {
+      this.#halt.classList.add("armed");
+      put(this.#halt, "Press again to end it");
+      setTimeout(() => {
+        this.#halt.classList.remove("armed");
+        put(this.#halt, "End the mission");
+      }, 3000);
+      return;
+    }
+    this.#do("halt");
+  }
+}

@@ -1,0 +1,189 @@
+// The plan from above: the world's drawing where there is one, and on it the robot, its way, people and the range finder.
+
+import { el, soon } from "./dom.js";
+
+const RADIUS = 0.18; // metres of a Kobuki
+const TRAIL = 4000; // points
+const STEP = 0.02; // metres from one point of the trail to the next
+const MARGIN = 1.5; // metres around what is drawn where there is no world
+
+export class Plan extends HTMLElement {
+  #canvas = el("canvas", { role: "img", "aria-label": "Plan" });
+  #image = el("img", { alt: "", hidden: true });
+  #world = null;
+  #named = "";
+  #pose = null;
+  #trail = [];
+  #scan = [];
+  #people = [];
+  #draw = soon(() => this.#paint(), 100);
+
+  connectedCallback() {
+    if (!this.firstChild) this.append(this.#image, this.#canvas);
+    new ResizeObserver(this.#draw).observe(this);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", this.#draw);
+  }
+
+  /** Lay the plan of a world under it; `link` is asked for it. */
+  async under(link, name) {
+    if (name === this.#named) return;
+    this.#named = name;
+    this.#world = null;
+    this.#image.hidden = true;
+    this.#draw();
+    if (!name) return;
+    const world = await link.ask({ do: "world", name }).catch(() => null);
+    if (!world || this.#named !== name) return;
+    // As a picture: scripts in it do not run, and it asks nobody for anything.
+    this.#image.src = `data:image/svg+xml,${encodeURIComponent(world.svg)}`;
+    this.#image.hidden = false;
+    this.#world = world;
+    this.#draw();
+  }
+
+  /** Forget where the robot was. */
+  clear() {
+    this.#pose = null;
+    this.#trail = [];
+    this.#scan = [];
+    this.#people = [];
+    this.#draw();
+  }
+
+  /** Show where the robot is now, and what it sees, as far as a state tells of that. */
+  show({ pose, scan, percept }) {
+    if (!pose && !scan && !percept) return;
+    if (pose) this.#go(pose);
+    if (scan) this.#scan = scan;
+    if (percept) this.people(percept);
+    this.#draw();
+  }
+
+  /** Show the whole way at once: points [x, y]. */
+  way(points) {
+    this.#trail = points;
+    this.#draw();
+  }
+
+  /** People and things of a percept: where they are, by their direction and distance. */
+  people(percept) {
+    const [x, y] = this.#pose ?? [0, 0];
+    const seen = [...(percept?.faces ?? []).map((each) => [each, "face"]), ...(percept?.things ?? []).map((each) => [each, "thing"])];
+    this.#people = seen.filter(([each]) => each.distance > 0).map(([each, kind]) => ({
+      x: x + each.distance * Math.cos(each.yaw),
+      y: y + each.distance * Math.sin(each.yaw),
+      name: each.name || kind,
+    }));
+  }
+
+  #go(pose) {
+    this.#pose = pose;
+    const last = this.#trail.at(-1);
+    if (last && Math.hypot(pose[0] - last[0], pose[1] - last[1]) < STEP) return;
+    this.#trail.push([pose[0], pose[1]]);
+    if (this.#trail.length > TRAIL) this.#trail = this.#trail.filter((_, at) => at % 2 === 0);
+  }
+
+  /** Return pixels of metres: a function of a place, and the scale. */
+  #view(width, height) {
+    const world = this.#world;
+    if (world) {
+      const scale = Math.min(width / world.width, height / world.height);
+      const [left, top] = [(width - world.width * scale) / 2, (height - world.height * scale) / 2];
+      const turn = (world.heading * Math.PI) / 180;
+      const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
+      const metre = world.metre * scale;
+      const place = ([x, y]) => [left + world.x * scale + (x * cos - y * sin) * metre, top + world.y * scale - (x * sin + y * cos) * metre];
+      return { place, metre };
+    }
+    const all = [...this.#trail, this.#pose ?? [0, 0], ...this.#people.map((each) => [each.x, each.y])];
+    const [xs, ys] = [all.map((each) => each[0]), all.map((each) => each[1])];
+    const [low, high] = [[Math.min(...xs) - MARGIN, Math.min(...ys) - MARGIN], [Math.max(...xs) + MARGIN, Math.max(...ys) + MARGIN]];
+    const metre = Math.min(width / (high[0] - low[0]), height / (high[1] - low[1]));
+    const [x0, y0] = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
+    return { place: ([x, y]) => [width / 2 + (x - x0) * metre, height / 2 - (y - y0) * metre], metre };
+  }
+
+  #paint() {
+    const width = this.clientWidth;
+    const ratio = this.#world ? this.#world.height / this.#world.width : 0.7;
+    const height = Math.round(Math.min(width * ratio, 460));
+    if (!width) return;
+    const fine = Math.min(devicePixelRatio || 1, 2);
+    const canvas = this.#canvas;
+    if (canvas.width !== Math.round(width * fine) || canvas.height !== Math.round(height * fine)) {
+      canvas.width = Math.round(width * fine);
+      canvas.height = Math.round(height * fine);
+      this.style.setProperty("--height", `${height}px`);
+    }
+    const pen = canvas.getContext("2d");
+    pen.setTransform(fine, 0, 0, fine, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    const look = getComputedStyle(this);
+    const colour = (name) => look.getPropertyValue(name);
+    const { place, metre } = this.#view(width, height);
+    if (!this.#world) this.#grid(pen, place, metre, width, height, colour("--edge"));
+    const [x, y, heading] = this.#pose ?? [0, 0, 0];
+    pen.fillStyle = colour("--failure");
+    for (const [ahead, left] of this.#scan) {
+      const at = place([x + ahead * Math.cos(heading) - left * Math.sin(heading), y + ahead * Math.sin(heading) + left * Math.cos(heading)]);
+      pen.fillRect(at[0] - 1, at[1] - 1, 2, 2);
+    }
+    pen.strokeStyle = colour("--running");
+    pen.lineWidth = 2;
+    pen.beginPath();
+    for (const point of this.#trail) pen.lineTo(...place(point));
+    pen.stroke();
+    this.#names(pen, place, metre, colour);
+    if (this.#pose) this.#robot(pen, place, metre, colour);
+    const people = this.#people.length ? `; sees ${this.#people.map((each) => each.name).join(", ")}` : "";
+    canvas.setAttribute("aria-label", this.#pose ? `Plan: the robot is at ${x.toFixed(1)} m, ${y.toFixed(1)} m${people}` : "Plan");
+  }
+
+  #grid(pen, place, metre, width, height, colour) {
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1;
+    const [x0, y0] = place([0, 0]);
+    pen.beginPath();
+    for (let x = x0 % metre; x < width; x += metre) (pen.moveTo(x, 0), pen.lineTo(x, height));
+    for (let y = y0 % metre; y < height; y += metre) (pen.moveTo(0, y), pen.lineTo(width, y));
+    pen.stroke();
+  }
+
+  #names(pen, place, metre, colour) {
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "center";
+    for (const { x, y, name } of this.#people) {
+      const at = place([x, y]);
+      pen.fillStyle = colour("--people");
+      pen.beginPath();
+      pen.arc(...at, Math.max(5, 0.2 * metre), 0, 7);
+      pen.fill();
+      pen.lineWidth = 3;
+      pen.strokeStyle = colour("--surface");
+      pen.strokeText(name, at[0], at[1] - 0.25 * metre - 4);
+      pen.fillStyle = colour("--ink");
+      pen.fillText(name, at[0], at[1] - 0.25 * metre - 4);
+    }
+  }
+
+  #robot(pen, place, metre, colour) {
+    const [x, y, heading] = this.#pose;
+    const [at, nose] = [place([x, y]), place([x + RADIUS * Math.cos(heading), y + RADIUS * Math.sin(heading)])];
+    const size = Math.max(7, RADIUS * metre);
+    const angle = Math.atan2(nose[1] - at[1], nose[0] - at[0]);
+    pen.fillStyle = colour("--running");
+    pen.strokeStyle = colour("--surface");
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.arc(...at, size, 0, 7);
+    pen.fill();
+    pen.stroke();
+    pen.beginPath();
+    pen.moveTo(...at);
+    pen.lineTo(at[0] + size * Math.cos(angle), at[1] + size * Math.sin(angle));
+    pen.stroke();
+  }
+}
+
+customElements.define("studio-plan", Plan);

@@ -1,0 +1,73 @@
+// Records: what has run, and one of them, or two beside each other, looked at again.
+
+import { choice, el, panel, put, tell } from "./dom.js";
+import { Record } from "./record.js";
+import { SIGNS, bytes, day, plain, reality, seconds } from "./words.js";
+
+export class Records {
+  #link;
+  #records = [];
+  #open = new Map();
+  #names = "";
+  #folder = el("p", { class: "hint" });
+  #list = el("ul", { class: "record-list" });
+  #listed = panel("Records", "records", this.#list, this.#folder);
+
+  constructor({ link }) {
+    this.#link = link;
+    this.node = el("div", { class: "view records" }, this.#listed);
+  }
+
+  async show(...names) {
+    const wanted = names.filter(Boolean).slice(0, 2);
+    if (!wanted.length || !this.#records.length) await this.#fetch();
+    if (wanted.join("/") === this.#names && wanted.length) return;
+    this.#names = wanted.join("/");
+    for (const each of this.#open.values()) each.end();
+    if (!wanted.length) {
+      this.node.replaceChildren(this.#listed);
+      return;
+    }
+    const opened = new Map(wanted.map((name) => [name, this.#open.get(name) ?? new Record(this.#link, name)]));
+    this.#open = opened;
+    this.node.replaceChildren(
+      el("div", { class: "head" }, el("p", { class: "back" }, el("a", { href: "#records" }, "‹ all records")), this.#beside(wanted)),
+      el("div", { class: wanted.length > 1 ? "pair" : "one" }, [...opened.values()].map((each) => each.node)));
+  }
+
+  hide() {
+    for (const each of this.#open.values()) each.end();
+  }
+
+  #beside([first, second]) {
+    const others = this.#records.filter((each) => each.name !== first && !each.trouble);
+    const select = choice([["", "alone"], ...others.map((each) => [each.name, `${plain(each.mission)}, ${day(each.began)}`])], second ?? "");
+    select.setAttribute("aria-label", "Compare with");
+    select.addEventListener("change", () => {
+      location.hash = `#records/${[first, select.value].filter(Boolean).map(encodeURIComponent).join("/")}`;
+    });
+    return el("label", null, "Compare with ", select);
+  }
+
+  async #fetch() {
+    try {
+      const { folder, records } = await this.#link.ask({ do: "records" });
+      this.#records = records;
+      put(this.#folder, records.length ? folder : `No records yet in ${folder}.`);
+      this.#list.replaceChildren(...records.map((each) => this.#row(each)));
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  #row(record) {
+    if (record.trouble) return el("li", { class: "trouble" }, el("b", null, record.name), el("span", { class: "reason" }, record.trouble));
+    return el("li", { class: record.result }, el("a", { href: `#records/${encodeURIComponent(record.name)}` },
+      el("b", null, plain(record.mission)),
+      el("span", { class: "outcome" }, `${SIGNS[record.result] ?? "?"} ${record.result || "unknown"}`),
+      el("span", null, `${plain(record.robot)}, ${reality(record.simulated)}`),
+      el("span", null, day(record.began)),
+      el("span", null, `${seconds(record.seconds)}, ${bytes(record.bytes)}`),
+      record.reason && el("span", { class: "reason" }, record.reason)));
+  }
+}

@@ -1,0 +1,157 @@
+// Run: what there is to run, and a form to run it.
+
+import { button, el, field, panel, put, tell } from "./dom.js";
+import { Params, Target } from "./form.js";
+import { plain } from "./words.js";
+import "./tree.js";
+
+export class Run {
+  #link;
+  #watcher;
+  #library = null;
+  #target = null;
+  #mission = null;
+  #chosen = "";
+  #params = null;
+  #search = el("input", { type: "search", placeholder: "Search missions", "aria-label": "Search missions" });
+  #list = el("ul", { class: "missions" });
+  #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
+  #people = el("p", { class: "hint" });
+  #form = el("div", { class: "chosen" });
+  #go = button("Run", () => this.#start(), { class: "main" });
+  #when = {
+    at: el("input", { type: "text", placeholder: "at once" }),
+    every: el("input", { type: "text", placeholder: "once" }),
+    priority: el("input", { type: "text", inputmode: "numeric", value: "0" }),
+    retry: el("input", { type: "text", inputmode: "numeric", value: "0" }),
+  };
+
+  constructor({ link, watcher }) {
+    this.#link = link;
+    this.#watcher = watcher;
+    this.#search.addEventListener("input", () => this.#filter());
+    const library = panel("Missions", "missions", this.#search, this.#list);
+    this.node = el("div", { class: "view run" },
+      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people)),
+      this.#form);
+  }
+
+  async show(name) {
+    try {
+      this.#library ??= await this.#fetch();
+    } catch (error) {
+      tell(error);
+      return;
+    }
+    this.node.classList.toggle("has-chosen", Boolean(name));
+    if (name) await this.#choose(name);
+    else if (!this.#mission) this.#form.replaceChildren(el("p", { class: "empty" }, "Choose a mission."));
+  }
+
+  hide() {}
+
+  async #fetch() {
+    const library = await this.#link.ask({ do: "library" });
+    this.#target = new Target(library);
+    this.#target.node.addEventListener("change", () => this.#named());
+    this.#list.replaceChildren(...library.missions.map(({ name, summary, trouble }) => {
+      const words = `${name} ${plain(name)} ${summary}`.toLowerCase();
+      const link = el("a", { href: `#run/${encodeURIComponent(name)}` }, el("b", null, plain(name)), el("span", null, summary || trouble));
+      return el("li", { "data-words": words }, link);
+    }));
+    this.#motions.replaceChildren(...library.motions.map((name, at) => {
+      const node = button("", () => this.#move(name));
+      node.append(el("b", null, String(at + 1)), el("span", null, plain(name.split("/").at(-1))));
+      return node;
+    }));
+    put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows nobody yet: mission person add NAME");
+    return library;
+  }
+
+  #filter() {
+    const words = this.#search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    for (const item of this.#list.children) item.hidden = !words.every((word) => item.dataset.words.includes(word));
+  }
+
+  async #choose(name) {
+    if (this.#chosen === name) return;
+    let mission;
+    try {
+      mission = await this.#link.ask({ do: "mission", name });
+    } catch (error) {
+      tell(error);
+      this.#form.replaceChildren(el("p", { class: "empty" }, error.message));
+      return;
+    }
+    this.#mission = mission;
+    this.#chosen = name;
+    this.#params = new Params(mission.params, this.#library.people);
+    const tree = el("studio-tree", { class: "preview" });
+    tree.draw(mission.drawing);
+    const { at, every, priority, retry } = this.#when;
+    this.#form.replaceChildren(
+      el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")),
+      el("h1", null, plain(mission.name)),
+      el("p", { class: "summary" }, mission.summary),
+      panel("Params", "params", this.#params.node),
+      panel("On what", "target", this.#target.node),
+      el("div", { class: "actions" }, this.#go),
+      panel("Later, or again and again", "later",
+        el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
+          field("Priority", priority, "-100 to 100: the highest is first"), field("Retry", retry, "how often to try again when it fails")),
+        button("Add to the queue", () => this.#queue())),
+      panel("Its tree", "preview", tree));
+    this.#named();
+  }
+
+  #named() {
+    const real = this.#target.real;
+    put(this.#go, real ? "Run on the robot" : "Run simulated");
+    this.#go.classList.toggle("real", real);
+  }
+
+  /** A motion: at once where it is simulated; on a robot by way of the form, where somebody confirms it. */
+  #move(name) {
+    if (this.#target.real || this.#link.welcome?.role !== "operator") location.hash = `#run/${encodeURIComponent(name)}`;
+    else this.#launch(name, {});
+  }
+
+  #start() {
+    try {
+      this.#launch(this.#mission.name, this.#params.values);
+    } catch (error) {
+      tell(error.message);
+    }
+  }
+
+  async #launch(mission, params) {
+    const buttons = [this.#go, ...this.#motions.children];
+    try {
+      const members = this.#target.members();
+      for (const each of buttons) each.disabled = true;
+      tell(`${plain(mission)} is being started…`, "good");
+      const { run } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
+      this.#target.unsure();
+      this.#watcher.follow(run);
+      location.hash = "#live";
+    } catch (error) {
+      tell(error);
+    } finally {
+      for (const each of buttons) each.disabled = false;
+    }
+  }
+
+  async #queue() {
+    try {
+      const { at, every, priority, retry } = this.#when;
+      const [first, again] = [Number(priority.value || 0), Number(retry.value || 0)];
+      if (![first, again].every(Number.isInteger)) throw new Error("Priority and retry are whole numbers.");
+      const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again };
+      const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
+      this.#target.unsure();
+      tell(answer.message || `Task ${answer.task} waits.`, "good");
+    } catch (error) {
+      tell(error);
+    }
+  }
+}

@@ -1,0 +1,202 @@
+// STOP: on every view, above everything, for everybody, over a connection of its own.
+
+import { button, el, put, tell } from "./dom.js";
+import { Link, StudioError } from "./link.js";
+
+const PROTOCOL = "1";
+const AGAIN = 250; // milliseconds from one try to the next, until a stop is answered
+const ANSWER = 1000;
+const HOLD = 1000; // milliseconds that release is to be held
+const ARMED = 4000; // milliseconds for the second press of who cannot hold
+
+const TYPED = new Set(["text", "search", "number", "email", "url", "tel", "password"]);
+
+/** Return whether somebody types there: the space bar is a space then, and Escape stops. */
+function typing(node) {
+  return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TYPED.has(node.type));
+}
+
+export class Stop extends HTMLElement {
+  #main = null;
+  #own = new Link(PROTOCOL); // STOP works on a page that is old, too
+  #watcher = null;
+  #latched = new Map(); // by run: who has stopped it, and which stop that is
+  #pending = false;
+  #tries = 0;
+  #timer = 0;
+  #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
+  #said = el("p", { class: "said", role: "alert" });
+  #release = button("Hold to release", null, { class: "release", hidden: true });
+
+  connectedCallback() {
+    this.append(this.#button, el("div", { class: "latched" }, this.#said, this.#release));
+    // The press itself, not the click that follows it; and the click of whoever has no pointer.
+    this.#button.addEventListener("pointerdown", () => this.stop());
+    this.#button.addEventListener("click", (event) => event.detail === 0 && this.stop());
+    addEventListener("keydown", (event) => this.#key(event), { capture: true });
+    addEventListener("keyup", (event) => event.key === " " && !typing(event.target) && event.preventDefault(), { capture: true });
+    this.#own.on("how", () => {
+      if (this.#pending) this.#send();
+      this.#show();
+    });
+    this.#own.on("runs", (message) => this.#runs(message.runs));
+    this.#hold();
+    this.#stay();
+  }
+
+  /** Use the main link where the own one is not open, and hear from the `watcher` what is stopped. */
+  begin(link, watcher) {
+    this.#main = link;
+    this.#watcher = watcher;
+    watcher.addEventListener("state", ({ detail }) => "stopped" in detail && this.#latch(watcher.run, detail.stopped, detail.stops));
+    watcher.addEventListener("over", () => this.#latch(watcher.run, "", 0));
+    link.on("how", () => this.#show());
+  }
+
+  /** Whether something is stopped. */
+  get latched() {
+    return this.#latched.size > 0;
+  }
+
+  /** Stop every run of this machine, now; tried again until it is answered. */
+  stop() {
+    this.#pending = true;
+    this.#tries = 0;
+    this.dispatchEvent(new Event("stop"));
+    this.#show();
+    this.#send();
+  }
+
+  #key(event) {
+    const wanted = typing(event.target) ? event.key === "Escape" : event.key === " ";
+    if (!wanted || event.isComposing) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) this.stop();
+  }
+
+  #send() {
+    clearTimeout(this.#timer);
+    const open = [this.#own, this.#main].filter((link) => link?.open);
+    // The own link first; all that there are, where that one does not answer.
+    for (const link of this.#tries++ ? open : open.slice(0, 1)) {
+      link.ask({ do: "stop" }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
+    }
+    this.#timer = setTimeout(() => this.#pending && this.#send(), AGAIN);
+  }
+
+  #answered({ stopped = {} }) {
+    this.#pending = false;
+    clearTimeout(this.#timer);
+    for (const [run, found] of Object.entries(stopped)) {
+      if (found.trouble) tell(new StudioError({ message: `Run ${run} did not answer the stop: ${found.trouble}`, hint: "the robot's own switch" }));
+      else this.#latch(run, "stopped from this page", found.stops, true);
+    }
+    this.#show(Object.keys(stopped).length ? "" : "Nothing runs: there was nothing to stop.");
+  }
+
+  #failed(error) {
+    if (error.error === "lost" || error.error === "no_answer" || error.error === "too_many") return; // it is tried again
+    this.#pending = false;
+    tell(error);
+    this.#show();
+  }
+
+  #runs(runs) {
+    const there = new Map(runs.map((each) => [each.run, each]));
+    for (const run of [...this.#latched.keys()]) if (!there.has(run)) this.#latched.delete(run);
+    for (const [run, each] of there) if ("stopped" in each) this.#latch(run, each.stopped, each.stops);
+    this.#show();
+  }
+
+  /** Keep who has stopped a run; `own` is known of the answer, before the run tells of it. */
+  #latch(run, by, number, own = false) {
+    const before = this.#latched.get(run);
+    if (before && number < before.number && number > 0) return; // told before the stop was heard of there
+    if (by) this.#latched.set(run, { by: own && before?.number === number ? before.by : by, number });
+    else if (!this.#latched.delete(run)) return;
+    this.#show();
+  }
+
+  /** Return who has stopped it, in words: this page, by either of its connections, or another one. */
+  #who(by) {
+    const mine = [this.#own, this.#main].map((link) => link?.welcome?.name);
+    return mine.includes(by.replace(/^stopped by /, "")) ? "stopped from this page" : by;
+  }
+
+  #show(text = "") {
+    const lost = !this.#own.open && !this.#main?.open;
+    let said = text;
+    if (this.#pending) said = lost ? "NOT STOPPED: no link to the robot. Use its own switch." : "Stopping…";
+    else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#who(each.by)))].join("; ")}`;
+    else if (lost) said = "No link: STOP does not reach the robot. Use its own switch.";
+    put(this.#said, said);
+    this.classList.toggle("is-latched", this.latched);
+    document.body.classList.toggle("is-stopped", this.latched);
+    this.classList.toggle("is-pending", this.#pending);
+    this.classList.toggle("is-lost", lost);
+    this.#release.hidden = !this.latched || this.#pending || this.#main?.welcome?.role !== "operator";
+    if (text) setTimeout(() => this.#said.textContent === text && put(this.#said, ""), 3000);
+  }
+
+  // --- release: a second, deliberate act ---------------------------------------------------------------------------
+
+  #hold() {
+    const release = this.#release;
+    let timer = 0;
+    let armed = 0;
+    const begin = () => {
+      release.classList.add("held");
+      clearTimeout(timer);
+      timer = setTimeout(() => {
+        end();
+        this.#let_go();
+      }, HOLD);
+    };
+    const end = () => {
+      clearTimeout(timer);
+      release.classList.remove("held");
+    };
+    release.addEventListener("pointerdown", begin);
+    for (const type of ["pointerup", "pointerleave", "pointercancel", "blur"]) release.addEventListener(type, end);
+    release.addEventListener("contextmenu", (event) => event.preventDefault());
+    release.addEventListener("keydown", (event) => event.key === "Enter" && (event.preventDefault(), event.repeat || begin()));
+    release.addEventListener("keyup", end);
+    // Neither pointer nor key: a screen reader, or a switch, which cannot hold. Two presses, not too quickly.
+    release.addEventListener("click", (event) => {
+      if (event.detail !== 0) return;
+      const since = performance.now() - armed;
+      if (since > 500 && since < ARMED) this.#let_go();
+      armed = performance.now();
+      put(this.#said, "Press release once more to let the robot move again.");
+    });
+  }
+
+  async #let_go() {
+    for (const [run, { number }] of [...this.#latched]) {
+      try {
+        await this.#main.ask({ do: "release", run, stop: number });
+        this.#latched.delete(run);
+        tell(run === this.#watcher.run ? "Released. The mission is paused: “Go on” lets it go on." : `Run ${run} is released, and paused.`, "good");
+      } catch (error) {
+        if (error.error === "no_such_run" || error.error === "not_stopped") this.#latched.delete(run);
+        tell(error);
+      }
+    }
+    this.#show();
+  }
+
+  /** Stay where it is seen, also while a phone's keyboard or a zoom moves what is seen of the page. */
+  #stay() {
+    const seen = window.visualViewport;
+    if (!seen) return;
+    const place = () => {
+      document.documentElement.style.setProperty("--low", `${Math.max(0, Math.round(innerHeight - seen.height - seen.offsetTop))}px`);
+      document.documentElement.style.setProperty("--high", `${Math.max(0, Math.round(seen.offsetTop))}px`);
+    };
+    seen.addEventListener("resize", place);
+    seen.addEventListener("scroll", place);
+  }
+}
+
+customElements.define("studio-stop", Stop);

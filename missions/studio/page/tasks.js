@@ -1,0 +1,86 @@
+// Tasks: the queue.
+
+import { button, el, panel, put, tell, toggle } from "./dom.js";
+import { day, plain } from "./words.js";
+
+const EVERY = 3000; // milliseconds from one look at the queue to the next
+
+export class Tasks {
+  #link;
+  #ended = false;
+  #timer = 0;
+  #served = el("p", { class: "hint", role: "status" });
+  #list = el("ul", { class: "task-list" });
+  #told = "";
+
+  constructor({ link }) {
+    this.#link = link;
+    const all = toggle("Also those that have ended", false, (on) => {
+      this.#ended = on;
+      this.#fetch();
+    });
+    this.node = el("div", { class: "view tasks" },
+      panel("Tasks", "tasks", el("div", { class: "tools" }, all, el("a", { class: "button", href: "#run" }, "Add a task")), this.#served, this.#list));
+  }
+
+  show() {
+    clearInterval(this.#timer);
+    this.#timer = setInterval(() => document.hidden || this.#fetch(), EVERY);
+    this.#fetch();
+  }
+
+  hide() {
+    clearInterval(this.#timer);
+  }
+
+  async #fetch() {
+    if (!this.#link.open) return;
+    try {
+      const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#ended });
+      put(this.#served, served ? "" : "Nobody does tasks at the moment: mission serve");
+      const text = JSON.stringify(tasks);
+      if (text === this.#told) return; // what has the keyboard keeps it
+      this.#told = text;
+      this.#list.replaceChildren(...(tasks.length ? tasks.map((task) => this.#row(task)) : [el("li", { class: "empty" }, "The queue is empty.")]));
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  #row(task) {
+    const may = this.#link.welcome?.role === "operator";
+    const waits = task.state === "waiting";
+    const name = plain(task.mission.split("/").at(-1).replace(/\.yaml$/, ""));
+    const params = Object.entries(task.params).map(([key, value]) => `${plain(key)}: ${value}`);
+    const when = task.due ? `at ${day(task.due)}` : "as soon as its turn comes";
+    const facts = [
+      task.robot ? plain(task.robot) : "simulated",
+      waits && when,
+      task.every && `every ${task.every}`,
+      `priority ${task.priority}`,
+      task.attempts > 1 && `${task.attempts} attempts`,
+      ...params,
+    ];
+    const move = (by, sign, label) => button(sign, () => {
+      this.#do("move_task", task.id, { priority: Math.max(-100, Math.min(100, task.priority + by)) });
+    }, { "aria-label": `${label} priority of task ${task.id}` });
+    const cancel = button("Cancel", () => {
+      if (cancel.classList.contains("armed")) this.#do("cancel_task", task.id);
+      cancel.classList.add("armed");
+      put(cancel, "Press again to cancel");
+    }, { class: "danger" });
+    return el("li", { class: `task ${task.state}` },
+      el("div", null, el("b", null, `${task.id}  ${name}`), el("span", { class: "outcome" }, plain(task.state)),
+        el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), task.reason && el("span", { class: "reason" }, task.reason)),
+      may && (waits || task.state === "running") && el("div", { class: "actions" }, waits && [move(1, "↑", "Raise"), move(-1, "↓", "Lower")], cancel));
+  }
+
+  async #do(word, task, members) {
+    try {
+      await this.#link.ask({ do: word, task, ...members });
+      await this.#fetch();
+    } catch (error) {
+      tell(error);
+    }
+  }
+}

@@ -1,0 +1,194 @@
+// The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
+
+import { button, el, put, soon } from "./dom.js";
+import { SIGNS, seconds } from "./words.js";
+
+const TICKING = 250; // milliseconds from one renewal of "for 3.2 s" to the next
+
+/** One block, and how it stands. */
+class Block {
+  status = "idle";
+  reason = "";
+  since = null;
+
+  constructor(node, parent, list) {
+    this.parent = parent;
+    this.children = [];
+    this.title = node.title;
+    this.name = [node.case && `${node.case}:`, node.title].filter(Boolean).join(" ");
+    const told = Object.entries(node.arguments).filter(([, value]) => value !== node.said).map(([name, value]) => `${name}: ${value}`);
+    if (node.as) told.push(`as: ${node.as}`);
+    this.sign = el("span", { class: "sign", "aria-hidden": "true" }, SIGNS.idle);
+    this.why = el("span", { class: "why" });
+    this.time = el("span", { class: "time" });
+    this.badges = new Map();
+    const badges = node.modifiers.map((each) => {
+      const badge = el("span", { class: "badge" }, `${each.kind} ${each.text}`.trim());
+      this.badges.set(each.key, badge);
+      return badge;
+    });
+    const many = node.children.length > 0;
+    this.fold = many && button("▾", () => this.toggle(), { class: "fold", tabindex: "-1", "aria-hidden": "true" });
+    this.row = el("div", { class: "row" },
+      this.fold, this.sign,
+      el("span", { class: "symbol", "aria-hidden": "true" }, node.symbol),
+      node.case && el("span", { class: "case" }, node.case),
+      el("span", { class: "title" }, node.title),
+      badges,
+      told.length > 0 && el("span", { class: "told" }, told.join(", ")),
+      this.time, this.why);
+    this.item = el("li", { role: "treeitem", class: "node idle", tabindex: "-1", ...(many && { "aria-expanded": "true" }) }, this.row);
+    this.item.block = this;
+    this.inner = many && el("ul", { role: "group" });
+    if (many) this.item.append(this.inner);
+    list.append(this.item);
+    this.label();
+  }
+
+  label() {
+    const why = this.reason ? `, ${this.reason}` : "";
+    this.item.setAttribute("aria-label", `${this.name}: ${this.status}${why}`);
+  }
+
+  get folded() {
+    return this.inner && this.item.getAttribute("aria-expanded") === "false";
+  }
+
+  toggle(folded = !this.folded) {
+    if (!this.inner || folded === this.folded) return;
+    this.item.setAttribute("aria-expanded", String(!folded));
+    put(this.fold, folded ? "▸" : "▾");
+  }
+
+  set(status, reason, since) {
+    if (status !== this.status) {
+      this.item.className = `node ${status}`;
+      put(this.sign, SIGNS[status] ?? "?");
+      this.status = status;
+    }
+    if (reason !== this.reason) put(this.why, (this.reason = reason));
+    this.since = since;
+    this.label();
+  }
+
+  tick(t) {
+    const text = this.status === "running" && this.since !== null ? seconds(Math.max(0, t - this.since)) : "";
+    put(this.time, text);
+  }
+}
+
+export class Tree extends HTMLElement {
+  #blocks = new Map();
+  #badges = new Map();
+  #now = new Map();
+  #waiting = new Map();
+  #paint = soon(() => this.#patch(), 80);
+  #t = 0;
+  #ticked = 0;
+  #drawn = "";
+  follow = false;
+
+  /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. */
+  draw(drawing) {
+    const text = JSON.stringify(drawing.tree);
+    if (text !== this.#drawn) {
+      this.clear();
+      this.#drawn = text;
+      const root = el("ul", { role: "tree", "aria-label": `Tree of ${drawing.mission}` });
+      this.#add(drawing.tree, null, root);
+      root.addEventListener("keydown", (event) => this.#key(event));
+      root.addEventListener("focusin", (event) => this.#roam(event.target.closest("li")));
+      root.firstChild.tabIndex = 0;
+      this.append(root);
+    }
+    this.show({}, 0, true);
+  }
+
+  /** Draw nothing. */
+  clear() {
+    this.#drawn = "";
+    this.#blocks.clear();
+    this.#badges.clear();
+    this.#now.clear();
+    this.#waiting.clear();
+    this.replaceChildren();
+  }
+
+  /** Say how nodes stand at `t`, by their keys; with `whole`, all others are idle. */
+  show(changed, t, whole = false) {
+    this.#t = t;
+    if (whole) for (const key of this.#now.keys()) if (!(key in changed)) this.#waiting.set(key, ["idle", "", null]);
+    for (const key of Object.keys(changed)) this.#waiting.set(key, changed[key]);
+    this.#paint();
+  }
+
+  /** Fold all blocks but the root, or none. */
+  fold(folded) {
+    for (const block of this.#blocks.values()) block.toggle(folded && block.parent !== null);
+  }
+
+  #add(node, parent, list) {
+    const block = new Block(node, parent, list);
+    this.#blocks.set(node.key, block);
+    for (const [key, badge] of block.badges) this.#badges.set(key, badge);
+    for (const child of node.children) block.children.push(this.#add(child, block, block.inner));
+    return block;
+  }
+
+  #patch() {
+    const now = performance.now();
+    const due = now - this.#ticked > TICKING;
+    for (const [key, [status, reason, since]] of this.#waiting) {
+      this.#now.set(key, status);
+      const block = this.#blocks.get(key);
+      if (block) {
+        block.set(status, reason ?? "", since ?? null);
+        block.tick(this.#t);
+      } else if (this.#badges.has(key)) this.#badges.get(key).className = `badge ${status}`;
+    }
+    const moved = this.#waiting.size > 0;
+    this.#waiting.clear();
+    if (due) {
+      this.#ticked = now;
+      for (const block of this.#blocks.values()) if (block.status === "running") block.tick(this.#t);
+    }
+    if (moved && this.follow) this.#reveal();
+  }
+
+  /** Scroll to the deepest node that runs, and unfold what is above it. */
+  #reveal() {
+    let block = this.#blocks.values().next().value;
+    if (block?.status !== "running") return;
+    for (let next = block; next; next = block.children.find((each) => each.status === "running")) {
+      block = next;
+      if (block.children.some((each) => each.status === "running")) block.toggle(false);
+    }
+    const [mine, row] = [this.getBoundingClientRect(), block.row.getBoundingClientRect()];
+    if (row.top < mine.top) this.scrollTop += row.top - mine.top - 8;
+    else if (row.bottom > mine.bottom) this.scrollTop += row.bottom - mine.bottom + 8;
+  }
+
+  #roam(item) {
+    if (!item) return;
+    for (const old of this.querySelectorAll("li[tabindex='0']")) old.tabIndex = -1;
+    item.tabIndex = 0;
+  }
+
+  #key(event) {
+    const item = event.target.closest("li");
+    const block = item?.block;
+    if (!block) return;
+    const seen = [...this.querySelectorAll("li")].filter((each) => !each.parentElement.closest("li[aria-expanded=false]"));
+    const at = seen.indexOf(item);
+    const to = { ArrowDown: seen[at + 1], ArrowUp: seen[at - 1], Home: seen[0], End: seen.at(-1) }[event.key];
+    if (event.key === "ArrowRight" && block.inner) block.folded ? block.toggle(false) : block.children[0].item.focus();
+    else if (event.key === "ArrowLeft") block.inner && !block.folded ? block.toggle(true) : block.parent?.item.focus();
+    else if (event.key === "Enter") block.toggle();
+    else if (!to && !["ArrowDown", "ArrowUp", "Home", "End"].includes(event.key)) return;
+    to?.focus();
+    event.preventDefault();
+    event.stopPropagation();
+  }
+}
+
+customElements.define("studio-tree", Tree);

@@ -1,0 +1,126 @@
+// The run that is shown: what is so of it, put together of its scene and the states that follow.
+
+const EMPTY = { changed: {}, variables: {}, parts: [], joints: {}, commands: {}, log: [] };
+const LONGEST_LOG = 500;
+
+/** Follows one run at a time over a link; tells "runs", "scene", "state", "picture", "over" and "which". */
+export class Watcher extends EventTarget {
+  runs = [];
+  run = "";
+  scene = null;
+  state = null;
+  over = null;
+  picture = null; // the newest
+  came = 0;
+  #link;
+  #looks = new Map();
+  #rate = 0;
+
+  constructor(link) {
+    super();
+    this.#link = link;
+    link.on("runs", (message) => this.#runs(message.runs));
+    link.on("scene", (message) => message.run === this.run && this.#begin(message));
+    link.on("state", (message) => message.run === this.run && this.scene && this.#take(message));
+    link.on("picture", (message) => {
+      if (message.run !== this.run) return;
+      this.picture = message;
+      this.#tell("picture", message);
+    });
+    link.on("over", (message) => message.run === this.run && this.#end(message));
+    link.on("how", (how) => how === "open" && this.run && this.#watch());
+    document.addEventListener("visibilitychange", () => this.#look());
+  }
+
+  /** The entry of the run in `runs`. */
+  get entry() {
+    return this.runs.find((each) => each.run === this.run);
+  }
+
+  /** Whether a run is shown that goes on. */
+  get lives() {
+    return Boolean(this.scene && !this.over);
+  }
+
+  /** Show another run. */
+  follow(run) {
+    if (run === this.run) return;
+    if (this.run && !this.over) this.#link.send({ do: "watch", run: this.run, state: false });
+    this.run = run;
+    this.scene = this.state = this.over = this.picture = null;
+    if (run) this.#watch();
+    this.#tell("which", run);
+  }
+
+  /** Somebody looks at the camera, `rate` pictures a second at most; 0 for not any more. */
+  look(who, rate) {
+    this.#looks.set(who, rate);
+    this.#look();
+  }
+
+  /** Send a command to the run, and return its result. */
+  ask(word, members) {
+    return this.#link.ask({ do: word, run: this.run, ...members });
+  }
+
+  /** Send a command to the run, without an answer. */
+  send(word, members) {
+    return this.#link.send({ do: word, run: this.run, ...members });
+  }
+
+  #look() {
+    const rate = document.hidden ? 0 : Math.max(0, ...this.#looks.values());
+    if (rate === this.#rate) return;
+    this.#rate = rate;
+    if (this.run && !this.over) this.#watch();
+  }
+
+  #watch() {
+    if (!this.#link.open) return;
+    const watched = this.run;
+    this.ask("watch", { pictures: this.#rate }).catch((error) => {
+      if (watched !== this.run || error.error === "lost") return;
+      this.#end({ result: "", reason: error.message, seconds: this.state?.t ?? 0 });
+    });
+  }
+
+  #runs(runs) {
+    this.runs = runs;
+    const there = runs.some((each) => each.run === this.run);
+    if (!there && (this.over || !this.run || !this.scene) && runs.length) this.follow(runs[0].run);
+    this.#tell("runs", runs);
+  }
+
+  #begin(scene) {
+    this.scene = scene;
+    this.over = null;
+    this.state = { ...EMPTY, ...scene.state, log: [...scene.log] };
+    this.came = performance.now();
+    this.#tell("scene", scene);
+    this.#tell("state", { ...scene.state, log: scene.log, anew: true });
+  }
+
+  #take(message) {
+    const { state } = this;
+    const { changed, variables, commands, log, ...rest } = message;
+    Object.assign(state, rest);
+    if (changed) state.changed = { ...state.changed, ...changed };
+    if (commands) state.commands = { ...state.commands, ...commands };
+    if (variables) {
+      state.variables = { ...state.variables, ...variables };
+      for (const [name, value] of Object.entries(variables)) if (value === null) delete state.variables[name];
+    }
+    if (log) state.log = [...state.log, ...log].slice(-LONGEST_LOG);
+    this.came = performance.now();
+    this.#tell("state", message);
+  }
+
+  #end(message) {
+    this.over = message;
+    this.#tell("over", message);
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

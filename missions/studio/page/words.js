@@ -1,0 +1,67 @@
+// Figures and events in words.
+
+export const SIGNS = { idle: "○", running: "▶", success: "✓", failure: "✗", interrupted: "■", error: "!" };
+
+/** Return seconds as "4.2 s" or "3:05". */
+export function seconds(t) {
+  if (!Number.isFinite(t)) return "";
+  if (t < 60) return `${t.toFixed(1)} s`;
+  const whole = Math.floor(t);
+  const [hours, minutes] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60];
+  const rest = String(whole % 60).padStart(2, "0");
+  return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
+}
+
+/** Return a time of day (Unix) as people here write it. */
+export function day(unix) {
+  if (!unix) return "";
+  return new Date(unix * 1000).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+}
+
+/** Return a size in words. */
+export function bytes(size) {
+  const steps = ["B", "kB", "MB", "GB"];
+  let step = 0;
+  while (size >= 1000 && step < 3) [size, step] = [size / 1000, step + 1];
+  return `${size >= 10 || !step ? Math.round(size) : size.toFixed(1)} ${steps[step]}`;
+}
+
+/** Return a name of ours for people: "elbow_turn" is "elbow turn". */
+export const plain = (name) => String(name).replaceAll("_", " ");
+
+/** Return a number with so many digits that matter. */
+export const figure = (value) => (typeof value === "number" ? String(+value.toFixed(Math.abs(value) < 10 ? 2 : 1)) : String(value));
+
+/** Return what a simulated robot is called. */
+export const reality = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
+
+/** Return a result with its reason. */
+export function ending(result, reason) {
+  const sign = SIGNS[result] ?? "?";
+  return `${sign} ${result || "nobody knows how it ended"}${reason ? `: ${reason}` : ""}`;
+}
+
+const LINES = {
+  started: (e) => ["", `${e.mission} begins on ${e.robot}`],
+  ended: (e) => [e.result === "success" ? "good" : "bad", `${e.mission} is over: ${e.result}${e.reason ? `, ${e.reason}` : ""}`],
+  reflex: (e) => [e.on ? "warn" : "", `${plain(e.what)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " is over"}`],
+  fault: (e) => [e.what === "online" ? "" : "bad", `${e.part}: ${e.what === "online" ? "there" : e.detail || e.what}${e.hint ? `. Try: ${e.hint}` : ""}`],
+  notice: (e) => ["warn", `notice: ${e.text}`],
+  command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => `${name} ${figure(value)}`).join(", ")}`],
+};
+
+/** Return the kind of a line of the log ("", good, warn, bad, said, heard), and its text. */
+export function line(event) {
+  if (event.event === "log") {
+    if (event.level === "voice") return ["said", event.text];
+    if (event.level === "person") return ["heard", event.text];
+    return [{ warning: "warn", error: "bad", critical: "bad" }[event.level] ?? "", event.text];
+  }
+  const words = LINES[event.event];
+  if (words) return words(event);
+  const values = Object.entries(event).filter(([name]) => name !== "t").map(([, value]) => value);
+  return ["", values.map((value) => (typeof value === "object" ? JSON.stringify(value) : value)).join(" ")];
+}
+
+/** Return whether an event is no line of its own: the voice's command stands beside what it says. */
+export const silent = (event) => event.event === "command" && event.to === "voice";

@@ -1,0 +1,49 @@
+"""The records that are kept by default: a folder of the user's, in which the oldest make room for the newest."""
+
+import os
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from missions.library.folders import state_folder
+
+DAYS = 30
+"""So old a record may grow."""
+
+ROOM = 2_000_000_000
+"""Bytes that all records may take together."""
+
+SWITCH = "MISSION_RECORD"
+"""The variable of the environment by which a user says ``no`` for good."""
+
+
+def records_folder() -> Path:
+    """Return the folder, which need not be there."""
+    return state_folder() / "records"
+
+
+def records_in(folder: Path) -> list[Path]:
+    """Return the records in a folder, the newest first."""
+    try:
+        found = [path for path in folder.iterdir() if path.suffix == ".mcap" and path.is_file()]
+        return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+    except OSError:
+        return []
+
+
+def wanted() -> bool:
+    """Say whether runs are recorded by default: not where the user does not want it, or what writes records lacks."""
+    return os.environ.get(SWITCH, "").lower() not in ("no", "0", "off") and find_spec("mcap") is not None
+
+
+def make_room(folder: Path, now: float) -> None:
+    """Make the folder, for its owner alone, and take away what is too old, or too much; ``now`` is Unix time."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    size = 0
+    for number, path in enumerate(records_in(folder)):
+        with suppress(OSError):
+            found = path.stat()
+            size += found.st_size
+            if number > 0 and (now - found.st_mtime > DAYS * 24 * 3600 or size > ROOM):  # the first may be written now
+                path.unlink()
+                size -= found.st_size

@@ -1,0 +1,191 @@
+"""The process of the studio: its port, how many may come at once and how slowly, its certificate, and its end."""
+
+import asyncio
+import signal
+import socket
+import ssl
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from missions.library.folders import state_folder
+from missions.studio.access import Access
+from missions.studio.app import application
+from missions.studio.audit import Audit
+from missions.studio.commands import LARGEST
+from missions.studio.launch import Launcher
+from missions.studio.reader import Reader
+from missions.studio.ring import records_folder
+from missions.studio.studio import Studio
+
+MOST_CONNECTIONS = 200
+"""Connections at once; more are hung up on."""
+
+REQUEST_TIME = 5.0
+"""Seconds that a browser has to ask, however slowly it goes on."""
+
+PING = 5.0
+"""Seconds from one question whether a client is there to the next, and that it has to answer."""
+
+SEND_BUFFER = 1 << 17
+"""Bytes that the kernel keeps for a client: what waits there is old when it is read."""
+
+HEADERS = 16 * 1024
+"""Bytes of the headers of a request, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the studio is served. ``names`` are those by which it may be asked for, ``certificate`` and ``key`` PEM.
+
+    It ends with the pipe ``leash``, if there is one.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8642
+    names: Collection[str] = ()
+    certificate: Path | None = None
+    key: Path | None = None
+    record: bool = True
+    access: Access = field(default_factory=Access)
+    leash: int | None = None
+
+    @property
+    def scheme(self) -> str:
+        """How browsers reach it."""
+        return "http" if self.certificate is None else "https"
+
+    def link(self, token: str, port: int | None = None) -> str:
+        """Return the link that signs in who opens it."""
+        host = own_address() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - who asks, for that
+        named = f"[{host}]" if ":" in host else host
+        return f"{self.scheme}://{named}:{port or self.port}/?token={token}"
+
+
+class Guarded(H11Protocol):
+    """A connection that is hung up on when there are too many, or when it does not ask in time."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin, if there is room."""
+        super().connection_made(transport)
+        if len(self.connections) > MOST_CONNECTIONS:
+            transport.abort()
+        else:
+            self._watch()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request, for no longer than for the first."""
+        self.scope = None  # type: ignore[assignment]
+        self._limit.cancel()
+        super().on_response_complete()
+        self._watch()
+
+    def _watch(self) -> None:
+        self._limit = self.loop.call_later(REQUEST_TIME, self._look)
+
+    def _look(self) -> None:
+        if getattr(self, "scope", None) is None and not self.transport.is_closing():
+            self.transport.abort()
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, which a signal ends in good order, and no more."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """End at a signal."""
+        loop, numbers = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for number in numbers:
+            loop.add_signal_handler(number, self.end)
+        try:
+            yield
+        finally:
+            for number in numbers:
+                loop.remove_signal_handler(number)
+
+    def end(self) -> None:
+        """End soon."""
+        self.should_exit = True
+
+
+def listening(place: Place) -> socket.socket:
+    """Return the socket that it is served at. Raises OSError."""
+    family = socket.AF_INET6 if ":" in place.host else socket.AF_INET
+    found = socket.socket(family)
+    try:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else an answer behind a message waits for 40 ms
+        found.bind((place.host, place.port))
+    except BaseException:
+        found.close()
+        raise
+    return found
+
+
+def config_of(place: Place, make: Any) -> uvicorn.Config:
+    """Return how uvicorn is to serve. Raises ssl.SSLError or OSError for a certificate that is none."""
+    app = application(make, place.access, hosts=place.names, cookie=f"missiontree_{place.port}")
+    secure: dict[str, Any] = {}
+    if place.certificate is not None:
+        secure = {"ssl_certfile": place.certificate, "ssl_keyfile": place.key or place.certificate}
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(
+            place.certificate, place.key or place.certificate
+        )
+    return uvicorn.Config(
+        app,
+        http=Guarded,
+        ws="websockets-sansio",
+        ws_max_size=LARGEST,
+        ws_max_queue=16,
+        ws_ping_interval=PING,
+        ws_ping_timeout=PING,
+        ws_per_message_deflate=False,
+        h11_max_incomplete_event_size=HEADERS,
+        proxy_headers=False,  # whoever says where a request comes from may lie
+        server_header=False,
+        access_log=False,  # the links have tokens in them
+        log_config=None,
+        log_level="critical",
+        timeout_graceful_shutdown=2,
+        lifespan="on",
+        **secure,
+    )
+
+
+def serve(place: Place, sockets: Sequence[socket.socket], begun: Any) -> list[int]:
+    """Serve until a signal ends it; call ``begun`` once it does. Return the runs that were started and go on."""
+    launcher = Launcher(records_folder() if place.record else None)
+    reader = Reader()
+    server = Server(config_of(place, lambda: Studio(Audit(state_folder() / "studio.log"), launcher, reader)))
+
+    async def work() -> None:
+        task = asyncio.create_task(server.serve(list(sockets)))
+        if place.leash is not None:
+            asyncio.get_running_loop().add_reader(place.leash, server.end)
+        while not server.started and not task.done():
+            await asyncio.sleep(0.01)
+        if server.started:
+            begun()
+        await task
+
+    try:
+        asyncio.run(work())
+    finally:
+        reader.close()
+    return launcher.running
+
+
+def own_address() -> str:
+    """Return the address by which others reach this computer; that of the loopback where there is no network."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        try:
+            asked.connect(("192.0.2.1", 9))  # nothing is sent: the kernel says by which way it would be
+        except OSError:
+            return "127.0.0.1"
+        return str(asked.getsockname()[0])

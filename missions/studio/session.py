@@ -1,0 +1,223 @@
+"""One client of the studio: reads its commands, lets through what its role may do, and passes on what the runs say."""
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from drivers.clock import Clock, SystemClock
+from missions.studio import sockets
+from missions.studio.audit import UNTOLD
+from missions.studio.commands import KEY, Command, OfRun, Role, Stop
+from missions.studio.form import BadMessage, written
+from missions.studio.link import Link
+from missions.studio.messages import Answer, Over, Runs, line_of
+from missions.studio.reading import read_command
+from missions.studio.studio import Studio
+from missions.studio.wishes import Hello
+
+RATE = 100.0
+"""Commands a second, at most; some more may come at once. A `stop` is always heard."""
+
+MOST_WAITING = 64
+"""Commands that wait to be done, at most."""
+
+MOST_UNREAD = 65536
+"""Bytes that wait for a run which hangs, at most."""
+
+HELLO_TIME = 10.0
+"""Seconds that a client has to say hello."""
+
+REFUSED = 1008
+"""The code by which a websocket is closed to who does not keep to the protocol."""
+
+
+class Session:
+    """Serves one websocket until it is closed. What its client drove stands then: its connections to runs end."""
+
+    def __init__(self, socket: WebSocket, role: Role, name: str, studio: Studio, *, clock: Clock | None = None) -> None:
+        self.role, self.name = role, name
+        self._socket, self._studio = socket, studio
+        self._clock = clock or SystemClock()
+        self._allowance, self._counted = RATE, self._clock.now()
+        self._sending = asyncio.Lock()
+        self._links: dict[str, Link] = {}
+        self._waiting: asyncio.Queue[OfRun] = asyncio.Queue(MOST_WAITING)
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._over: set[str] = set()
+        self._runs: Runs | None = None
+        self._news = asyncio.Event()
+
+    async def run(self) -> None:
+        """Serve."""
+        await self._socket.accept()
+        try:
+            async with asyncio.timeout(HELLO_TIME):
+                greeted = await self._hello(await self._socket.receive_text())
+            if not greeted:
+                await self._socket.close(REFUSED)
+                return
+            self._begin(self._relay())
+            self._begin(self._tell_on())
+            with self._studio.joined(self):
+                self.tell(Runs(runs=self._studio.hub.runs()))
+                while True:
+                    await self._hear(await self._socket.receive_text())
+        except (WebSocketDisconnect, TimeoutError, KeyError, RuntimeError):
+            pass  # it has gone, or says nothing, or sends what is no text
+        finally:
+            # First what moves: the ends of these connections stop the base.
+            await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
+            for task in list(self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def tell(self, runs: Runs) -> None:
+        """Send what runs there are, when this client can take it; of several, the newest."""
+        self._runs = runs
+        self._news.set()
+
+    async def _tell_on(self) -> None:
+        while await self._news.wait():
+            self._news.clear()
+            if self._runs is not None:
+                await self.say(self._runs)
+
+    async def say(self, message: object) -> None:
+        """Send a message."""
+        await self._send(line_of(message).decode())
+
+    async def _send(self, text: str) -> None:
+        async with self._sending:
+            with suppress(WebSocketDisconnect, RuntimeError):
+                await self._socket.send_text(text)
+
+    async def _hello(self, line: str) -> bool:
+        """Answer the first command; say whether it was a good one."""
+        try:
+            command = read_command(line)
+            if not isinstance(command, Hello):
+                raise BadMessage("hello_first", "the first command is hello", '{"do": "hello", "version": "1"}')
+            if command.version not in self._studio.versions:
+                raise BadMessage("old_page", "this page is of another version of the studio", "reload it")
+        except BadMessage as error:
+            await self.say(_refused(None, error))
+            return False
+        await self.say(self._studio.welcome(self.role, self.name))
+        return True
+
+    async def _hear(self, line: str) -> None:
+        """Do what a line asks for, or have it done: a stop that comes next is not to wait for it."""
+        number = None
+        try:
+            command = read_command(line)
+            number = command.id
+            if isinstance(command, Stop):
+                self._begin(self._answered(command, self._stop(command)))
+                if not self._has_allowance():
+                    await asyncio.sleep(1 / RATE)  # it is done; what comes next of this client waits
+                return
+            if not self._has_allowance():
+                raise BadMessage("too_many", f"more than {RATE:g} commands a second")
+            if command.role == "operator" and self.role != "operator":
+                self._studio.audit.tell(self.name, self.role, {KEY: command.word}, "not_allowed")
+                raise BadMessage("not_allowed", "a viewer may not do this", "open the operator's link")
+            if isinstance(command, OfRun):
+                self._waiting.put_nowait(command)
+            elif isinstance(command, Hello):
+                await self.say(self._studio.welcome(self.role, self.name))
+            elif len(self._tasks) > MOST_WAITING:
+                raise asyncio.QueueFull
+            else:
+                self._begin(self._answered(command, self._studio.do(command)))
+        except asyncio.QueueFull:
+            await self.say(_refused(number, BadMessage("too_many", "more commands than can be done")))
+        except BadMessage as error:
+            await self.say(_refused(number, error))
+
+    def _has_allowance(self) -> bool:
+        now = self._clock.now()
+        had = min(RATE, self._allowance + (now - self._counted) * RATE)
+        self._allowance, self._counted = max(0.0, had - 1.0), now
+        return had >= 1.0
+
+    async def _answered(self, command: Command, work: Any) -> None:
+        """Do what a command asks of the studio, and answer."""
+        outcome = "ok"
+        try:
+            result = await work
+        except BadMessage as error:
+            outcome = error.error
+            await self.say(_refused(command.id, error))
+        except Exception as error:  # a fault of our own ends no session
+            outcome = "fault"
+            await self.say(_refused(command.id, BadMessage("fault", f"{type(error).__name__}: {error}")))
+        else:
+            if command.id is not None:
+                await self.say(Answer(id=command.id, ok=True, result=result))
+        if command.word not in UNTOLD:
+            self._studio.audit.tell(self.name, self.role, _about(command), outcome)
+
+    async def _stop(self, command: Stop) -> Mapping[str, object]:
+        return {"stopped": await self._studio.stop(command.run, self.name)}
+
+    # --- what goes to and comes from runs -----------------------------------------------------------------------------
+
+    async def _relay(self) -> None:
+        """Pass commands on to their runs, in order."""
+        while True:
+            command = await self._waiting.get()
+            outcome = "ok"
+            try:
+                link = await self._link(command.run)
+                if link.unread > MOST_UNREAD:
+                    raise BadMessage("no_answer", f"run {command.run} does not read what it is sent")
+                members = {name: value for name, value in written(command, KEY).items() if name != "run"}
+                link.send({**members, "by": self.name})
+            except BadMessage as error:
+                outcome = error.error
+                await self.say(_refused(command.id, error))
+            if command.word not in UNTOLD:
+                self._studio.audit.tell(self.name, self.role, _about(command), outcome)
+
+    async def _link(self, run: str) -> Link:
+        """Return this client's own connection to a run. Raises BadMessage where there is none."""
+        link = self._links.get(run)
+        if link is not None and not link.closed.is_set():
+            return link
+        self._studio.hub.known(run)
+
+        async def passed_on(line: str) -> None:
+            if line.startswith('{"say":"over"'):
+                self._over.add(run)
+            if not line.startswith('{"say":"run"'):
+                await self._send(line)
+
+        try:
+            link = self._links[run] = await Link.open(sockets.path_of(run), passed_on)
+        except (OSError, ValueError) as error:  # a TimeoutError is an OSError
+            raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
+        self._begin(self._attend(run, link))
+        return link
+
+    async def _attend(self, run: str, link: Link) -> None:
+        """Say that a run is over which could not say so itself."""
+        await link.closed.wait()
+        if run not in self._over:
+            await self.say(Over(run=run, result="", reason="the run has gone without a word", seconds=0.0))
+
+    def _begin(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+def _refused(number: int | None, error: BadMessage) -> Answer:
+    return Answer(id=number, ok=False, error=error.error, message=str(error), hint=error.hint or None)
+
+
+def _about(command: Command) -> Mapping[str, object]:
+    """Return what the log says of a command."""
+    return {name: value for name, value in written(command, KEY).items() if name not in ("id", "by") and value != ""}

@@ -1,0 +1,93 @@
+"""What all clients of a studio share: the runs, the page, who is there, and who does what they ask for."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Protocol
+
+from missions.studio.audit import Audit
+from missions.studio.commands import Command, Role
+from missions.studio.hub import Hub
+from missions.studio.launch import Launcher
+from missions.studio.messages import VERSION, Runs, Welcome
+from missions.studio.reader import Reader
+from missions.studio.wishes import Start
+
+PAGE = Path(__file__).with_name("page")
+"""The folder of the page: what is in it is served, and nothing else."""
+
+
+class Client(Protocol):
+    """Who is connected."""
+
+    def tell(self, runs: Runs) -> None:
+        """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
+        ...
+
+
+@cache
+def edition() -> str:
+    """Return what tells this page from those of other releases."""
+    digest = hashlib.sha256()
+    for path in sorted(PAGE.glob("*")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+class Studio:
+    """One studio. Its ``hub`` knows the runs, its ``audit`` who did what; its ``reader`` reads files."""
+
+    def __init__(self, audit: Audit, launcher: Launcher, reader: Reader) -> None:
+        self.audit, self._reader = audit, reader
+        self.hub = Hub(self._tell_runs)
+        self._launcher = launcher
+        self._clients: set[Client] = set()
+        self._names = 0
+        self.versions = {edition(), str(VERSION)}
+
+    def name(self, role: Role) -> str:
+        """Return what a new client is called."""
+        self._names += 1
+        return f"{role} {self._names}"
+
+    def welcome(self, role: Role, name: str) -> Welcome:
+        """Return what a client hears first."""
+        return Welcome(version=VERSION, page=edition(), role=role, name=name, release=version("missiontree"))
+
+    @contextmanager
+    def joined(self, client: Client) -> Iterator[None]:
+        """Tell a client of the runs while this is entered."""
+        self._clients.add(client)
+        try:
+            yield
+        finally:
+            self._clients.discard(client)
+
+    @property
+    def count(self) -> int:
+        """How many clients are connected."""
+        return len(self._clients)
+
+    async def stop(self, run: str, by: str) -> Mapping[str, object]:
+        """Stop a run, or all for no name: those too that are being started. Raises BadMessage for one not there."""
+        if not run:
+            self._launcher.stop()
+        return await self.hub.stop(run, by)
+
+    async def do(self, command: Command) -> Mapping[str, object]:
+        """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
+        if isinstance(command, Start):
+            stops = self._launcher.stops
+            await self._reader.check(command)
+            run = await self._launcher.start(command, stops)
+            await self.hub.look()
+            return {"run": run}
+        return await self._reader.do(command)
+
+    def _tell_runs(self) -> None:
+        told = Runs(runs=self.hub.runs())
+        for client in self._clients:
+            client.tell(told)

@@ -1,0 +1,134 @@
+"""What a client may ask of the studio itself: what there is to run, records, and tasks."""
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Annotated, ClassVar, Literal
+
+from drivers.api.quick import dataclass
+from missions.studio.commands import Command, Role
+from missions.studio.form import Bound
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello(Command):
+    """The first command of a connection; again, it is a ping. A page of another version is told to reload."""
+
+    word: ClassVar[str] = "hello"
+    role: ClassVar[Role] = "viewer"
+    version: Annotated[str, "What the page has in its `<meta name=version>`; another program, the protocol's number."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Library(Command):
+    """Answer with what there is to run, and on what: `missions`, `robots`, `worlds`, `people`."""
+
+    word: ClassVar[str] = "library"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission(Command):
+    """Answer with a mission: its summary, its params as a form has them, its drawing, and the parts that it needs."""
+
+    word: ClassVar[str] = "mission"
+    role: ClassVar[Role] = "viewer"
+    name: Annotated[str, "A name in the library, or a file."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World(Command):
+    """Answer with a world's plan: `svg`, and where in it the robot's odometry begins, and which way."""
+
+    word: ClassVar[str] = "world"
+    role: ClassVar[Role] = "viewer"
+    name: Annotated[str, "A name in the library, or a file."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start(Command):
+    """Run a mission in a process of its own; answered with its `run` once it has begun, or with why it has not."""
+
+    word: ClassVar[str] = "start"
+    mission: Annotated[str, "A name in the library, or a file."]
+    params: Annotated[Mapping[str, str], "Each as on the command line: `5 s`."] = field(default_factory=dict)
+    robot: Annotated[str, "The robot, which moves unless it is simulated; the usual one, simulated, where empty."] = ""
+    simulate: Annotated[Literal["", "wire", "fast"], "How it is simulated; `fast` is simulated time."] = ""
+    world: Annotated[str, "What a simulated robot stands in."] = ""
+    seed: Annotated[int, "For whatever is drawn by chance.", Bound(0, 2**53)] = 0
+    speed: Annotated[float | None, "In simulated time: so many times real time.", Bound(0.01, 1000.0)] = None
+    sure: Annotated[bool, "For a robot that moves: somebody has looked, and there is room."] = False
+    record: Annotated[bool, "Whether it is recorded."] = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Records(Command):
+    """Answer with the `records` that are kept, the newest first."""
+
+    word: ClassVar[str] = "records"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record(Command):
+    """Answer with a record: its drawing, what each node was when, its log, its failures, and how it ended.
+
+    A long one comes in pieces: where the answer has `more`, ask again from there on for the next.
+    """
+
+    word: ClassVar[str] = "record"
+    role: ClassVar[Role] = "viewer"
+    name: Annotated[str, "As `records` names it.", Bound(high=255)]
+    start: Annotated[float, "From so many seconds on: the `more` of the piece before.", Bound(-1e9, 1e9)] = -1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment(Command):
+    """Answer with what was so at a moment of a record: the tree, the variables, the place, and the picture."""
+
+    word: ClassVar[str] = "moment"
+    role: ClassVar[Role] = "viewer"
+    name: Annotated[str, "As `records` names it.", Bound(high=255)]
+    t: Annotated[float, "Seconds from the start of the run.", Bound(0.0, 1e9)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tasks(Command):
+    """Answer with the `tasks` of the queue, as `mission task list --json` has them, and whether it is `served`."""
+
+    word: ClassVar[str] = "tasks"
+    role: ClassVar[Role] = "viewer"
+    ended: Annotated[bool, "Also those that have ended."] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AddTask(Command):
+    """Add a task to the queue, as `mission task add` does; answered with its number."""
+
+    word: ClassVar[str] = "add_task"
+    mission: Annotated[str, "A name in the library, or a file."]
+    params: Annotated[Mapping[str, str], "Each as on the command line."] = field(default_factory=dict)
+    robot: Annotated[str, "As of `start`."] = ""
+    simulate: Annotated[Literal["", "wire", "fast"], "As of `start`."] = ""
+    world: Annotated[str, "As of `start`."] = ""
+    at: Annotated[str, 'When: "18:00", "2026-12-24 18:00"; at once where empty.'] = ""
+    every: Annotated[str, 'Again and again: "30 min", "day", "monday 18:00".'] = ""
+    priority: Annotated[int, "Of those that are due, the highest is first.", Bound(-100, 100)] = 0
+    retry: Annotated[int, "How often to try again when it fails.", Bound(0, 1000)] = 0
+    sure: Annotated[bool, "As of `start`."] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveTask(Command):
+    """Give a task that waits another priority: of those that are due, the highest is first."""
+
+    word: ClassVar[str] = "move_task"
+    task: Annotated[int, "Its number.", Bound(1, 2**53)]
+    priority: Annotated[int, "The new one.", Bound(-100, 100)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CancelTask(Command):
+    """Cancel a task and its repetition; one that runs is stopped safely."""
+
+    word: ClassVar[str] = "cancel_task"
+    task: Annotated[int, "Its number.", Bound(1, 2**53)]

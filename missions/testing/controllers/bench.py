@@ -1,0 +1,97 @@
+"""The bench: controllers side by side in all scenarios, with each body, as a table."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from behaviours.tracking.rules import RuleBases
+from missions.testing.controllers.scenario import SCENARIOS, Body, Scenario
+from missions.testing.controllers.score import Score, score
+from missions.testing.controllers.trial import Trace, Trial
+
+CONTROLLERS = ("course", "pd", "mamdani", "face")
+"""What is benched unless others are named: the course's tracker, the textbook's, and ours by both inferences."""
+
+COMPARED = ("course", "pd", "pd_ahead", "face")
+"""What is benched with delays that nobody tells the robot, beside standing still."""
+
+STANDING = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
+"""A controller that moves nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One controller in one scenario with one body: what it showed, and what that comes to."""
+
+    scenario: Scenario
+    body: Body
+    controller: str
+    trace: Trace
+    score: Score
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it for JSON: seconds and degrees."""
+        found = asdict(self.score) | {"ratio": self.score.ratio}
+        for name in ("overshoot", "rms"):
+            found[name] = None if found[name] is None else math.degrees(found[name])
+        return {"scenario": self.scenario.name, "body": str(self.body), "controller": self.controller, **found}
+
+
+def bench(
+    controllers: Mapping[str, RuleBases],
+    *,
+    scenarios: Sequence[Scenario] = SCENARIOS,
+    bodies: Sequence[Body] = tuple(Body),
+    seed: int = 0,
+    lag: float = 0.0,
+) -> Iterator[Row]:
+    """Yield the rows, scenario by scenario and body by body. ``lag`` (seconds) is what the base is believed to take."""
+    for scenario in scenarios:
+        for body in bodies:
+            for name, rules in controllers.items():
+                trace = Trial(rules, scenario, body, seed=seed, lag=lag).run()
+                yield Row(scenario, body, name, trace, score(trace, scenario, body))
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table: a block for each scenario and body, a line for each controller."""
+    width = max((len(row.controller) for row in rows), default=0)
+    yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'overshoot':>10} {'RMS error':>10}"
+    block = None
+    for row in rows:
+        if (row.scenario, row.body) != block:
+            block = row.scenario, row.body
+            yield f"{row.scenario.name}, {row.body}: bound {row.score.bound:.2f} s"
+        yield f"  {row.controller:<{width}} {_figures(row.score)}"
+
+
+def summary(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table over several seeds: how many times the bound, and RMS errors; median and worst."""
+    names = list(dict.fromkeys(row.controller for row in rows))
+    yield f"{'':<24} {'':<5}" + "".join(f" {name:>24}" for name in names)
+    blocks: dict[tuple[str, Body], dict[str, list[Score]]] = {}
+    for row in rows:
+        blocks.setdefault((row.scenario.name, row.body), {}).setdefault(row.controller, []).append(row.score)
+    for (scenario, body), scores in blocks.items():
+        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>24}" for name in names)
+
+
+def _summed(scores: Sequence[Score]) -> str:
+    """Return times the bound (median, worst or how often never) and degrees RMS (median, worst or how often lost)."""
+    ratios = sorted(score.ratio for score in scores if score.ratio is not None)
+    errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
+    never, lost = len(scores) - len(ratios), len(scores) - len(errors)
+    centred = "" if scores[0].bound == 0 else f"never {never}/{len(scores)}" if never else _both(ratios, "x", 2)
+    return f"{centred:>12} " + (f"lost {lost}/{len(scores)}" if lost else _both(errors, "", 1))
+
+
+def _both(sorted_values: Sequence[float], sign: str, digits: int) -> str:
+    middle, worst = sorted_values[len(sorted_values) // 2], sorted_values[-1]
+    return f"{middle:.{digits}f}{sign} {worst:.{digits}f}{sign}"
+
+
+def _figures(found: Score) -> str:
+    centred = "never" if found.centred is None else f"{found.centred:.2f} s"
+    ratio = "" if found.ratio is None else f"{found.ratio:.2f}"
+    rms = "lost" if found.rms is None else f"{math.degrees(found.rms):.2f} deg"
+    return f"{centred:>9} {ratio:>8} {math.degrees(found.overshoot):6.2f} deg {rms:>10}"

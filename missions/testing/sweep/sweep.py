@@ -1,0 +1,83 @@
+"""A sweep: one mission, the world it runs in, and what differs from run to run. A value that can go to any worker."""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from config.faults import Source
+from config.world import WorldConfig, read_world
+from missions.order import RunRequest
+from missions.testing.sweep.people import Plain
+from missions.testing.sweep.variation import Drawn, Variation
+from missions.testing.sweep.worlds import varied
+
+PARAM = "param."
+"""How the names of varied params begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What all runs have in common, and what varies.
+
+    ``world`` is a world file as plain data, ``file`` where it was read from. ``limit`` is how many simulated seconds a
+    run may take.
+    """
+
+    mission: str
+    world: Plain
+    file: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    robot: str | None = None
+    behaviours: tuple[Path, ...] = ()
+    variations: tuple[Variation, ...] = ()
+    eyes: Literal["pixels", "truth"] = "truth"
+    limit: float = 300.0
+
+    def draw(self, seed: int) -> tuple[Drawn, ...]:
+        """Return what the run with this seed has, in the order of ``variations``."""
+        return tuple(variation.draw(seed) for variation in self.variations)
+
+    def params_of(self, values: tuple[Drawn, ...]) -> dict[str, str]:
+        """Return the params of the run that has drawn ``values``."""
+        pairs = zip(self.variations, values, strict=True)
+        mine = {each.name.removeprefix(PARAM): each.text(v) for each, v in pairs if each.name.startswith(PARAM)}
+        return {**self.params, **mine}
+
+    def world_of(self, values: tuple[Drawn, ...], seed: int) -> str:
+        """Return the world, as the text of a file, of the run that has drawn ``values``. Raises ValueError."""
+        pairs = zip(self.variations, values, strict=True)
+        return varied(self.world, [(each, v) for each, v in pairs if not each.name.startswith(PARAM)], seed)
+
+    def order(self, seed: int) -> RunRequest:
+        """Return what to run for this seed. Raises InvalidFileError, ValueError for a world that cannot be."""
+        return self.order_of(self.draw(seed), seed)
+
+    def order_of(self, values: tuple[Drawn, ...], seed: int) -> RunRequest:
+        """Return what to run for these values. Raises as ``order`` does."""
+        return RunRequest(
+            self.mission,
+            self.params_of(values),
+            robot=self.robot,
+            simulate="fast",
+            world=self.world_config(values, seed),
+            seed=seed,
+            behaviours=self.behaviours,
+            eyes=self.eyes,
+        )
+
+    def world_config(self, values: tuple[Drawn, ...], seed: int) -> WorldConfig:
+        """Return the world of one run, checked. Raises InvalidFileError, ValueError."""
+        return read_world(Source(f"{self.file} as of run {seed}", self.world_of(values, seed)))
+
+    def command(self, seed: int, world: Path | None = None) -> str:
+        """Return the command that runs one seed again, in ``world`` where that is given: the file of its own world."""
+        words = ["mission", "run", self.mission, "--simulate", "fast", "--eyes", self.eyes, "--seed", str(seed)]
+        words += [] if self.robot is None else ["--robot", self.robot]
+        words += ["--world", self.file if world is None else str(world)]
+        for name, text in self.params_of(self.draw(seed)).items():
+            words += ["--param", f"{name}={text}"]
+        for path in self.behaviours:
+            words += ["--behaviours", str(path)]
+        return shlex.join(words)

@@ -1,0 +1,99 @@
+"""The terminal that a view draws on, and how it is left as it was, whatever becomes of the view."""
+
+import os
+import select
+import signal
+import sys
+import tempfile
+import termios
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.util import find_spec
+from typing import Any, BinaryIO, TextIO
+
+WRITE_TIMEOUT = 1.0
+"""Seconds that a terminal has to take anything at all; one that takes nothing is left alone."""
+
+LEAVE = (
+    b"\x1b[?2026l"  # what is drawn shows at once again
+    b"\x1b[?1000l\x1b[?1003l\x1b[?1015l\x1b[?1006l\x1b[?1016l"  # the mouse
+    b"\x1b[?2004l\x1b[?2048l\x1b[?1004l"  # no reports of pasted text, of sizes, of the focus
+    b"\x1b[<u"  # keys as they were
+    b"\x1b[?1049l\x1b[?7h\x1b[0m\x1b[?25h"  # the screen of before, its lines wrapped, its colours, and its cursor
+)
+"""What takes back all that a view may have switched on; terminals ignore what they do not know."""
+
+
+def unviewable(out: TextIO) -> str:
+    """Return why there can be no view on ``out``, with what to try; empty where there can."""
+    if find_spec("textual") is None:
+        return "--view needs textual, which is missing\n  try: pip install 'missiontree[view]'"
+    if not (sys.stdin.isatty() and out.isatty()):
+        return "--view needs a terminal\n  try: leave it out, and read the lines; over SSH: ssh -t"
+    if os.environ.get("TERM", "dumb") == "dumb":
+        return (
+            "--view needs a terminal that can place its text, and TERM says that this one cannot\n  try: leave it out"
+        )
+    return ""
+
+
+class Terminal:
+    """How the terminal behind two descriptors was when this was made; ``restore`` brings that back."""
+
+    def __init__(self, keys: int, screen: int) -> None:
+        self._keys = keys
+        self._screen = screen
+        self._settings: list[Any] | None = None
+
+    def remember(self) -> None:
+        """Take note of how it is. One that has gone has nothing to remember."""
+        with suppress(termios.error):
+            self._settings = termios.tcgetattr(self._keys)
+
+    def restore(self, *, left: bool) -> None:
+        """Make it as it was, where the view has not ``left`` it itself; keys that nobody has read are dropped.
+
+        Safe more than once, and where it has gone.
+        """
+        if self._settings is None:
+            return
+        # A process in the background would be stopped for this, and leave its robot alone.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+        try:
+            with suppress(OSError, termios.error):
+                if not left and select.select([], [self._screen], [], WRITE_TIMEOUT)[1]:
+                    os.write(self._screen, LEAVE)
+                termios.tcflush(self._keys, termios.TCIFLUSH)
+                termios.tcsetattr(self._keys, termios.TCSANOW, self._settings)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def hushed() -> Iterator[None]:
+    """Keep back what this process writes to the terminal meanwhile, libraries in C too; it is written in the end."""
+    terminals = [number for number in (1, 2) if os.isatty(number)]
+    with tempfile.TemporaryFile() as aside, ExitStack() as undo:
+        if terminals:
+            undo.callback(_copy, aside, terminals[-1])
+        for number in terminals:
+            before = os.dup(number)
+            undo.callback(os.close, before)
+            undo.callback(os.dup2, before, number)
+            undo.callback(_flush)
+            _flush()
+            os.dup2(aside.fileno(), number)
+        yield
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+
+
+def _copy(aside: BinaryIO, terminal: int) -> None:
+    aside.seek(0)
+    with suppress(OSError):
+        while data := aside.read(1 << 16):
+            os.write(terminal, data)

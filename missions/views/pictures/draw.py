@@ -1,0 +1,98 @@
+"""From a checked mission to the drawing of its tree; the drawing with statuses; the drawing with parts folded away."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, repeat
+from pathlib import Path
+
+from missions.language.nodes import MISSION, MODIFIERS, SWITCHES
+from missions.language.plan import Plan, Step
+from missions.views.pictures.drawing import Badge, Box, Drawing, Now
+from missions.views.pictures.symbols import symbol_of
+
+HERE = Path(__file__).parents[2]
+"""Where the shipped missions are; a picture names their files without it."""
+
+JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
+"""Signs without a width that some scripts and some emoji are written with."""
+
+
+def drawing_of(plan: Plan) -> Drawing:
+    """Return the drawing of a mission at rest. Keys are those that its nodes have when it runs."""
+    return Drawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
+
+
+def at(drawing: Drawing, now: Mapping[str, Now], time: float) -> Drawing:
+    """Return the drawing as it stands ``time`` seconds into a run; nodes without a status then are idle."""
+    return replace(drawing, root=_box_at(drawing.root, now), time=time)
+
+
+def folded(drawing: Drawing, depth: int) -> Drawing:
+    """Return the drawing with each sub-mission that lies in ``depth`` others, or more, as one box; 0 folds them all."""
+    return replace(drawing, root=_fold(drawing.root, depth))
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` on one line, without what would break a picture or a terminal: control codes become a sign."""
+    shown = (c if c.isprintable() or c.isspace() or c in JOINERS else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return " ".join("".join(shown).split())
+
+
+def _box(step: Step, key: str, case: str) -> Box:
+    """Return the box of ``step``, or of what the modifier that it is stands beside."""
+    badges: list[Badge] = []
+    while step.kind in MODIFIERS:
+        badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))
+        (step,), key = step.children, f"{key}.1"
+    inner = enumerate(zip(step.children, _cases(step), strict=False), start=1)
+    return Box(
+        key,
+        step.kind,
+        one_line(step.name),
+        symbol_of(step),
+        _file(step),
+        step.mark.line,
+        said="" if step.kind == MISSION or len(step.written) != 1 else one_line(step.text),
+        arguments={one_line(name): one_line(value) for name, value in step.written.items()},
+        badges=tuple(badges),
+        keep_as=one_line(step.keep_as or ""),
+        case=case,
+        mission=one_line(step.text) if step.kind == MISSION else "",
+        children=tuple(_box(child, f"{key}.{place}", label) for place, (child, label) in inner),
+    )
+
+
+def _cases(step: Step) -> Iterator[str]:
+    """Yield the label of each child: of a switch, its case as YAML writes it."""
+    labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
+    return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
+
+
+def _file(step: Step) -> str:
+    path = Path(step.source.name)
+    return one_line(path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else step.source.name)
+
+
+def _box_at(box: Box, now: Mapping[str, Now]) -> Box:
+    children = tuple(_box_at(child, now) for child in box.children)
+    badges = tuple(_badge_at(badge, now.get(badge.key)) for badge in box.badges)
+    found = now.get(box.key)
+    if found is None:
+        return replace(box, status="idle", reason="", since=None, badges=badges, children=children)
+    reason = one_line(found.reason)
+    return replace(box, status=found.status, reason=reason, since=found.since, badges=badges, children=children)
+
+
+def _badge_at(badge: Badge, found: Now | None) -> Badge:
+    if found is None:
+        return replace(badge, status="idle", reason="")
+    return replace(badge, status=found.status, reason=one_line(found.reason))
+
+
+def _fold(box: Box, depth: int) -> Box:
+    if not box.mission:
+        return replace(box, children=tuple(_fold(child, depth) for child in box.children))
+    if depth > 0:
+        return replace(box, children=tuple(_fold(child, depth - 1) for child in box.children))
+    return replace(box, children=(), folded=box.folded + sum(child.nodes for child in box.children))

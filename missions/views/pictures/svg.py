@@ -1,0 +1,193 @@
+"""A mission's tree as SVG: cards from left to right, each with its kind, arguments, modifiers and line of the file.
+
+Nothing in it depends on the machine or the day. Statuses have a sign and a border of their own beside their colour.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil
+from typing import Literal
+
+from missions.language.nodes import MISSION
+from missions.views.pictures.canvas import Canvas
+from missions.views.pictures.card import BADGE_PAD, BAND, SMALL, Line
+from missions.views.pictures.compare import CHANGES, Change, Comparison
+from missions.views.pictures.drawing import SIGNS, Box, Drawing, Status
+from missions.views.pictures.layout import (
+    GAP,
+    INSET,
+    PAGE,
+    PAIR_PAGE,
+    Layout,
+    Link,
+    Placed,
+    case_width,
+    is_live,
+    lay_out,
+    lay_out_pair,
+)
+from missions.views.pictures.measure import cut, width
+from missions.views.pictures.symbols import ACTION, CONDITION
+
+MARGIN, HEADER, LEGEND, MOMENT = 28, 88, 50, 140
+"""Pixels around the tree, above it for the title, below it for the legend, and beside the title for the moment."""
+
+TITLE_SIZE, SUMMARY_SIZE = 22, 13
+"""The sizes of the fonts of the header."""
+
+TURN, LINKED = 8, 20
+"""The radius of the corners of links, and how far below a card's upper edge they begin and end."""
+
+Kind = Literal["composite", "condition", "action", "mission"]
+KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION, "action": ACTION, "mission": "▣"}
+"""The four sorts of node, and their signs; each composite has its own."""
+
+_WEIGHT: Mapping[Status, int] = {"idle": 0, "success": 1, "failure": 2, "running": 3}
+"""Which links lie on top where several share a way."""
+
+
+def svg(drawing: Drawing) -> str:
+    """Return the picture of a tree: with statuses, where it shows a moment of a run."""
+    layout, live = lay_out(drawing), is_live(drawing)
+    wide = _wide(drawing, layout, PAGE)
+    canvas = Canvas.blank(drawing.mission, wide + 2 * MARGIN, HEADER + layout.height + LEGEND)
+    _header(canvas, drawing, MARGIN, wide)
+    _Tree(canvas.group("tree", MARGIN, HEADER), live, {}).draw(layout)
+    statuses = {box.status for box in drawing.root.walk()}
+    kinds = {kind_of(box) for box in drawing.root.walk()}
+    samples = [("card", it, sign) for it, sign in SIGNS.items() if it in statuses]
+    bands = [("band", it, sign) for it, sign in KINDS.items() if it in kinds]
+    _legend(canvas, HEADER + layout.height, samples if live else bands)
+    return canvas.document()
+
+
+def svg_pair(comparison: Comparison) -> str:
+    """Return the picture of two missions side by side, what belongs together at one height, and what differs marked."""
+    left, right = lay_out_pair(comparison)
+    left_wide, right_wide = _wide(comparison.left, left, PAIR_PAGE), _wide(comparison.right, right, PAIR_PAGE)
+    middle = left_wide + 2 * MARGIN
+    height = HEADER + max(left.height, right.height)
+    name = f"{comparison.left.mission} and {comparison.right.mission}: {comparison.summary}"
+    canvas = Canvas.blank(name, middle + right_wide + 2 * MARGIN, height + LEGEND)
+    canvas.way("rule", f"M{middle} {MARGIN}V{height}")
+    pairs = list(comparison.root.walk())
+    of_left = {pair.left.key: pair.change for pair in pairs if pair.left is not None}
+    of_right = {pair.right.key: pair.change for pair in pairs if pair.right is not None}
+    for drawing, layout, x, wide, changes in (
+        (comparison.left, left, MARGIN, left_wide, of_left),
+        (comparison.right, right, middle + MARGIN, right_wide, of_right),
+    ):
+        _header(canvas, drawing, x, wide)
+        _Tree(canvas.group("tree", x, HEADER), is_live(drawing), changes).draw(layout)
+    _legend(canvas, height, [("card", it, sign) for it, sign in CHANGES.items() if comparison.count(it)])
+    return canvas.document()
+
+
+def kind_of(box: Box) -> Kind:
+    """Return to which of the four sorts of node a box belongs."""
+    leaves: Mapping[str, Kind] = {CONDITION: "condition", ACTION: "action"}
+    return "mission" if box.kind == MISSION else leaves.get(box.symbol, "composite")
+
+
+def _wide(drawing: Drawing, layout: Layout, most: int) -> int:
+    """Return how wide a tree is with its header, which may be no wider than ``most``."""
+    title = ceil(width(drawing.mission, TITLE_SIZE, bold=True)) + MOMENT
+    return max(layout.width, title, min(ceil(width(drawing.summary, SUMMARY_SIZE)), most))
+
+
+def _header(canvas: Canvas, drawing: Drawing, x: int, wide: int) -> None:
+    """Write what the mission is called, what it is for, and which moment of it this is."""
+    canvas.text("title", drawing.mission, x, MARGIN + 18)
+    canvas.text("summary", cut(drawing.summary, SUMMARY_SIZE, wide), x, MARGIN + 40)
+    if drawing.time is not None:
+        beside = x + ceil(width(drawing.mission, TITLE_SIZE, bold=True)) + 14
+        canvas.text("moment", f"at {drawing.time:.2f} s", beside, MARGIN + 18)
+
+
+def _legend(canvas: Canvas, y: int, samples: Sequence[tuple[str, str, str]]) -> None:
+    """Draw a sample of each class that occurs, with its sign and its word."""
+    x, y = MARGIN, y + LEGEND - 20
+    for sort, word, sign in samples:
+        canvas.rect(f"{sort} {word}", x, y - 12, 24, 16, turn=4)
+        canvas.text("symbol" if sort == "band" else f"sign sample {word}", sign, x + 12, y + 1)
+        canvas.text("within", word, x + 31, y)
+        x += 31 + ceil(width(word, SMALL)) + 22
+
+
+class _Tree:
+    """One tree that is being drawn; ``changes`` say by key what differs from the tree beside it."""
+
+    def __init__(self, canvas: Canvas, live: bool, changes: Mapping[str, Change]) -> None:
+        self._canvas = canvas
+        self._live = live
+        self._changes = changes
+
+    def draw(self, layout: Layout) -> None:
+        """Draw panels, links, and the cards upon them."""
+        for panel in layout.panels:
+            self._canvas.rect("panel", panel.x, panel.y, panel.width, panel.height)
+            self._canvas.text("within", panel.label, panel.x + INSET, panel.y + 17)
+        for link in sorted(layout.links, key=lambda link: _WEIGHT[link.child.box.outer]):
+            self._link(link)
+        for each in layout.placed:
+            self._card(each)
+
+    def _link(self, link: Link) -> None:
+        """Draw the way from a node to its child: it leaves at the right, or at the foot, and forks before the child."""
+        parent, child = link.parent, link.child
+        x, y = parent.x + parent.width, parent.y + LINKED
+        end_x, end_y = child.x, child.y + LINKED
+        into = f"V{end_y - TURN}q0 {TURN} {TURN} {TURN}H{end_x}"
+        if link.below:
+            way = f"M{parent.x + BAND // 2} {parent.y + parent.height}{into}"
+        elif end_y == y:
+            way = f"M{x} {y}H{end_x}"
+        else:
+            way = f"M{x} {y}h{GAP // 2 - TURN}q{TURN} 0 {TURN} {TURN}{into}"
+        self._canvas.way(f"link {child.box.outer}" if self._live else "link", way)
+        self._canvas.text("case", child.box.case, end_x - case_width(child.box) + 2, end_y - 5)
+
+    def _card(self, placed: Placed) -> None:
+        box, x, y, wide, high = placed.box, placed.x, placed.y, placed.width, placed.height
+        change = self._changes.get(box.key)
+        node = self._canvas.group(f"node {change or ''}".rstrip())
+        node.tooltip("\n".join(_known(box)))
+        look = f"{box.status if self._live else ''} {'' if change in (None, 'same') else change}".strip()
+        if box.folded:
+            node.rect("card", x + 5, y + 5, wide, high)
+        node.rect("shadow", x, y + 2, wide, high)
+        node.rect(f"card {look}".rstrip(), x, y, wide, high)
+        node.way(f"band {box.status if self._live else kind_of(box)}", _band(x, y, high))
+        if look == "failure":
+            node.rect("inner", x + 3, y + 3, wide - 6, high - 6, turn=5)
+        for line in placed.lines:
+            _write(node, line, x + line.x, y + line.y, box.status)
+        if change is not None and change != "same":
+            sign = CHANGES[change]
+            node.dot(f"mark {change}", x, y, 9)
+            node.text("marked", sign, x - round(width(sign, 12, bold=True) / 2), y + 4)
+
+
+def _write(node: Canvas, line: Line, x: int, y: int, status: Status) -> None:
+    """Write one text of a card; a modifier stands on a pill, and a symbol in the middle of its place."""
+    if line.part == "badge":
+        node.rect(f"pill {line.status}", x - BADGE_PAD, y - 13, line.width + 2 * BADGE_PAD, 18, turn=9)
+    middle = x + line.width // 2 if line.part == "symbol" else x
+    node.text(f"sign {status}" if line.part == "sign" else line.part, line.text, middle, y)
+
+
+def _known(box: Box) -> Iterator[str]:
+    """Yield all that is known of a node, of which a card may show less."""
+    yield f"{box.title} ({box.file}, line {box.line})"
+    yield from (f"{name}: {text}" for name, text in box.arguments.items())
+    if box.keep_as:
+        yield f"as: {box.keep_as}"
+    for badge in box.badges:
+        yield f"{badge.kind}: {badge.text}" + (f" ({badge.status}: {badge.reason})" if badge.reason else "")
+    if box.status != "idle":
+        yield f"{box.status}: {box.reason}".removesuffix(": ")
+
+
+def _band(x: int, y: int, high: int) -> str:
+    """Return the outline of the left end of a card, on which its symbol stands."""
+    flat, down = BAND - TURN, high - 2 * TURN
+    return f"M{x + BAND} {y}h-{flat}q-{TURN} 0 -{TURN} {TURN}v{down}q0 {TURN} {TURN} {TURN}h{flat}z"

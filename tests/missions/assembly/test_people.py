@@ -1,0 +1,395 @@
+"""The pictures of people: who may read them, what is kept, and that nothing is left of whom one removes."""
+
+import os
+import resource
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event, Thread
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missions.assembly.people import People, PeopleError, folder, proper_name
+from missions.assembly.portraits import files_in
+from perception.api import Image
+from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
+
+
+def taken(number: int, size: int = 20) -> Image:
+    """Return a picture that no other number has."""
+    return np.random.default_rng(number).integers(0, 255, (size, size, 3), np.uint8)
+
+
+ANNA, BEN, CHIDI = ([taken(start + number) for number in range(3)] for start in (0, 10, 20))
+
+
+@pytest.fixture(autouse=True)
+def open_to_all() -> Iterator[None]:
+    """Let new files be readable by all, as far as nobody takes care."""
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+@pytest.fixture
+def people(tmp_path: Path) -> People:
+    return People(tmp_path / "people")
+
+
+def rights(path: Path) -> int:
+    return stat.S_IMODE(path.lstat().st_mode)
+
+
+def portraits(people: People) -> dict[str, list[Image]]:
+    """Return the pictures of everybody, where there is nothing the matter with any."""
+    told = list[PeopleError]()
+    found = people.portraits(told.append)
+    assert told == []
+    return found
+
+
+def test_pictures_are_kept_by_name_for_their_owner_only(people: People) -> None:
+    assert people.add("Anna", ANNA) == "Anna"
+    assert people.add("anna", [taken(3)]) == "Anna"
+    (known,) = people.known()
+    assert (known.name, known.pictures) == ("Anna", 4)
+    kept = portraits(people)["Anna"]
+    assert all(np.array_equal(one, other) for one, other in zip(kept, [*ANNA, taken(3)], strict=True))
+    assert rights(people.where) == rights(people.where / "Anna") == 0o700
+    files = list((people.where / "Anna").iterdir())
+    assert sorted(file.name for file in files) == ["001.png", "002.png", "003.png", "004.png"]
+    assert {rights(file) for file in files} == {0o600}
+
+
+def test_nothing_is_left_of_whom_one_removes(people: People) -> None:
+    people.add("Anna", ANNA)
+    people.add("Ben", BEN)
+    (people.where / "Anna/.new-abc").write_bytes(b"half a picture")
+    assert people.remove("ANNA") == 3
+    assert [path.name for path in people.where.iterdir()] == ["Ben"]
+    with pytest.raises(PeopleError, match="nobody is called 'Anna'") as refused:
+        people.remove("Anna")
+    assert refused.value.hint == "known: Ben"
+
+
+def test_nobody_is_known_where_there_is_no_folder(people: People) -> None:
+    assert people.known() == []
+    assert portraits(people) == {}
+    assert not people.shut()
+    assert not people.where.exists(), "looking made no folder"
+
+
+def test_they_are_kept_among_the_users_data(tmp_path: Path) -> None:
+    assert folder({"XDG_DATA_HOME": str(tmp_path)}) == tmp_path / "missiontree/people"
+    assert folder({}) == Path.home() / ".local/share/missiontree/people"
+
+
+# --- what is somebody else's ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def crowded(people: People) -> People:
+    """Anna's pictures in a folder where much else is, and links to what is elsewhere; all of it readable by all."""
+    outside = people.where.parent / "outside"
+    outside.mkdir()
+    (outside / "001.png").write_bytes(b"elsewhere")
+    (people.where / "proj/bin").mkdir(parents=True)
+    (people.where / "proj/bin/tool").touch(0o755)
+    (people.where / "proj/bin/001.png").touch(0o644)
+    (people.where / "notes.txt").touch(0o644)
+    people.add("Anna", ANNA)
+    home = people.where / "Anna"
+    (home / "letter.txt").touch(0o644)
+    (home / "007.png").symlink_to(outside / "001.png")
+    (people.where / "Zoe").symlink_to(outside)
+    return people
+
+
+def seen(where: Path) -> dict[str, int]:
+    """Return the rights of all in a folder and below; links are not followed."""
+    return {str(path.relative_to(where)): rights(path) for path in where.rglob("*")}
+
+
+def test_only_pictures_and_their_folders_are_shut(crowded: People) -> None:
+    home = crowded.where / "Anna"
+    before, outside = seen(crowded.where), seen(crowded.where.parent / "outside")
+    assert not crowded.shut()
+    crowded.where.chmod(0o755)
+    home.chmod(0o755)
+    (home / "001.png").chmod(0o444)
+    assert crowded.shut()
+    assert not crowded.shut()
+    assert rights(crowded.where) == 0o700
+    assert seen(crowded.where) == before | {"Anna/001.png": 0o400}
+    assert seen(crowded.where.parent / "outside") == outside
+
+
+def test_a_folder_in_which_nobody_is_known_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "src").mkdir(0o755)
+    (tmp_path / "src/tool").touch(0o755)
+    tmp_path.chmod(0o755)
+    before = seen(tmp_path)
+    assert not People(tmp_path).shut()
+    assert seen(tmp_path) == before
+    assert rights(tmp_path) == 0o755
+
+
+def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -> None:
+    before = seen(crowded.where)
+    assert [each.name for each in crowded.known()] == ["Anna"]
+    for name in ("proj", "Zoe", "..", "notes.txt"):
+        with pytest.raises(PeopleError, match="nobody is called"):
+            crowded.remove(name)
+    assert crowded.remove("Anna") == 3
+    assert seen(crowded.where) == {path: mode for path, mode in before.items() if path not in {
+        "Anna/001.png", "Anna/002.png", "Anna/003.png"}}  # fmt: skip
+
+
+def test_nobody_is_added_into_what_a_link_leads_to(crowded: People) -> None:
+    outside = seen(crowded.where.parent / "outside")
+    with pytest.raises(PeopleError, match="Zoe: nothing was kept: Not a directory"):
+        crowded.add("Zoe", CHIDI)
+    assert seen(crowded.where.parent / "outside") == outside
+    assert not list(crowded.where.glob(".*"))
+
+
+def test_what_bears_the_name_of_a_picture_is_not_written_over(crowded: People) -> None:
+    crowded.add("Anna", [taken(3)])
+    home = crowded.where / "Anna"
+    assert (home / "007.png").is_symlink()
+    assert (home / "008.png").is_file()
+
+
+# --- what happens meanwhile ----------------------------------------------------------------------------------------
+
+
+def test_a_link_that_leads_nowhere_is_no_picture(people: People) -> None:
+    people.add("Anna", ANNA)
+    (people.where / "Anna/017.png").symlink_to("nowhere.png")
+    (people.where / "link").symlink_to("nowhere")
+    assert not people.shut()
+    assert [each.pictures for each in people.known()] == [3]
+    assert len(portraits(people)["Anna"]) == 3
+
+
+def test_a_folder_that_has_gone_meanwhile_holds_nothing(tmp_path: Path) -> None:
+    assert files_in(tmp_path / "gone") == {}
+
+
+def test_people_are_added_and_removed_beside_readers(people: People) -> None:
+    people.add("Ben", BEN)
+    over, faults = Event(), list[Exception]()
+
+    def change() -> None:
+        while not over.is_set():
+            people.add("Anna", ANNA)
+            people.add("Anna", [taken(3), taken(4)])
+            people.remove("Anna")
+
+    def guarded() -> None:
+        try:
+            change()
+        except Exception as error:
+            faults.append(error)
+
+    writer = Thread(target=guarded)
+    writer.start()
+    try:
+        met = set[int]()
+        for _ in range(300):
+            told = list[PeopleError]()
+            people.shut()
+            met.update(each.pictures for each in people.known() if each.name == "Anna")
+            found = people.portraits(told.append)
+            assert len(found["Ben"]) == 3
+            assert all("too few" in str(each) for each in told), told
+            assert len(found.get("Anna", ANNA)) >= 3
+    finally:
+        over.set()
+        writer.join(10.0)
+    assert faults == []
+    assert met, "Anna was never there"
+
+
+def test_two_who_are_added_at_once_are_both_there(people: People) -> None:
+    def add(name: str, first: int) -> None:
+        for number in range(10):
+            people.add(name, [taken(first + 3 * number + each) for each in range(3)])
+
+    adding = [Thread(target=add, args=("Anna", 100 * number)) for number in (1, 2, 3)]
+    for thread in adding:
+        thread.start()
+    for thread in adding:
+        thread.join(20.0)
+    assert [each.pictures for each in people.known()] == [90]
+    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+
+
+def test_what_one_who_was_killed_has_left_is_nobody_and_goes(people: People) -> None:
+    people.add("Ben", BEN)
+    left = people.where / ".new-abc"
+    left.mkdir()
+    (left / "001.png").write_bytes(b"half a picture")
+    assert [each.name for each in people.known()] == ["Ben"]
+    people.add("Anna", ANNA)
+    assert sorted(path.name for path in people.where.iterdir()) == ["Anna", "Ben"]
+
+
+# --- what can be learnt from ---------------------------------------------------------------------------------------
+
+
+def test_a_picture_counts_once(people: People) -> None:
+    with pytest.raises(PeopleError, match="too few pictures of Anna: 2, where each counts once"):
+        people.add("Anna", [ANNA[0], ANNA[1], ANNA[0].copy(), ANNA[0]])
+    assert not people.where.exists()
+    people.add("Anna", [*ANNA, *ANNA])
+    people.add("Anna", [ANNA[2], taken(3)])
+    assert [each.pictures for each in people.known()] == [4]
+    people.add("Anna", ANNA)
+    assert [each.pictures for each in people.known()] == [4]
+
+
+def test_a_picture_of_somebody_else_is_refused(people: People) -> None:
+    people.add("Anna", ANNA)
+    with pytest.raises(PeopleError, match="one of the pictures of Ben is Anna's already") as refused:
+        people.add("Ben", [*BEN, ANNA[1]])
+    assert "mission person remove Anna" in refused.value.hint
+    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+
+
+@pytest.fixture
+def small_files() -> Iterator[None]:
+    """Let no file be larger than 4 kB, as if the disk were full then."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.usefixtures("small_files")
+def test_where_there_is_no_room_nothing_of_somebody_new_is_kept(people: People) -> None:
+    with pytest.raises(PeopleError, match="Anna: nothing was kept: File too large") as refused:
+        people.add("Anna", [*ANNA, taken(3, size=100)])
+    assert "df -h" in refused.value.hint
+    assert list(people.where.iterdir()) == []
+
+
+@pytest.mark.usefixtures("small_files")
+def test_where_there_is_no_room_those_who_are_there_stay_as_they_were(people: People) -> None:
+    people.add("Anna", ANNA)
+    with pytest.raises(PeopleError, match="File too large"):
+        people.add("Anna", [taken(3), taken(4, size=100)])
+    assert len(list((people.where / "Anna").iterdir())) == 3
+    assert [path.name for path in people.where.iterdir()] == ["Anna"]
+
+
+def test_pictures_that_cannot_all_be_added_are_all_taken_back(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
+    people.add("Anna", ANNA)
+    rename = Path.rename
+
+    def fail_at_five(path: Path, target: Path) -> Path:
+        if target.name == "005.png":
+            raise OSError(5, "Input/output error")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", fail_at_five)
+    with pytest.raises(PeopleError, match="Input/output error"):
+        people.add("Anna", [taken(3), taken(4)])
+    assert sorted(path.name for path in people.where.rglob("*")) == ["001.png", "002.png", "003.png", "Anna"]
+
+
+HALF = cv2.imencode(".png", ANNA[0])[1].tobytes()[:60]
+
+
+@pytest.mark.parametrize("content", [b"no picture", b"", HALF], ids=["text", "empty", "half"])
+def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: bytes) -> None:
+    people.add("Anna", [*ANNA, taken(3)])
+    people.add("Ben", BEN)
+    (people.where / "Anna/001.png").write_bytes(content)
+    told = list[PeopleError]()
+    found = people.portraits(told.append)
+    assert {name: len(each) for name, each in found.items()} == {"Anna": 3, "Ben": 3}
+    (error,) = told
+    assert str(error) == f"{people.where}/Anna/001.png: is no portrait, and is left out"
+    assert error.hint == f"rm {people.where}/Anna/001.png"
+
+
+def test_who_has_too_few_pictures_is_named_and_left_out(people: People) -> None:
+    people.add("Anna", ANNA)
+    people.add("Ben", BEN)
+    (people.where / "Anna/001.png").unlink()
+    told = list[PeopleError]()
+    assert list(people.portraits(told.append)) == ["Ben"]
+    assert [str(error) for error in told] == ["Anna: 2 pictures are too few to know somebody by: it takes 3"]
+
+
+# --- names ---------------------------------------------------------------------------------------------------------
+
+NO_NAMES = ["", "  ", ".", "..", "a/b", "unknown", "UNKNOWN", ".hidden", "x" * 61, "a\nb", "-rf", "2nd", "'x", "a\0b",
+            "a:b", "a\u202eb", "\u0301", "\u200da"]  # fmt: skip
+NAMES = ["Anna", "Anne-Marie", "Li Wei", "Jos\u00e9", "Ben_2", "\u00c4", "O'Brien", "O\u2019Brien", "J. R.",
+         "\u0905\u092e\u093f\u0924", "\u05d3\u05b8\u05bc\u05d5\u05b4\u05d3", "\u0645\u062d\u0645\u0651\u062f",
+         "\u0639\u0644\u06cc\u200c\u0631\u0636\u0627", "\u674e\u4f1f", "x" * 60]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NO_NAMES)
+def test_what_cannot_be_a_name_is_refused(people: People, name: str) -> None:
+    with pytest.raises(PeopleError) as refused:
+        people.add(name, ANNA)
+    assert refused.value.hint
+    assert not people.where.exists()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_people_are_names(people: People, name: str) -> None:
+    proper = proper_name(f" {name} ")
+    assert proper_name(proper) == proper
+    people.add(name, ANNA)
+    assert [each.name for each in people.known()] == [people.find(name)] == [proper]
+    assert people.remove(name) == 3
+
+
+@given(st.text(max_size=70))
+def test_no_name_leads_out_of_the_folder_or_hides_in_it(name: str) -> None:
+    try:
+        found = proper_name(name)
+    except PeopleError:
+        return
+    assert Path(found).name == found
+    assert not found.startswith((".", "-"))
+    assert len(os.fsencode(found)) <= 255
+
+
+def test_a_name_is_the_same_however_it_is_written(people: People) -> None:
+    people.add("Jose\u0301", ANNA)
+    assert people.find(" JOS\u00c9") == "Jos\u00e9"
+    people.add("\u0639\u0644\u06cc\u200c\u0631\u0636\u0627", BEN)
+    assert people.find("\u0639\u0644\u06cc\u0631\u0636\u0627") is not None
+
+
+def test_of_very_many_pictures_some_are_learnt_from_spread_over_all_of_them(tmp_path: Path) -> None:
+    people, told = People(tmp_path), list[PeopleError]()
+    people.add("Anna", [taken(number, 4) for number in range(150)])
+    people.add("Ben", [taken(1000 + number, 4) for number in range(3)])
+    found = people.portraits(told.append)
+    assert (len(found["Anna"]), len(found["Ben"])) == (MAX_PICTURES, 3)
+    assert np.array_equal(found["Anna"][0], taken(0, 4))
+    assert np.array_equal(found["Anna"][-1], taken((MAX_PICTURES - 1) * 150 // MAX_PICTURES, 4))
+    assert [str(each) for each in told] == [f"Anna: {MAX_PICTURES} of 150 pictures are used, spread over all of them"]
+    assert [each.pictures for each in people.known()] == [150, 3]
+
+
+def test_very_many_people_share_the_room_and_those_without_are_named(tmp_path: Path) -> None:
+    people, told = People(tmp_path), list[PeopleError]()
+    data = cv2.imencode(".png", taken(0, 4))[1].tobytes()
+    for number in range(MAX_PICTURES_TOGETHER // FEWEST + 2):
+        (tmp_path / f"P{number:03}").mkdir()
+        for picture in range(5):
+            (tmp_path / f"P{number:03}/{picture:03}.png").write_bytes(data)
+    found = people.portraits(told.append)
+    assert sum(map(len, found.values())) == MAX_PICTURES_TOGETHER
+    assert "2 people are left out, P080 to P081: there is room for 80" in [str(each) for each in told]

@@ -1,0 +1,164 @@
+"""``mission teleop`` as a process at a terminal: it drives, and however it ends the base is at rest."""
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from config.library import find
+from missions.library.drivers import load_robot
+from tests.missions.command import command
+from tests.missions.lone_base import LoneBase, lone_base
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+ROBOT = load_robot(find("robots", "turtlebot2")).base
+HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
+"""m/s at which it begins."""
+
+
+class Terminal:
+    """A person at a terminal in which ``mission teleop`` runs."""
+
+    def __init__(self, master: int, process: "subprocess.Popen[bytes]") -> None:
+        self.process = process
+        self.text = ""
+        self._master = master
+
+    def type(self, keys: bytes) -> None:
+        os.write(self._master, keys)
+
+    def hold(self) -> bool:
+        """Send one repeat of a key that is held."""
+        self.type(b"i")
+        return True
+
+    def shows(self, words: str) -> bool:
+        """Read on, and say whether these words were shown."""
+        while select.select([self._master], [], [], 0.0)[0]:
+            try:
+                self.text += os.read(self._master, 4096).decode(errors="replace")
+            except OSError:  # the process has ended
+                break
+        return words in self.text
+
+    def hang_up(self) -> None:
+        """Close the terminal, as a line that breaks does."""
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+
+
+@contextmanager
+def teleop(*arguments: str) -> Iterator[Terminal]:
+    """Run the command in a terminal of its own, of whose session it is the leader."""
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "missions", "teleop", *arguments],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        start_new_session=True,
+    )
+    os.close(slave)
+    terminal = Terminal(master, process)
+    try:
+        yield terminal
+    finally:
+        terminal.hang_up()
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def driving() -> Iterator[tuple[Terminal, LoneBase]]:
+    """A base that a person drives with a key held."""
+    with lone_base() as base, teleop("--robot", "turtlebot2", "--port", base.port) as terminal:
+        wait_until(lambda: terminal.shows("Ctrl-C ends"))
+        wait_until(lambda: terminal.hold() and base.seen().moving)
+        yield terminal, base
+
+
+def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
+    with driving() as (terminal, base):
+        wait_until(lambda: terminal.hold() and terminal.shows("teleop"))
+        wait_until(lambda: terminal.hold() and base.seen().top > 0.99 * HALF)
+        wait_until(lambda: not base.seen().moving)  # nobody holds it any more
+        terminal.type(b"\x1b")
+        assert terminal.process.wait(20.0) == 0
+        assert base.seen().top == pytest.approx(HALF, abs=0.002)
+
+
+def test_a_signal_ends_it_with_the_base_at_rest() -> None:
+    with driving() as (terminal, base):
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.process.wait(20.0) == 130
+        wait_until(lambda: not base.seen().moving)
+
+
+def test_a_reader_of_its_output_that_goes_ends_it() -> None:
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "missions", "teleop"],
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    with process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(20.0) == 130
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
+    with driving() as (terminal, base):
+        terminal.hang_up()
+        terminal.process.wait(20.0)
+        wait_until(lambda: not base.seen().moving)
+
+
+def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
+    with teleop("--world", "corridor", "--speed", "30 %") as terminal:
+        wait_until(lambda: terminal.shows("30 % | "))
+        wait_until(lambda: terminal.hold() and terminal.shows("+0.15 m/s"))
+        terminal.type(b"\x04")
+        assert terminal.process.wait(20.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ((), 2, "the keys need a terminal"),
+        (("--pad", "/dev/input/event999"), 3, "no such device"),
+        (("--port", "/dev/kobuki"), 2, "--port names a real port"),
+        (("--robot", "turtlebot2", "--world", "empty"), 2, "--world is for a simulated robot"),
+        (("--speed", "fast"), 2, "needs a share"),
+        (("--speed", "200 %"), 2, "not within 5% and 100%"),
+        (("--pad", "/dev/null", "--robot", "bodiless.yaml"), 2, "bodiless has no base"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_words(
+    arguments: tuple[str, ...],
+    code: int,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bodiless.yaml").write_text("robot: bodiless\n", encoding="utf-8")
+    outcome = command(capsys, "teleop", *arguments)
+    assert outcome.code == code
+    assert words in outcome.err

@@ -1,0 +1,206 @@
+"""A game pad, at the level of the kernel's events: bytes as of ``struct input_event`` in, pushes and keys out."""
+
+import os
+from collections.abc import Iterator
+from math import inf
+from pathlib import Path
+from struct import calcsize
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.clock import ManualClock
+from drivers.errors import NotConnected
+from missions.hands.teleop import events, pad
+from missions.hands.teleop.events import Event, Span, events_of, is_gamepad, span_of, span_request
+from missions.hands.teleop.keymap import ENABLE, LATCH, Push
+from missions.hands.teleop.pad import DEAD, SILENCE, Pad, find_pad
+from missions.hands.teleop.pilot import Pilot
+from missions.hands.teleop.turns import drive_by_hand
+from missions.testing.recorders import RecordedBase
+
+TIME = bytes(2 * calcsize("l"))
+
+GOLDEN = [
+    ("03 00 01 00 00 80 FF FF", Event(events.ABS, events.STICK_Y, -32768)),
+    ("03 00 00 00 FF 7F 00 00", Event(events.ABS, events.STICK_X, 32767)),
+    ("03 00 10 00 FF FF FF FF", Event(events.ABS, events.HAT_X, -1)),
+    ("01 00 36 01 01 00 00 00", Event(events.KEY, events.SHOULDER_LEFT, 1)),
+    ("01 00 31 01 01 00 00 00", Event(events.KEY, events.EAST, 1)),
+    ("01 00 3B 01 00 00 00 00", Event(events.KEY, events.START, 0)),
+    ("00 00 00 00 00 00 00 00", Event(events.SYN, 0, 0)),
+    ("00 00 03 00 00 00 00 00", Event(events.SYN, events.SYN_DROPPED, 0)),
+]
+
+HOLD, LET_GO = (Event(events.KEY, events.SHOULDER_LEFT, value) for value in (1, 0))
+AHEAD = Event(events.ABS, events.STICK_Y, -32768)
+RIGHT = Event(events.ABS, events.STICK_X, 32767)
+
+
+class Held:
+    """A pad in a test's hands: a named pipe is its node."""
+
+    def __init__(self, path: Path) -> None:
+        os.mkfifo(path)
+        self.clock = ManualClock(100.0)
+        self.pad = Pad(str(path), self.clock, span=lambda *_: Span(-32768, 32767))
+        self.pad.open()
+        self._hand = os.open(path, os.O_WRONLY)
+
+    def do(self, *done: Event) -> list[str]:
+        """Do this, and return the keys that the pad makes of it."""
+        os.write(self._hand, b"".join(event.pack() for event in done))
+        return self.pad.keys()
+
+    def push(self) -> Push | None:
+        return self.pad.push(self.clock.now())
+
+    def unplug(self) -> None:
+        if self._hand >= 0:
+            os.close(self._hand)
+            self._hand = -1
+
+
+@pytest.fixture
+def held(tmp_path: Path) -> Iterator[Held]:
+    found = Held(tmp_path / "event7")
+    yield found
+    found.unplug()
+    found.pad.close()
+    found.pad.close()
+
+
+@pytest.mark.parametrize(("raw", "event"), GOLDEN)
+def test_an_event_is_the_bytes_of_the_kernel_in_both_directions(raw: str, event: Event) -> None:
+    assert events_of(TIME + bytes.fromhex(raw)) == [event]
+    assert event.pack() == TIME + bytes.fromhex(raw)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_events_or_none(data: bytes) -> None:
+    assert len(events_of(data)) == len(data) // (len(TIME) + 8)
+
+
+def test_the_kernel_is_asked_for_the_ends_of_an_axis_by_its_own_number() -> None:
+    assert [span_request(axis) for axis in (0, 1)] == [0x80184540, 0x80184541]
+    info = b"".join(number.to_bytes(4, "little") for number in (128, 0, 255, 0, 15, 0))
+    assert span_of(info) == Span(0, 255)
+    assert Span(0, 255).share(255) == 1.0
+    assert Span(0, 0).share(0) == 0.0
+
+
+@given(st.integers(-40000, 40000), st.integers(-40000, 40000))
+def test_a_stick_gives_more_the_further_it_is_pushed_and_no_more_than_all(one: int, other: int) -> None:
+    span = Span(-32768, 32767)
+    low, high = (span.share(value, DEAD) for value in sorted((one, other)))
+    assert -1.0 <= low <= high <= 1.0
+
+
+def test_the_stick_drives_only_while_the_shoulder_button_is_held(held: Held) -> None:
+    held.do(AHEAD, RIGHT)
+    assert held.push() is None
+    held.do(HOLD)
+    assert held.push() == Push(ahead=1.0, left=-1.0)
+    held.do(LET_GO)
+    assert held.push() is None
+
+
+def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones(held: Held) -> None:
+    held.do(HOLD, Event(events.ABS, events.STICK_Y, 3000))
+    assert held.push() == Push(0.0, 0.0)
+    held.do(Event(events.ABS, events.STICK_Y, -18000))
+    push = held.push()
+    assert push is not None
+    assert 0.2 < push.ahead < 0.3
+
+
+def test_a_pad_that_says_nothing_any_more_is_let_go_of_until_it_is_held_anew(held: Held) -> None:
+    held.do(HOLD, AHEAD)
+    held.clock.advance(SILENCE)
+    assert held.push() == Push(1.0, 0.0)
+    held.clock.advance(0.01)
+    assert held.push() is None
+    held.do(AHEAD)
+    assert held.push() is None
+    held.do(HOLD)
+    assert held.push() == Push(1.0, 0.0)
+
+
+def test_a_gap_in_the_events_lets_go(held: Held) -> None:
+    held.do(HOLD, AHEAD, Event(events.SYN, events.SYN_DROPPED, 0))
+    assert held.push() is None
+
+
+def test_buttons_and_the_cross_are_keys(held: Held) -> None:
+    cross = [(events.HAT_X, -1), (events.HAT_X, 0), (events.HAT_X, 1), (events.HAT_Y, -1), (events.HAT_Y, 1)]
+    assert held.do(*(Event(events.ABS, *where) for where in cross)) == ["left", "right", "up", "down"]
+    pressed = [Event(events.KEY, button, value) for button in (events.EAST, events.START, 0x120) for value in (1, 0)]
+    assert held.do(*pressed) == [LATCH, ENABLE]
+
+
+def test_who_enables_the_base_has_to_hold_the_button_anew(held: Held) -> None:
+    for key in (LATCH, ENABLE):
+        held.do(HOLD, AHEAD)
+        held.pad.press("q", 0.0)
+        assert held.push() is not None
+        held.pad.press(key, 0.0)
+        assert held.push() is None
+
+
+def test_a_pad_that_is_pulled_out_while_it_drives_stops_the_base(held: Held) -> None:
+    base = RecordedBase(held.clock)
+    held.do(HOLD, AHEAD)
+    ticks = iter(range(9))
+
+    def typed(seconds: float) -> str:
+        held.clock.advance(seconds)
+        if next(ticks) == 3:
+            held.unplug()
+        return ""
+
+    with pytest.raises(NotConnected, match=r"event7: it has gone"):
+        drive_by_hand(Pilot(base), typed, held.pad, held.clock, lambda _: None)
+    assert len(base.commands) == 3 + 2
+    assert base.commands[-2] == "stop"
+
+
+def test_a_node_that_is_not_there_or_not_ours_is_told(tmp_path: Path) -> None:
+    with pytest.raises(NotConnected, match="no such device"):
+        Pad(str(tmp_path / "event9"), ManualClock()).open()
+
+
+def test_the_ends_of_what_is_no_pad_are_unknown_and_it_drives_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "event1"
+    file.write_bytes(HOLD.pack() + AHEAD.pack())
+    plain = Pad(str(file), ManualClock(inf))
+    plain.open()
+    try:
+        with pytest.raises(NotConnected):
+            plain.keys()
+        assert plain.push(0.0) is None
+    finally:
+        plain.close()
+
+
+def test_the_first_game_pad_is_found_among_keyboards_and_mice(tmp_path: Path) -> None:
+    keys = {
+        "event0": "402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe",  # a keyboard
+        "event1": "1f0000 0 0 0 0",  # a mouse: words up to the buttons 0x110 to 0x114
+        "event2": "0",
+        "event10": "7cdb000000000000 0 0 0 0",  # a pad
+        "event11": "7cdb000000000000 0 0 0 0",
+    }
+    for name, bits in keys.items():
+        folder = tmp_path / name / "device" / "capabilities"
+        folder.mkdir(parents=True)
+        (folder / "key").write_text(bits + "\n", encoding="ascii")
+    (tmp_path / "event3").mkdir()  # one without any
+    assert find_pad(tmp_path) == "/dev/input/event10"
+    assert is_gamepad(keys["event10"])
+    with pytest.raises(NotConnected, match="no game pad"):
+        find_pad(tmp_path / "event10")
+
+
+def test_the_help_of_the_pad_names_its_buttons() -> None:
+    assert all(word in pad.HELP for word in ("left shoulder", "left stick", "cross", "east", "Start"))

@@ -1,0 +1,180 @@
+"""The table of kinds and drivers: every dotted name leads somewhere, and takes what it is given."""
+
+import inspect
+import subprocess
+import sys
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from types import ModuleType
+from typing import get_type_hints
+
+import pytest
+
+from behaviours.robot import Robot
+from config.faults import InvalidFileError, Source
+from config.library import find
+from config.world import load_world
+from drivers.api.driver import BrokenDriver, Driver, Site, resolved
+from drivers.api.keys import Key, declared, keys
+from drivers.api.keys import key as a_key
+from drivers.api.kinds import KINDS
+from drivers.api.sections import ArmKeys, BaseKeys
+from drivers.clock import ManualClock
+from drivers.errors import BadRequest
+from drivers.sim.stage import Stage
+from drivers.table import HOUSE
+from missions.assembly.assemble import assemble
+from missions.assembly.together import Hooks, Overrides
+from missions.library.drivers import Table, load_robot, robot_of
+
+DRIVERS = [Table().find(kind, name) for kind, names in HOUSE.items() for name in names]
+
+
+@pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: f"{driver.kind}-{driver.name}")
+def test_each_driver_is_declared_under_its_name_and_its_dotted_names_take_its_keys(driver: Driver) -> None:
+    assert HOUSE[driver.kind][driver.name]
+    assert issubclass(driver.keys, KINDS[driver.kind].keys)
+    for name, place in ((driver.make, Site), (driver.twin, Stage), (driver.virtual, Stage)):
+        if name:
+            first, second = inspect.signature(resolved(name)).parameters
+            hints = get_type_hints(resolved(name))
+            assert issubclass(driver.keys, hints[first]), name
+            assert hints[second] is place, name
+
+
+def test_every_part_on_a_wire_has_its_twin_and_its_virtual_device() -> None:
+    for driver in DRIVERS:
+        assert bool(driver.twin) == bool(driver.virtual) == KINDS[driver.kind].wired, driver.name
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_each_kind_is_a_field_of_the_robot_and_its_protocols_are_there(kind: object) -> None:
+    found = KINDS[str(getattr(kind, "name", ""))]
+    hints = get_type_hints(Robot)
+    assert hints[f"{found.field}_part"] == resolved(found.seen or found.device) | None
+    assert resolved(found.device).__mro__
+    assert not found.usual or found.usual in HOUSE[found.name]
+
+
+def test_every_key_says_what_it_does() -> None:
+    silent = [
+        f"{cls.__name__}.{key.field}" for driver in DRIVERS for cls, key in _all_keys(driver.keys) if not key.help
+    ]
+    assert not silent
+
+
+def _all_keys(cls: type) -> list[tuple[type, Key]]:
+    found = []
+    for key in declared(cls):
+        found.append((cls, key))
+        for of in key.sections:
+            found += _all_keys(of)
+    return found
+
+
+def test_the_drivers_of_the_house_are_found_without_looking_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def looked(group: str) -> None:
+        raise AssertionError(f"looked for {group}")
+
+    monkeypatch.setattr("missions.library.drivers.offered", looked)
+    assert Table().find("base", "kobuki").name == "kobuki"
+
+
+def test_the_defaults_of_keys_are_within_their_bounds() -> None:
+    for driver in DRIVERS:
+        for cls, key in _all_keys(driver.keys):
+            if isinstance(key.default, int | float):
+                low, high = (key.default if bound is None else bound for bound in (key.low, key.high))
+                assert low <= key.default <= high, f"{cls.__name__}.{key.field}"
+
+
+def test_a_declaration_of_the_house_is_never_broken() -> None:
+    assert not [found for *_, found in Table().all() if isinstance(found, BrokenDriver)]
+
+
+METAL = """
+import sys
+from missions.cli import run
+from missions.order import RunRequest
+from missions.runner import Runner
+runner = Runner(RunRequest("square_3m", robot="turtlebot2"))
+assert runner.assembled.robot.base_part is not None
+print("\\n".join(sys.modules))
+"""
+
+
+def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_not_use() -> None:
+    done = subprocess.run([sys.executable, "-c", METAL], capture_output=True, text=True, check=True)
+    imported = done.stdout.split()
+    assert "drivers.kobuki.driver" in imported
+    unused = ("sim", "virtual", "arduino", "dynamixel", "rplidar", "camera.opencv", "microphone", "voice", "screen")
+    names = tuple(f"drivers.{name}" for name in unused)
+    declarations = (".declared", ".models")
+    loaded = [name for name in imported if name.startswith(names) and name.count(".") > 1]
+    assert not [name for name in loaded if not name.endswith(declarations)]
+    assert not [name for name in imported if name.startswith(("missions.assembly.simul", "missions.assembly.twin"))]
+
+
+def test_a_simulation_lets_no_driver_at_its_own_port_that_has_no_virtual_device() -> None:
+    robot = load_robot(find("robots", "turtlebot2"))
+    base = robot.sections["base"]
+    bare = replace(base, driver=replace(base.driver, virtual=""))
+    robot = replace(robot, sections={**robot.sections, "base": bare})
+    wishes = Overrides(world=load_world(find("worlds", "empty")))
+    audience = Hooks(*[lambda *_: None] * 5)
+    with pytest.raises(BadRequest, match="base: the driver 'kobuki' has no virtual device"):
+        assemble(robot, frozenset({"base"}), ManualClock(), wishes, audience)
+
+
+@keys
+class Limbless(ArmKeys):
+    """The keys of an arm that forgets to say which joints it has."""
+
+
+class Unread(BaseKeys):
+    """Keys that lack their mark."""
+
+    horn: bool = a_key(default=False)
+
+
+class Answer:
+    """A value that no key can hold."""
+
+
+@keys
+class Odd(BaseKeys):
+    """A key of a type that no file has."""
+
+    answer: Answer | None = a_key(default=None)
+
+
+@pytest.mark.parametrize(
+    ("driver", "told"),
+    [
+        (Driver("x", "arm", "", Limbless, ""), "do not say which joints there are: give Limbless `limits`, a property"),
+        (Driver("x", "base", "", Unread, ""), "are not read: write @keys before class Unread"),
+        (Driver("x", "base", "", Odd, ""), "means nothing: Odd.answer: no key can hold"),
+        (Driver("x", "base", "", "Keys", ""), "do not extend drivers.api.sections.BaseKeys"),  # type: ignore[arg-type]
+        (Driver("y", "base", "", BaseKeys, ""), "declares the driver base.y: both must have one name"),
+        (Driver("x", "base", "", BaseKeys, "", needs=("wings",)), "needs parts that there are not: wings"),
+    ],
+    ids=["joints", "mark", "type", "class", "name", "needs"],
+)
+def test_a_broken_declaration_is_one_clear_error_and_breaks_nothing_else(
+    driver: Driver, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"{driver.kind}.x"
+    module = ModuleType("broken_sample")
+    module.__dict__["X"] = driver
+    monkeypatch.setitem(sys.modules, "broken_sample", module)
+    point = EntryPoint(name, "broken_sample:X", "missiontree.drivers")
+    monkeypatch.setattr("missions.library.drivers.offered", lambda _: [point])
+    text = f"robot: r\n{driver.kind}: {{driver: x}}\nvoice: {{loud: true}}\n"
+    with pytest.raises(InvalidFileError) as caught:
+        robot_of(Source("r.yaml", text))
+    first, second = caught.value.faults
+    assert first.message.startswith(f"'driver: x' cannot be used: {name} = broken_sample:X ")
+    assert told in first.message
+    assert (first.mark.line, second.message) == (2, "'voice' has no key 'loud'")
+    sound = {(each.kind, each.name) for *_, each in Table().all() if isinstance(each, Driver)}
+    assert sound == {(each.kind, each.name) for each in DRIVERS}

@@ -1,0 +1,144 @@
+"""Values of drivers and perception survive being written, to the last bit."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum, IntFlag
+from math import isnan, nan
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.units import Quantity
+from drivers.api import DockBeam, HeadPose, Image, Lamp, Quality, Ranges, RangeScan, Reading, Source, Velocity
+from drivers.errors import DriverError, NoReply
+from missions.records.recording.codec import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
+from perception.api import View
+
+FLOATS = st.floats(allow_nan=True, allow_infinity=True)
+TEXTS = st.text(max_size=20)
+RANGES = st.lists(st.floats(width=32), max_size=30).map(lambda values: np.array(values, np.float32))
+SAMPLES = st.lists(st.integers(-(2**15), 2**15 - 1), max_size=30).map(lambda values: np.array(values, np.int16))
+IMAGES = st.integers(1, 5).map(lambda size: np.arange(size * size * 3, dtype=np.uint8).reshape(size, size, 3))
+
+VALUES = {
+    name: st.builds(kind, value=st.none() | st.builds(HeadPose)) if kind is Reading else st.from_type(kind)
+    for name, kind in NAMED.items()
+    if name not in ("RangeScan", "CameraFrame", "Sound")
+} | {
+    "RangeScan": st.builds(RangeScan, ranges=RANGES),
+    "CameraFrame": st.builds(NAMED["CameraFrame"], image=IMAGES),
+    "Sound": st.builds(NAMED["Sound"], samples=SAMPLES),
+}
+
+
+def same(one: Any, other: Any) -> bool:
+    """Say whether two values are alike in all, types included; NaN is like NaN."""
+    if isinstance(one, np.ndarray):
+        return bool(one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes())
+    if isinstance(one, Mapping):
+        return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, float):
+        return isnan(other) if isnan(one) else one == other and str(one) == str(other)
+    if isinstance(one, DriverError):
+        return str(one) == str(other) and one.hint == other.hint
+    if is_dataclass(one):
+        return all(same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(same(*pair) for pair in zip(one, other, strict=True))
+    return bool(one == other)
+
+
+def through_a_file(data: object) -> object:
+    found: object = json.loads(dumps(data))
+    return found
+
+
+@pytest.mark.parametrize("name", NAMED)
+@settings(max_examples=25)
+@given(data=st.data())
+def test_every_value_of_a_driver_or_of_perception_comes_back_as_it_was(name: str, data: st.DataObject) -> None:
+    value = data.draw(VALUES[name])
+    assert same(from_json(through_a_file(to_json(value)), NAMED[name]), value)
+    assert same(untagged(through_a_file(tagged(value))), value)
+
+
+PLAIN = st.none() | st.booleans() | st.integers() | FLOATS | TEXTS | st.sampled_from([*Source, *Lamp, *Quality])
+ANYTHING = st.recursive(
+    PLAIN | st.builds(Velocity) | st.from_type(View),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.lists(inner, max_size=3).map(tuple)
+        | st.dictionaries(TEXTS | st.integers() | st.just("$"), inner, max_size=3)
+        | st.frozensets(st.integers() | TEXTS, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@given(ANYTHING)
+def test_what_may_be_anything_comes_back_with_its_kind(value: object) -> None:
+    assert same(untagged(through_a_file(tagged(value))), value)
+
+
+@pytest.mark.parametrize("kind", ERRORS.values())
+def test_an_error_comes_back_with_its_kind_its_words_and_its_hint(kind: type[DriverError]) -> None:
+    error = untagged(through_a_file(tagged(kind("arm: servo 3 is silent", hint="mission servo scan"))))
+    assert same(error, kind("arm: servo 3 is silent", hint="mission servo scan"))
+
+
+def test_an_error_of_a_kind_of_its_own_comes_back_as_the_next_that_is_known() -> None:
+    class Hot(NoReply):
+        """Too hot to speak."""
+
+    assert same(untagged(tagged(Hot("arm: hot"))), NoReply("arm: hot"))
+
+
+def test_of_what_is_not_known_the_words_remain() -> None:
+    class Mood(Enum):
+        GOOD = 1
+
+    assert untagged(through_a_file(tagged(Mood.GOOD))) == "Mood.GOOD"
+    assert untagged(through_a_file(tagged(complex(1, 2)))) == "(1+2j)"
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    velocity = Velocity(np.float64(0.5), 0.25)
+    assert from_json(through_a_file(to_json(velocity)), Velocity) == Velocity(0.5, 0.25)
+    assert untagged(through_a_file(tagged([np.int64(3), np.float32(nan)]))) == [3, pytest.approx(nan, nan_ok=True)]
+
+
+def test_a_quantity_is_its_number() -> None:
+    assert untagged(through_a_file(tagged(Quantity(0.5, "length", "50 cm")))) == 0.5
+
+
+def test_arrays_keep_their_form() -> None:
+    for array in (np.zeros((2, 3), np.uint8), np.array([1.5], ">f4")):
+        found = untagged(through_a_file(tagged(array)))
+        assert found.shape == array.shape
+        assert (found == array).all()
+    image: Image = np.zeros((2, 2, 3), np.uint8)
+    ranges: Ranges = np.zeros(2, np.float32)
+    assert untagged(tagged(image)).dtype == np.uint8
+    assert untagged(tagged(ranges)).dtype == np.float32
+
+
+@pytest.mark.parametrize("data", [None, 5, "x", [], {"looked": {}}, {"faces": [3]}, {"faces": 1}])
+def test_what_is_no_value_of_that_type_is_refused(data: object) -> None:
+    with pytest.raises(ValueError, match="View"):
+        from_json(data, View)
+
+
+def test_a_value_written_by_an_older_version_has_the_defaults_of_what_it_lacks() -> None:
+    assert from_json({"looked": 1.0, "mood": "new"}, View) == View(looked=1.0)
+
+
+def test_flags_are_of_their_own_kind() -> None:
+    beams = untagged(through_a_file(tagged(DockBeam(5))))
+    assert isinstance(beams, IntFlag)
+    assert beams is DockBeam(5)

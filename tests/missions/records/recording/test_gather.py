@@ -1,0 +1,96 @@
+"""What a record says of its run before the first moment: every file with its bytes, by a name that tells what it is."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from config.library import find
+from config.reading import files_read, note_read
+from missions.library.drivers import load_robot
+from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.records.recording.gather import contents_of
+from missions.records.recording.head import Contents
+from missions.runner import Runner
+
+STARTED = datetime(2026, 11, 21, 14, 3, tzinfo=UTC)
+
+LEAF = '''
+from behaviours.leaf import Leaf
+from py_trees.common import Status
+
+class Idle(Leaf):
+    """SUCCESS at once."""
+    word = "idle_about"
+    def work(self) -> Status:
+        return Status.SUCCESS
+'''
+
+
+def gathered(order: RunRequest) -> tuple[Contents, Mapping[Path, bytes]]:
+    with files_read() as files:
+        runner = Runner(order)
+    config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
+    return contents_of(order, runner.plan, config, files, started=STARTED, command=("mission", "run")), files
+
+
+def test_the_files_of_a_shipped_mission_are_all_there() -> None:
+    contents, files = gathered(RunRequest("greet", simulate="fast", seed=3))
+    assert set(contents.files) == {
+        "mission/greet.yaml",
+        "robot/turtlebot2_arm.yaml",
+        "world/living_room.yaml",
+        "controller/face.yaml",
+        "gesture/hello.yaml",
+    }
+    for name, data in contents.files.items():
+        path = Path(contents.head.paths[name])
+        assert data == path.read_bytes() == files[path]
+    head = contents.head
+    assert (head.mission, head.file, head.robot) == ("greet", "mission/greet.yaml", "turtlebot2_arm")
+    assert (head.world, head.seed, head.simulate, head.eyes) == ("living_room", 3, "fast", "pixels")
+    assert head.started == "2026-11-21T14:03:00+00:00"
+    assert {"base", "head", "camera"} <= set(head.parts)
+    assert {"python", "py-trees", "numpy"} <= set(head.versions)
+    assert b'"mission": "greet"' in contents.tree
+
+
+def test_what_the_user_brings_along_is_there_too(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "leaf.py").write_text(LEAF, encoding="utf-8")
+    (tmp_path / "sheet.csv").write_text("time,elbow\n0,0\n1,0.5\n2,0\n", encoding="utf-8")
+    steps = f"[wait: 1 s, idle_about: , play: {tmp_path / 'sheet.csv'}]"
+    (inner / "count.yaml").write_text(f"mission: inner\ntree:\n  sequence: {steps}\n", encoding="utf-8")
+    outer = tmp_path / "count.yaml"
+    outer.write_text("mission: outer\nparams: {to: 3}\ntree:\n  mission: inner/count.yaml\n", encoding="utf-8")
+    order = RunRequest(str(outer), {"to": "5"}, simulate="fast", behaviours=[tmp_path / "leaf.py"])
+    contents, _ = gathered(order)
+    head = contents.head
+    assert {"mission/count.yaml", "mission/count-2.yaml", "behaviours/leaf.py", "move/sheet.csv"} <= set(contents.files)
+    assert contents.files[head.file] == outer.read_bytes()
+    assert head.behaviours == ("behaviours/leaf.py",)
+    assert head.params == {"to": "5"}
+    assert head.values == {"to": "5"}
+
+
+def test_a_file_that_changes_after_it_was_read_is_kept_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "short.yaml"
+    path.write_text("mission: short\ntree: {wait: 1 s}\n", encoding="utf-8")
+    with files_read() as files:
+        runner = Runner(order := RunRequest(str(path), simulate="fast"))
+    before = path.read_bytes()
+    path.write_text("mission: other\ntree: {wait: 9 s}\n", encoding="utf-8")
+    config = load_robot(find("robots", DEFAULT_ROBOT))
+    contents = contents_of(order, runner.plan, config, files, started=STARTED)
+    assert contents.files["mission/short.yaml"] == before
+
+
+def test_nobody_is_told_of_files_outside(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"x")
+    with files_read() as outer:
+        with files_read() as inner:
+            note_read(path)
+        assert dict(inner) == {path: b"x"}
+    note_read(path)
+    assert not outer

@@ -1,0 +1,113 @@
+"""Records show people and name them: nobody but their owner can read them, or what is made of them."""
+
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.clock import SystemClock
+from missions.cli.drawings import Drawings
+from missions.records.recording.cut import cut
+from missions.records.recording.export import to_csv, to_folder, to_jsonl
+from missions.records.recording.head import Contents
+from missions.records.recording.items import Picture
+from missions.records.recording.read import open_record
+from missions.records.recording.recorder import Recorder
+from tests.missions.command import command
+from tests.missions.records.recording.small_record import FILES, HEAD, items, moments, write
+from tests.missions.records.report.told_record import picture
+
+
+@pytest.fixture(autouse=True)
+def open_to_all() -> Iterator[None]:
+    """Let new files be readable by all, as far as nobody takes care."""
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return write(tmp_path / "greet.mcap", items())
+
+
+def rights(path: Path) -> int:
+    return stat.S_IMODE(path.lstat().st_mode)
+
+
+def of_all_in(folder: Path) -> tuple[set[int], set[int]]:
+    """Return the rights of the folders and of the files in a folder and below."""
+    inside = list(folder.rglob("*"))
+    return {rights(each) for each in inside if each.is_dir()}, {rights(each) for each in inside if each.is_file()}
+
+
+def record(path: Path, *, overwrite: bool = False) -> None:
+    with Recorder(path, overwrite=overwrite) as recorder:
+        recorder.open(Contents(HEAD, FILES), SystemClock(), report=lambda _: None)
+        for past in moments():
+            recorder.moment(past)
+
+
+def test_a_record_is_for_its_owner_only(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path)
+    assert rights(path) == 0o600
+    assert open_record(path).whole
+
+
+def test_so_is_one_that_is_written_over_another(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.touch(0o666)
+    record(path, overwrite=True)
+    assert rights(path) == 0o600
+
+
+def test_a_piece_and_lines_of_it_are_for_their_owner_only(path: Path, tmp_path: Path) -> None:
+    piece, lines = tmp_path / "piece.mcap", tmp_path / "lines.jsonl"
+    lines.touch(0o666)
+    cut(open_record(path), 0.0, 1.0, piece)
+    to_jsonl(open_record(path), lines, force=True)
+    assert rights(piece) == rights(lines) == 0o600
+
+
+def test_folders_and_tables_made_of_it_are_for_their_owner_only(path: Path, tmp_path: Path) -> None:
+    tables, out = tmp_path / "tables", tmp_path / "out"
+    to_csv(open_record(path), tables)
+    to_folder(open_record(path), out)
+    assert rights(tables) == rights(out) == 0o700
+    assert of_all_in(tables) == (set(), {0o600})
+    assert of_all_in(out)[1] == {0o600}
+    assert {rights(out / name) for name in ("pictures", "files", "tables")} == {0o700}
+
+
+def test_what_is_exported_into_a_folder_that_is_there_is_for_its_owner_only_too(path: Path, tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    (there / "tables").mkdir(parents=True)
+    (there / "tables/nodes.csv").touch(0o666)
+    to_folder(open_record(path), there, force=True)
+    assert rights(there) == 0o777, "the folder itself is its owner's business"
+    assert of_all_in(there)[1] == {0o600}
+
+
+def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report, events, frames, film = (tmp_path / name for name in ("r.html", "e.jsonl", "frames", "film.webm"))
+    for there in (report, events):
+        there.touch(0o666)
+    assert command(capsys, "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
+    assert command(capsys, "show", str(path), "-o", str(tmp_path / "tree.svg")).code == 0
+    pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, Picture) else item
+                                                  for item in items()])  # fmt: skip
+    assert command(capsys, "replay", str(pictured), "--frames", str(frames)).code == 0
+    run = ("run", "motions/forward", "--events", str(events), "--film", str(film))
+    assert command(capsys, *run).code == 0
+    Drawings(tmp_path / "drawn", ()).write(tmp_path / "a.png", 0, np.zeros((8, 8, 3), np.uint8))
+    for given in (path, pictured):  # written by the test itself
+        given.unlink()
+    folders, files = of_all_in(tmp_path)
+    assert folders == {0o700}
+    assert files == {0o600}
+    assert {each.name for each in (tmp_path / "drawn").iterdir()} == {"a.png"}
+    assert len(list(frames.iterdir())) == 4

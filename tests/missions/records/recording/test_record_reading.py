@@ -1,0 +1,184 @@
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.writer import Writer
+
+from missions.executive.events import CommandSent, Ended, NodeChanged, Ticked
+from missions.records.recording.info import lines_about
+from missions.records.recording.read import SERIES, InvalidRecordError, Record, open_record
+from perception.api import View
+from tests.missions.records.recording.small_record import (
+    END,
+    FILES,
+    HEAD,
+    JPEG,
+    TICKS,
+    TREE,
+    face,
+    items,
+    moments,
+    write,
+)
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Record:
+    return open_record(write(tmp_path / "greet.mcap", items()))
+
+
+def test_a_record_says_what_was_run_and_has_its_files(record: Record) -> None:
+    assert record.head == HEAD
+    assert {name: record.files[name] for name in FILES} == FILES
+    assert record.drawing() == TREE
+    assert (record.whole, record.until, record.cut_from) == (True, END, None)
+
+
+def test_moments_come_back_with_every_answer_as_it_was(record: Record) -> None:
+    assert [repr(moment) for moment in record.moments] == [repr(moment) for moment in moments()]
+
+
+def test_events_come_back_in_order_with_the_ticks_between_them(record: Record) -> None:
+    told = [event for event in record.events if not isinstance(event, Ticked)]
+    assert told == [event for event in items() if isinstance(event, tuple(map(type, told)))]
+    ticks = [event for event in record.events if isinstance(event, Ticked)]
+    assert [tick.tick for tick in ticks] == list(range(1, TICKS + 1))
+    assert [tick.status for tick in ticks[-2:]] == ["running", "success"]
+    assert [(tick.tick, tick.late) for tick in ticks if tick.late is not None] == [(20, 0.06)]
+    assert isinstance(record.events[-1], Ended)
+    assert record.end() == record.events[-1]
+
+
+def test_in_real_time_a_tick_comes_behind_what_came_of_it(tmp_path: Path) -> None:
+    late = [replace(event, t=event.t + 5e-5) if isinstance(event, NodeChanged) else event for event in items()]
+    record = open_record(write(tmp_path / "wire.mcap", late, head=replace(HEAD, simulate="wire")))
+    assert [event.status for event in record.events if isinstance(event, Ticked)][-2:] == ["running", "success"]
+
+
+def test_views_and_pictures_come_back_with_their_times(record: Record) -> None:
+    assert list(record.views()) == [(time + 0.01, View(float(time), (face(float(time)),))) for time in range(4)]
+    assert list(record.frames()) == [(float(time), JPEG) for time in range(4)]
+
+
+def test_series_are_in_si_units_over_the_seconds_of_the_run(record: Record) -> None:
+    times, values = record.series("head.pan")
+    assert values == pytest.approx([0.05 * time for time in times])
+    assert max(times) > 0.9 * END
+    assert set(record.series("battery.percent")[1]) == {80.0}
+    assert all(len(times) == len(values) for times, values in map(record.series, SERIES))
+    with pytest.raises(KeyError):
+        record.series("head.roll")
+
+
+def test_the_status_of_a_node_is_that_of_its_newest_change(record: Record) -> None:
+    assert {key: change.status for key, change in record.statuses(2.49).items()} == {"1": "running", "1.1": "running"}
+    assert {key: change.status for key, change in record.statuses(2.5).items()} == {"1": "running", "1.1": "failure"}
+    assert record.statuses(0.0) == {}
+
+
+def test_a_record_ends_with_its_last_event_however_messages_are_stamped(tmp_path: Path) -> None:
+    last = END + 6.4e-14  # times of messages are in whole nanoseconds
+    told = [
+        replace(item, t=last) if isinstance(item, Ended | NodeChanged) and item.t == END else item for item in items()
+    ]
+    record = open_record(write(tmp_path / "sums.mcap", told))
+    assert record.until == last
+    for time in (record.until, END):
+        assert {change.status for change in record.statuses(time).values()} == {"success"}
+
+
+def test_what_is_offered_is_at_the_failure_and_not_before_it(tmp_path: Path) -> None:
+    told = [replace(item, t=2.50049) if isinstance(item, NodeChanged) and item.t == 2.5 else item for item in items()]
+    record = open_record(write(tmp_path / "wire.mcap", told))
+    assert any("--at 2.501s    the first failure" in line for line in lines_about(record))
+
+
+def test_failures_and_words_are_found(record: Record) -> None:
+    (failure,) = record.failures()
+    assert (failure.t, failure.reason) == (2.5, "Nobody came")
+    assert [type(event) for event in record.search("NOBODY")] == [NodeChanged, NodeChanged]
+    assert [type(event) for event in record.search("pan")] == [CommandSent]
+    assert record.search("no such thing") == []
+
+
+def test_what_was_lost_is_counted_by_topic(record: Record) -> None:
+    assert record.lost() == {"/camera": 3}
+
+
+def test_a_record_keeps_no_file_open_and_can_be_asked_again(record: Record) -> None:
+    first = next(iter(record.frames()))
+    assert next(iter(record.frames())) == first
+    assert record.events is record.events
+
+
+def test_a_record_that_was_not_closed_says_so_and_has_all_the_same(tmp_path: Path) -> None:
+    record = open_record(write(tmp_path / "killed.mcap", items(), close=False))
+    assert not record.whole
+    assert record.until == END
+    assert len(record.moments) == TICKS
+
+
+def foreign(path: Path) -> Path:
+    with path.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start(profile="ros2", library="rosbag2")
+        channel = writer.register_channel("/mission", "cdr", writer.register_schema("std_msgs/String", "ros2msg", b""))
+        writer.add_message(channel, 0, b"\x00\x01", 0)
+        writer.finish()
+    return path
+
+
+def newer(path: Path) -> Path:
+    return write(path, items(), head=replace(HEAD, format=2))
+
+
+def empty(path: Path) -> Path:
+    path.write_bytes(b"")
+    return path
+
+
+def mission(path: Path) -> Path:
+    path = path.with_suffix(".yaml")
+    path.write_text("mission: greet\n")
+    return path
+
+
+def folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def pipe(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (empty, "is empty: its run ended before anything was written"),
+        (mission, "a mission, and no record\n  try: mission run "),
+        (foreign, "an MCAP file, but no record of MissionTree: it is of ros2 and "),
+        (
+            newer,
+            "was written by a newer MissionTree; this one reads format 1\n  try: pip install --upgrade missiontree",
+        ),
+        (folder, "cannot be read: Is a directory"),
+        (pipe, "no record: it is not even a file"),
+        (lambda path: path, "cannot be read: No such file or directory"),
+    ],
+)
+def test_what_is_no_record_is_told_what_it_is(tmp_path: Path, make: Any, words: str) -> None:
+    path = make(tmp_path / "thing.mcap")
+    with pytest.raises(InvalidRecordError) as caught:
+        open_record(path)
+    assert str(caught.value).startswith(f"{path}: {words}")
+
+
+def test_without_mcap_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "missions.records.recording.survey", None)
+    with pytest.raises(InvalidRecordError, match=r"try: pip install 'missiontree\[records\]'"):
+        open_record(tmp_path / "greet.mcap")

@@ -1,0 +1,404 @@
+"""What a run records, with the process that writes it: nothing is lost, or it is told; and nobody ever waits."""
+
+import json
+import os
+import random
+import resource
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from threading import Event as Flag
+from threading import Lock, Thread
+
+import numpy as np
+import pytest
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+from drivers.api import CameraFrame, DeviceStatus, Health
+from drivers.clock import ManualClock, SystemClock
+from missions.executive.events import Event, FaultRaised, Started, VariableSet
+from missions.records.recording.budget import FRAMES, LIMIT
+from missions.records.recording.head import Contents
+from missions.records.recording.outlet import CannotRecordError
+from missions.records.recording.recorder import Recorder
+from perception.api import Gaze, View
+from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
+from tests.missions.records.recording.stand_in_run import moment
+from tests.waiting import wait_until
+
+PICTURE = np.full((48, 64, 3), 100, np.uint8)
+
+
+def counts_of(path: Path) -> dict[str, int]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    found = summary.statistics.channel_message_counts
+    return {summary.channels[number].topic: count for number, count in found.items()}
+
+
+def times_of(path: Path) -> list[float]:
+    """Return the times of the moments as far as the file can be read, which may end anywhere."""
+    times = []
+    with path.open("rb") as file:
+        try:
+            for each in StreamReader(file).records:
+                times += [json.loads(each.data)["t"]] if isinstance(each, Message) and b'"answers"' in each.data else []
+        except (McapError, struct.error):  # the end of what was written
+            return times
+    return times
+
+
+@contextmanager
+def recording(
+    path: Path, *, limit: float = LIMIT, frames: float = FRAMES, patient: bool = False, overwrite: bool = False
+) -> Iterator[tuple[Recorder, list[DeviceStatus]]]:
+    told: list[DeviceStatus] = []
+    with Recorder(path, limit=limit, frames=frames, patient=patient, overwrite=overwrite) as recorder:
+        recorder.open(Contents(HEAD, FILES), SystemClock(), report=told.append)
+        yield recorder, told
+
+
+def writer_of(recorder: Recorder) -> int:
+    process = recorder._outlet._process
+    assert process is not None
+    return process.pid
+
+
+def test_all_that_is_handed_over_is_in_the_record(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, told):
+        for each in items():
+            if isinstance(each, Event):
+                recorder(each)
+        recorder(Started(0.0, "greet", "greet.yaml", "r", {}))
+        for past in moments():
+            recorder.moment(past)
+        for number in range(3):
+            stamp = float(number)
+            recorder.view(View(stamp, (face(stamp),)))
+            recorder.frame(CameraFrame(PICTURE, stamp, number), Gaze(0.1, 0.0))
+            wait_until(lambda: recorder._pictures._newest is None)
+        loss = recorder.close()
+    assert not loss
+    assert not told
+    counts = counts_of(path)
+    assert counts == recorder.counts
+    assert counts["/moments"] == len(moments())
+    assert counts["/percepts"] == 3
+    assert counts["/camera"] == counts["/camera/marks"] == 3
+
+
+def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "a.mcap")
+    recorder.moment(moment(1, 0.05))
+    assert not recorder.close()
+    with recording(tmp_path / "b.mcap") as (opened, _):
+        assert not opened.close()
+        assert not opened.close()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: path / "no" / "a.mcap", "there is no folder"),
+        (lambda path: path, "is no file"),
+        (lambda path: _piped(path / "a.mcap"), "is no file"),
+        (lambda path: _written(path / "a.mcap"), "is there already"),
+    ],
+)
+def test_a_record_that_cannot_be_begun_says_so_and_leaves_no_process(
+    tmp_path: Path, make: Callable[[Path], Path], words: str
+) -> None:
+    recorder = Recorder(make(tmp_path))
+    with closing(recorder), pytest.raises(CannotRecordError, match=words):
+        recorder.open(Contents(HEAD, FILES), ManualClock())
+    assert recorder._outlet._process is None
+
+
+def _piped(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
+def _written(path: Path) -> Path:
+    path.write_text("mine", encoding="utf-8")
+    return path
+
+
+def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None:
+    path = _written(tmp_path / "a.mcap")
+    with recording(path, overwrite=True) as (recorder, _):
+        assert not recorder.close()
+    assert counts_of(path) == {"/mission": 1}
+
+
+def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, _):
+        recorder.moment(moment(1, 0.01))
+        other = Recorder(path, overwrite=True)
+        with closing(other), pytest.raises(CannotRecordError, match="another run is writing it"):
+            other.open(Contents(HEAD, FILES), ManualClock())
+        assert not recorder.close()
+    assert counts_of(path)["/moments"] == 1
+
+
+def test_a_record_that_cannot_be_begun_leaves_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    recorder = Recorder(path)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        with closing(recorder), pytest.raises(CannotRecordError, match="File too large"):
+            recorder.open(Contents(HEAD, FILES), ManualClock())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not path.exists()
+
+
+def test_what_cannot_be_packed_costs_itself_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, _):
+        for value in (1, Lock(), 2):
+            recorder(VariableSet(0.1, 1, "", "x", value))
+        loss = recorder.close()
+    assert counts_of(path)["/variables"] == 2
+    assert loss.counts == {"/variables": 1}
+
+
+def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    path = tmp_path / "a.mcap"
+    with recording(path, patient=True) as (recorder, _):
+        small = replace(moments()[0], answers=[])
+        for tick in range(1, 3001):
+            recorder.moment(replace(small, tick=tick, t=tick / 1000))
+        assert not recorder.close()
+    assert counts_of(path)["/moments"] == 3000
+
+
+def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path, frames=1000.0) as (recorder, told):
+        soft, hard = resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE)
+        resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE, (100_000, hard))
+        frames = noise()
+        number = 0
+
+        def go_on() -> bool:
+            nonlocal number
+            number += 1
+            recorder.moment(moment(number, number / 100))
+            recorder.frame(next(frames))
+            return bool(told)
+
+        wait_until(go_on)
+        assert (told[0].device, told[0].kind) == ("record", "fault")
+        assert "File too large" in told[0].what
+        resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE, (soft, hard))
+        written = path.stat().st_size
+
+        def grows() -> bool:
+            go_on()
+            return path.stat().st_size > written + 10_000
+
+        wait_until(grows)
+        loss = recorder.close()
+    assert loss.counts["/camera"] > 0
+    assert "File too large" in str(loss)
+    counts = counts_of(path)
+    assert counts == recorder.counts
+    assert counts["/moments"] + loss.counts["/moments"] == number
+    assert counts["/lost"] >= 1
+
+
+def noise() -> Iterator[CameraFrame]:
+    """Yield pictures that no disk can hold many of."""
+    chance = np.random.default_rng(3)
+    for number in range(1_000_000):
+        yield CameraFrame(chance.integers(0, 255, (60, 80, 3), np.uint8), number / 100, number)
+
+
+@pytest.mark.real_time
+def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, _):
+        os.kill(writer_of(recorder), signal.SIGSTOP)
+        count = 0
+        try:
+            while not recorder.loss.counts:
+                count += 1
+                recorder.moment(moment(count, count / 1000))
+        finally:
+            os.kill(writer_of(recorder), signal.SIGCONT)
+        wait_until(lambda: not recorder._waiting)
+        for _ in range(2):  # what comes once there is room again is kept
+            count += 1
+            recorder.moment(moment(count, count / 1000))
+        loss = recorder.close()
+    assert loss.why == "the disk is too slow"
+    assert counts_of(path)["/moments"] + loss.counts["/moments"] == count
+    assert loss.counts["/moments"] < 10
+
+
+@pytest.mark.real_time
+def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.FAREWELL", 0.2)
+    with recording(tmp_path / "a.mcap") as (recorder, _):
+        number = writer_of(recorder)
+        os.kill(number, signal.SIGSTOP)
+        recorder.moment(moment(1, 0.01))
+        loss = recorder.close()
+    assert "too slow" in loss.why
+    assert not Path(f"/proc/{number}").exists()
+
+
+@pytest.mark.real_time
+def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path) as (recorder, told):
+        recorder.moment(moment(1, 0.01))
+        wait_until(lambda: times_of(path))
+        os.kill(writer_of(recorder), signal.SIGKILL)
+        count = 1
+
+        def go_on() -> bool:
+            nonlocal count
+            count += 1
+            recorder.moment(moment(count, count / 100))
+            return bool(told)
+
+        wait_until(go_on)
+        loss = recorder.close()
+    assert "killed by signal 9: nothing more is recorded" in told[0].what
+    assert "mission record info" in told[0].hint
+    assert 0 < loss.counts["/moments"] < count
+    assert times_of(path)[0] == 0.01
+
+
+def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
+
+        def tick() -> None:
+            for number in range(50_000):
+                recorder.moment(moment(number, number / 100))
+
+        os.kill(writer_of(recorder), signal.SIGSTOP)
+        ticking = Thread(target=tick)
+        ticking.start()
+        wait_until(lambda: len(recorder._waiting) >= 250)
+        os.kill(writer_of(recorder), signal.SIGKILL)
+        ticking.join(20)
+        assert not ticking.is_alive()
+        assert "killed by signal 9" in told[0].what
+
+
+def test_pictures_that_found_no_room_take_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 1)
+    with recording(tmp_path / "a.mcap", frames=1000.0, patient=True) as (recorder, _):
+        for frame in islice(noise(), 50):
+            recorder.frame(frame)
+        wait_until(lambda: not recorder._waiting)
+        assert recorder._picture_bytes == 0
+
+
+def test_the_health_of_devices_is_sampled(tmp_path: Path) -> None:
+    path, asked = tmp_path / "a.mcap", Flag()
+
+    def check() -> dict[str, Health]:
+        asked.set()
+        return {"base": Health(True, counters={"frames": 3})}
+
+    with Recorder(path) as recorder:
+        recorder.open(Contents(HEAD, FILES), SystemClock(), check=check)
+        assert asked.wait(10)
+        assert not recorder.close()
+    assert counts_of(path)["/state/devices"] >= 1
+
+
+def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with recording(path, limit=200_000, frames=0.0) as (recorder, told):
+        count = 0
+
+        def go_on() -> bool:
+            nonlocal count
+            count += 1
+            recorder(FaultRaised(count / 100, "base", "fault", os.urandom(500).hex()))
+            recorder.moment(moment(count, count / 100))
+            return bool(told)
+
+        wait_until(go_on)
+        loss = recorder.close()
+    assert "limit" in told[0].what
+    assert loss.ended is not None
+    assert "reached its limit" in str(loss)
+    assert not loss.counts
+    assert path.stat().st_size < 260_000
+    assert counts_of(path) == recorder.counts
+
+
+SOON, LATE = 0.2, 1.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.real_time
+def test_a_kill_at_any_moment_costs_a_second_at_most(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "a.mcap"
+    chance = random.Random(seed)  # noqa: S311 - chance, not a secret
+    with running(path) as (run, writer):
+        begun, last = until(run, chance.uniform(SOON, LATE))
+        for number in (run.pid, writer):
+            os.kill(number, signal.SIGKILL)
+        wait_until(lambda: not Path(f"/proc/{writer}").exists())
+    assert max(times_of(path), default=begun) >= last - 1.0
+
+
+@pytest.mark.real_time
+def test_a_run_that_is_killed_alone_leaves_a_record_that_is_closed(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with running(path) as (run, writer):
+        _, last = until(run, 0.5)
+        os.kill(run.pid, signal.SIGKILL)
+        wait_until(lambda: not Path(f"/proc/{writer}").exists())
+    assert counts_of(path)["/moments"] == len(times_of(path))
+    assert times_of(path)[-1] >= last - 0.5
+
+
+@contextmanager
+def running(path: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
+    program = [sys.executable, "-m", "tests.missions.records.recording.stand_in_run", str(path)]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as run:
+        try:
+            assert run.stdout is not None
+            yield run, int(run.stdout.readline())
+        finally:
+            run.kill()
+
+
+def until(run: "subprocess.Popen[str]", t: float) -> tuple[float, float]:
+    """Follow a run for ``t`` seconds; return the times of its first and its newest moment."""
+    assert run.stdout is not None
+    begun = last = float(run.stdout.readline())
+    while last < begun + t:
+        last = float(run.stdout.readline())
+    return begun, last

@@ -1,0 +1,288 @@
+"""A record as the independent library reads it: every message by its schema, counted, whole chunk for whole chunk."""
+
+import errno
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from mcap.reader import make_reader
+
+from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading, Velocity
+from missions.executive import events
+from missions.records.recording.head import Contents, Head
+from missions.records.recording.info import lines_about
+from missions.records.recording.items import Checked, Feedback, Missed, Picture, Seen, packed, unpacked
+from missions.records.recording.mend import mend
+from missions.records.recording.read import open_record
+from missions.records.recording.schemas import schema
+from missions.records.recording.schemas.foxglove import FOXGLOVE
+from missions.records.recording.schemas.ours import OURS
+from missions.records.recording.sink import Sink
+from missions.records.recording.topics import EVENTS, SCHEMAS
+from missions.records.recording.writer import RecordWriter, Written
+from perception.api import Gaze, Marker, Scene, Thing, View
+from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write
+
+
+def everything() -> list[object]:
+    """Return items of every kind that there is."""
+    joint = JointState(0.1, 0.0, None, 0.2, 12.0, float("nan"), False, True)
+    scan = RangeScan(np.array([1.0, np.nan, 2.5], np.float32), 0.0, 0.1, 1.0, 3, 0.1, 6.0)
+    moment = replace(moments()[0], t=0.2)
+    moment.answers = [
+        ("base", "state", (), Reading(BaseState(Pose2D(0, 0, 0), Velocity(float("inf"), 0)), 0.2, Quality.STALE)),
+        ("base", "drive", (Velocity(1.0, 0.0),), Velocity(0.5, 0.0)),
+        ("arm", "states", (), {"elbow": Reading(joint, 0.2, Quality.GOOD), "wrist": Reading(None, 0.0, Quality.NONE)}),
+        ("range", "scan", (), Reading(scan, 1.0, Quality.GOOD)),
+    ]
+    seen = face(0.5)
+    box = seen.box
+    rest = (0.1, 0.2, 0.3, 0.4, 0.0, 0.0)
+    thing = Thing(2, 0.5, box, *rest, float("nan"), "ball", "red", "ball")
+    marker = Marker(3, 0.5, box, *rest, 2.0, 7, "R2", 0.5)
+    view = View(0.5, (seen,), (thing,), (marker,), Scene(0.5, 100.0, 20.0))
+    return [
+        *items(),
+        moment,
+        Seen(0.6, view),
+        Picture(0.5, b"jpeg", Gaze(0.1, float("nan"))),
+        Checked(0.7, {"base": Health(True, counters={"frames": 7})}),
+        Feedback(0.75, 15, "1.1", "nobody yet"),
+        events.Notified(0.8, 16, "Ana has the message"),
+    ]
+
+
+def read(path: Path) -> tuple[Mapping[str, int], list[tuple[str, str, Any]]]:
+    """Return the counts that the file's index has, and every message: topic, schema, what it says."""
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        counts = {
+            summary.channels[number].topic: count for number, count in summary.statistics.channel_message_counts.items()
+        }
+        found = [
+            (channel.topic, "" if kind is None else kind.name, json.loads(message.data))
+            for kind, channel, message in reader.iter_messages()
+        ]
+    return counts, found
+
+
+def record(path: Path, what: Sequence[object], *, limit: float = float("inf")) -> tuple[Written, Path]:
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES), limit=limit)
+        writer.begin()
+        for item in unpacked(packed(what)):
+            writer.add(item)
+        return writer.close(), path
+
+
+def test_every_message_is_as_its_schema_says_and_every_topic_is_there(tmp_path: Path) -> None:
+    written, path = record(tmp_path / "a.mcap", everything())
+    counts, found = read(path)
+    assert counts == written.counts == Counter(topic for topic, _, _ in found)
+    assert set(counts) == set(SCHEMAS)
+    for topic, name, message in found:
+        assert name == SCHEMAS[topic]
+        Draft202012Validator(json.loads(schema(name))).validate(message)
+
+
+def test_the_files_of_the_run_are_in_the_record(tmp_path: Path) -> None:
+    _, path = record(tmp_path / "a.mcap", items())
+    with path.open("rb") as file:
+        assert {each.name: each.data for each in make_reader(file).iter_attachments()} == FILES
+
+
+def test_times_are_those_of_the_day(tmp_path: Path) -> None:
+    _, path = record(tmp_path / "a.mcap", items())
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages(topics=["/nodes", "/log", "/camera"]):
+            t = json.loads(message.data)["t"]
+            assert message.log_time == 1_795_269_780_000_000_000 + round(t * 1e9)
+            if channel.topic == "/log":
+                stamp = json.loads(message.data)["timestamp"]
+                assert stamp["sec"] * 1_000_000_000 + stamp["nsec"] == message.log_time
+
+
+BYTES = {
+    "foxglove.CompressedImage": "70fbe8ee47f1dd11",
+    "foxglove.FrameTransform": "4ae8174a37dff91a",
+    "foxglove.ImageAnnotations": "e0571dd1a5587fa8",
+    "foxglove.LaserScan": "ed312211d4740b2c",
+    "foxglove.Log": "e4978a18822102b3",
+    "foxglove.PoseInFrame": "f31b22e3636e7e85",
+    "missiontree.ArmState": "49ef3f3d795b4f50",
+    "missiontree.BaseState": "8fd3ef2ad61a0ae3",
+    "missiontree.CommandSent": "f15a84eed88cfc56",
+    "missiontree.DeviceStates": "166adb823a29edf2",
+    "missiontree.Ended": "5a563e659140dd30",
+    "missiontree.FaultRaised": "87eec441ff12ec5d",
+    "missiontree.Feedback": "6cbe036df32a22d6",
+    "missiontree.HeadState": "e7729d6de394dcd9",
+    "missiontree.Lost": "6fca371329333c73",
+    "missiontree.Mission": "acf9db7437e47ac9",
+    "missiontree.Moment": "8d3eb8c515d51be1",
+    "missiontree.NodeChanged": "896fb1b52e54b55a",
+    "missiontree.Notified": "e629c1c518a64580",
+    "missiontree.ReflexFired": "47856797088415b8",
+    "missiontree.VariableSet": "4bc47aee0f155793",
+    "missiontree.View": "06fcbf47dbe376b1",
+}
+"""The beginnings of the SHA-256 of the schemas in records of format 1."""
+
+
+@pytest.mark.parametrize("name", BYTES)
+def test_schemas_are_schemas_and_stay_as_old_readers_know_them(name: str) -> None:
+    described = json.loads(schema(name))
+    Draft202012Validator.check_schema(described)
+    assert described["title"] == name
+    assert hashlib.sha256(schema(name)).hexdigest()[:16] == BYTES[name]
+
+
+def test_all_schemas_are_used_and_no_others() -> None:
+    assert set(SCHEMAS.values()) == {*BYTES} == {*OURS, *FOXGLOVE}
+
+
+def test_schemas_have_the_fields_of_what_they_describe() -> None:
+    kinds = {SCHEMAS[topic]: getattr(events, name) for name, topic in EVENTS.items() if name != "Logged"}
+    for name, kind in {**kinds, "missiontree.Mission": Head, "missiontree.Moment": type(moments()[0])}.items():
+        assert set(json.loads(schema(name))["properties"]) == {field.name for field in fields(kind)}, name
+
+
+ASKED = {
+    "Log": {"timestamp", "level", "message", "name", "file", "line"},
+    "CompressedImage": {"timestamp", "frame_id", "data", "format"},
+    "ImageAnnotations": {"circles", "points", "texts"},
+    "FrameTransform": {"timestamp", "parent_frame_id", "child_frame_id", "translation", "rotation"},
+    "PoseInFrame": {"timestamp", "frame_id", "pose"},
+    "LaserScan": {"timestamp", "frame_id", "pose", "start_angle", "end_angle", "ranges", "intensities"},
+}
+"""As Foxglove documents them."""
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_messages_for_foxglove_have_all_that_it_asks_for(name: str) -> None:
+    assert set(json.loads(schema(f"foxglove.{name}"))["required"]) >= ASKED[name]
+
+
+class Disk:
+    """A disk that is full for a while: a piece of what is written comes into the file before that fails."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.full = False
+        self._write = os.write
+        monkeypatch.setattr("missions.records.recording.sink.os.write", self.write)
+
+    def write(self, number: int, data: memoryview) -> int:
+        if not self.full:
+            return self._write(number, data)
+        if len(data) <= 100:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return self._write(number, data[: len(data) - 100])
+
+
+def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, disk = tmp_path / "a.mcap", Disk(monkeypatch)
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
+        writer.begin()
+        expected: Counter[str] = Counter()
+        given = [replace(moments()[0], tick=tick, t=tick / 20) for tick in range(1, 151)]
+        for number, item in enumerate(given):
+            writer.add(item)
+            if number % 10 == 9:
+                disk.full = 50 <= number < 100
+                before = Counter(writer.lost)
+                writer.flush()
+                if disk.full:
+                    assert (writer.lost - before)["/moments"] == 10
+                    expected = Counter(writer.lost)
+        written = writer.close()
+    assert written.lost == expected
+    assert written.lost["/moments"] == 50
+    assert "No space left" in written.why
+    assert not written.whole
+    mend(path)
+    counts, found = read(path)
+    assert counts == written.counts
+    assert counts["/moments"] == len(given) - 50
+    told: Counter[str] = Counter()
+    for topic, _, message in found:
+        if topic == "/lost":
+            told.update(message["counts"])
+    assert told == expected
+
+
+def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, write = tmp_path / "a.mcap", os.write
+
+    def nearly_full(number: int, data: memoryview) -> int:
+        if len(data) > 1000:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(number, data)
+
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
+        writer.begin()
+        monkeypatch.setattr("missions.records.recording.sink.os.write", nearly_full)
+        writer.add(Picture(1.0, os.urandom(5000), None))
+        written = writer.close()
+    assert written.lost == {"/camera": 1}
+    mend(path)
+    assert [message["counts"] for topic, _, message in read(path)[1] if topic == "/lost"] == [{"/camera": 1}]
+
+
+def test_chunks_after_a_hole_can_be_read_without_the_one_that_is_missing(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", moments(), every=10)
+    answers = [message["answers"] for topic, _, message in read(path)[1] if topic == "/moments"]
+    for first in range(0, len(answers), 10):
+        assert all(len(answer) == 4 for answer in answers[first])
+
+
+def test_a_disk_that_is_full_from_the_beginning_is_an_error_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Disk(monkeypatch).full = True
+    with (tmp_path / "a.mcap").open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
+        RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES)).begin()
+    assert (tmp_path / "a.mcap").stat().st_size == 0
+
+
+def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
+    picture = Picture(1.0, os.urandom(20_000), None)
+    written, path = record(
+        tmp_path / "a.mcap", [replace_stamp(picture, number / 5) for number in range(100)], limit=5e5
+    )
+    assert written.whole
+    assert written.ended is not None
+    assert 1.0 < written.ended < 15.0
+    assert not written.lost
+    assert 3e5 < path.stat().st_size < 5.4e5
+    assert read(path)[0] == written.counts
+    assert open_record(path).full
+    assert any("not recorded: it had reached its limit" in line for line in lines_about(open_record(path)))
+
+
+def replace_stamp(picture: Picture, t: float) -> Picture:
+    return picture._replace(t=t)
+
+
+def test_what_was_missed_elsewhere_is_told_in_the_record(tmp_path: Path) -> None:
+    written, path = record(tmp_path / "a.mcap", [*items(), Missed({"/nodes": 2}, "too slow")])
+    assert written.lost == {"/camera": 3, "/nodes": 2}
+    assert written.whole
+    (message,) = (message for topic, _, message in read(path)[1] if topic == "/lost")
+    assert message["counts"] == {"/camera": 3, "/nodes": 2}

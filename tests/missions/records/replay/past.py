@@ -1,0 +1,63 @@
+"""Records in memory: what was told of a run, without a file."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import pytest
+
+from missions.executive.events import Event
+from missions.executive.tick_record import TickRecord
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.testing import stage
+from missions.testing.stage import IN_PROCESS, Stage
+from missions.testing.suite import Case
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.drawing import Drawing
+
+
+@dataclass
+class Past:
+    """What ``missions.records.replay.rerun`` needs to know of a run."""
+
+    runner: Runner
+    events: Sequence[Event]
+    moments: list[TickRecord] = field(default_factory=list)
+    whole: bool = True
+
+    def drawing(self) -> Drawing:
+        """The tree as it was."""
+        return drawing_of(self.runner.plan)
+
+
+def past_of(
+    order: RunRequest, *, act: Callable[[Runner, TickRecord], None] | None = None, lag: float | None = None
+) -> Past:
+    """Run an order to its end, and remember it. After each moment, ``act`` may do something to the run.
+
+    ``lag`` is what earlier runs had learnt of the base's.
+    """
+    events: list[Event] = []
+    moments: list[TickRecord] = []
+
+    def remember(moment: TickRecord) -> None:
+        moments.append(moment)
+        if act is not None:
+            act(runner, moment)
+
+    runner = Runner(order, listeners=[events.append], limits=IN_PROCESS, on_moment=remember)
+    if lag is not None:
+        runner.assembled.robot.lag.believe(lag, learnt=True)
+    runner.run()
+    return Past(runner, events, moments)
+
+
+def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> Past:
+    """Play a case of a test file with true eyes, which are quick, and remember it."""
+    moments: list[TickRecord] = []
+    with patch.context() as patched:
+        patched.setattr(stage, "Runner", partial(Runner, on_moment=moments.append))
+        played = Stage(replace(case, eyes="truth"), IN_PROCESS)
+        runner = played.run()
+    return Past(runner, played.history.events, moments)

@@ -1,0 +1,240 @@
+"""Records of somebody who means harm: nothing of them is run, nothing waits for them, and what is wrong is told."""
+
+import json
+import os
+import signal
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
+from missions.records.recording.head import Contents, Head
+from missions.records.recording.items import Picture, Seen, packed, unpacked
+from missions.records.recording.sink import Sink
+from missions.records.recording.topics import Message
+from missions.records.recording.writer import RecordWriter
+from missions.views.pictures.tree_json import to_json
+from perception.api import View
+from tests.missions.command import command
+from tests.missions.records.recording.small_record import HEAD, TREE, Item, face, items, moments
+from tests.missions.records.report.told_record import picture as small_picture
+
+COMMAND_TIMEOUT = 20.0
+"""Seconds that one command may take with one record: none takes a tenth of that."""
+
+MISSION = b"mission: greet\ntree: {sequence: [{wait: 1 s}]}\n"
+ROBOT = (Path(__file__).parents[4] / "config/robots/turtlebot2.yaml").read_bytes()
+FILES: Mapping[str, bytes] = {"mission/greet.yaml": MISSION, "robot/turtlebot2.yaml": ROBOT}
+
+ESCAPES = "\x1b]0;owned\x07\x1b[2J\x9b31m\x85\u202etxt\u2066\x7f\r\nmission: success"
+"""What a terminal would obey: its title, its screen, its colours, the order of letters, lines that seem to be ours."""
+
+PATHS = ("/dev/zero", "/dev/full", "/dev/tty", "/proc/self/mem", "/proc/kmsg", "/", "FIFO", "/dev/stdin", "/etc/shadow",
+         "x" * 5000, "nul\0", "~/.ssh/id_rsa", "../../../../../../dev/zero")  # fmt: skip
+"""Where a record says that its files were."""
+
+NAMES = ("../../evil", "/evil", "mission/../../../evil", "..", "/", "", ".", "a" * 300, "nul\0.py", "\x1b[2Jevil",
+         "mission/greet.yaml/below", "tree.json/below", "//evil", "C:\\evil")  # fmt: skip
+"""How attached files are called."""
+
+
+def evil(folder: Path) -> str:
+    """Return Python that leaves a mark when it is run."""
+    return f"open({str(folder / 'RUN')!r}, 'w').close()\n"
+
+
+def write(
+    path: Path,
+    *,
+    head: Head = HEAD,
+    files: Mapping[str, bytes] = FILES,
+    tree: bytes | None = None,
+    what: Sequence[Item] | None = None,
+    raw: Sequence[Message] = (),
+) -> Path:
+    """Write a record as a run would, with ``raw`` messages at its end; return its path."""
+    contents = Contents(head, files, json.dumps(to_json(TREE)).encode() if tree is None else tree)
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), contents)
+        writer.begin()
+        for item in unpacked(packed(items() if what is None else what)):
+            writer.add(item)
+        for message in raw:
+            writer._put(message)
+        writer.flush()
+        assert writer.close().whole
+    return path
+
+
+def hostile_items() -> list[Item]:
+    """Return what happened, with escapes in every text."""
+    return [
+        NodeChanged(0.05, 1, "1", ESCAPES, ESCAPES, 3, "running", ""),
+        NodeChanged(0.1, 1, "1.1", ESCAPES, ESCAPES, 3, "failure", ESCAPES),
+        VariableSet(0.1, 1, ESCAPES, ESCAPES, ESCAPES),
+        FaultRaised(0.1, ESCAPES, ESCAPES, ESCAPES, ESCAPES),
+        Logged(0.2, ESCAPES, ESCAPES),
+        *moments(),
+        Ended(4.0, ESCAPES, "failure", ESCAPES, 4.0, 80),
+    ]
+
+
+def picture(width: int, height: int) -> bytes:
+    """Return a JPEG whose header says that it is so large."""
+    found = bytearray(small_picture(9))
+    at = found.index(b"\xff\xc0") + 5
+    found[at : at + 4] = height.to_bytes(2) + width.to_bytes(2)
+    return bytes(found)
+
+
+def raw(topic: str, data: object) -> Message:
+    return Message(topic, 1.0, data if isinstance(data, bytes) else json.dumps(data).encode())
+
+
+def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield what each record is about, and how it is written."""
+    code = {"behaviours/mine.py": evil(folder).encode()}
+    named = replace(HEAD, behaviours=("behaviours/mine.py",))
+    script = folder / "here.py"
+    script.write_text(evil(folder))
+    yield "code of its own", {"head": named, "files": {**FILES, **code}}
+    yield "code of this machine", {"head": replace(named, paths={"behaviours/mine.py": str(script)})}
+    yield (
+        "code behind another name",
+        {
+            "head": replace(named, paths={"behaviours/mine.py": str(script)}),
+            "files": {**FILES, **code, "behaviours/../mine.py": b""},
+        },
+    )
+    yield "code as a mission", {"head": replace(HEAD, behaviours=("mission/greet.yaml",))}
+    yield "code outside", {"head": replace(HEAD, behaviours=(str(script), "../../here.py"))}
+    yield "code as the robot", {"head": replace(HEAD, robot=str(script)), "files": {"mission/greet.yaml": MISSION}}
+    for n, path in enumerate(PATHS):
+        place = str(folder / path) if path == "FIFO" else path
+        yield f"all files of {place:.20}", {"head": replace(HEAD, paths=dict.fromkeys(FILES, place))}
+        if n < 8:
+            yield (
+                f"robot {place:.20}",
+                {
+                    "head": replace(HEAD, robot=place, file=place),
+                    "files": {"mission/greet.yaml": MISSION},
+                },
+            )
+    for name in NAMES:
+        yield f"a file called {name:.20}", {"files": {**FILES, name: b"evil"}}
+    inner = "mission: greet\ntree: {{sequence: [{}]}}\n"
+    for what in ("mission: FIFO", "gesture: FIFO", "play: FIFO", "mission: /dev/zero", "play_sound: /dev/zero"):
+        text = inner.format("{" + what.replace("FIFO", str(folder / "FIFO")) + "}")
+        yield what, {"files": {**FILES, "mission/greet.yaml": text.encode()}}
+    model = ROBOT + f"\n  detector: yunet\n  model: {folder / 'FIFO'}\n".encode()
+    yield "a model that is a pipe", {"files": {**FILES, "robot/turtlebot2.yaml": model}}
+    for width, height in ((65500, 65500), (65500, 1), (20000, 20000)):
+        shown = [Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)]
+        pictures = [Picture(float(second), picture(width, height), None) for second in range(4)]
+        yield f"pictures of {width} x {height}", {"what": [*moments(), *shown, *pictures]}
+    texts = replace(
+        HEAD, mission=ESCAPES, file=ESCAPES, robot=ESCAPES, world=ESCAPES, params={ESCAPES: ESCAPES},
+        versions={ESCAPES: ESCAPES}, command=(ESCAPES,), paths={"mission/greet.yaml": ESCAPES},
+        behaviours=(ESCAPES,), mocks=(),
+    )  # fmt: skip
+    yield "escapes in its head", {"head": texts, "files": {**FILES, ESCAPES: b""}}
+    yield "escapes as mocks", {"head": replace(HEAD, mocks=(ESCAPES,))}
+    tree = json.dumps(to_json(TREE)).replace("look_for", json.dumps(ESCAPES)[1:-1]).encode()
+    yield "escapes in what happened", {"what": hostile_items(), "tree": tree}
+    deep = b"[" * 100_000 + b"]" * 100_000
+    for topic in ("/nodes", "/moments", "/percepts", "/camera", "/variables", "/lost", "/state/base"):
+        yield f"deep JSON in {topic}", {"raw": [raw(topic, deep)]}
+    yield "a deep tree", {"tree": deep}
+    nested = written = json.dumps(to_json(TREE))
+    box = written[written.index('{"key": "1.1"') : -3]
+    for _ in range(300):
+        nested = nested.replace('"children": []', f'"children": [{box}]')
+    yield "a tree of 300 levels", {"tree": nested.encode()}
+    yield "a tree that is none", {"tree": b'{"root": 7}'}
+    yield "a number of a million digits", {"raw": [raw("/nodes", b"9" * 1_000_000)]}
+    stamps: tuple[object, ...] = ("../../evil", 1e308, [], None, -1e18, "9" * 400)
+    for stamp in stamps:
+        yield (
+            f"a picture of time {stamp!s:.12}",
+            {"raw": [raw("/camera", {"t": stamp, "data": "AAAA", "gaze": None})]},
+        )
+    for times in (1e300, float("inf"), -1e300):
+        data = json.dumps({"t": times, "tick": 1, "node": "1", "name": "a", "kind": "b", "line": 1, "status": "failure",
+                           "reason": ""}).encode()  # fmt: skip
+        yield f"a node at {times}", {"raw": [raw("/nodes", data)]}
+    array = {"t": 1.0, "counts": {"/nodes": {"$": "array", "of": {"dtype": "O", "shape": [1], "data": "AAAAAAAAAAA="}}}}
+    yield "an array of objects", {"raw": [raw("/lost", array), raw("/variables", {**array, "tick": 1})]}
+    yield "a rate of 0", {"head": replace(HEAD, rate=0.0)}
+    yield "a rate of 1e308", {"head": replace(HEAD, rate=1e308)}
+    yield "60 MB of blanks", {"raw": [raw("/nodes", b" " * 60_000_000)]}
+
+
+DECIDE = (("replay", "R", "--rerun"), ("replay", "R", "--rerun", "--recorded"), ("replay", "R", "--see"))
+TAKE_OUT = (
+    ("record", "info", "R"),
+    ("record", "export", "R", "--folder", "OUT/folder", "--jsonl", "OUT/lines.jsonl"),
+)
+LOOK = (
+    ("record", "cut", "R", "1s", "2s", "-o", "OUT/piece.mcap"),
+    ("replay", "R"),
+    ("replay", "R", "--frames", "OUT/frames"),
+    ("show", "R", "--at", "2s"),
+    ("report", "R", "-o", "OUT/report.html"),
+    ("stats", "R"),
+)
+
+
+@contextmanager
+def within(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError where something takes longer."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def fault_of(capsys: pytest.CaptureFixture[str], words: Sequence[str], record: Path, out: Path) -> str:
+    """Run a command on a record; return what is wrong with how it took that."""
+    there = set(record.parent.iterdir())
+    try:
+        with within(COMMAND_TIMEOUT):
+            outcome = command(
+                capsys, *(str(record) if word == "R" else word.replace("OUT", str(out)) for word in words)
+            )
+    except TimeoutError:
+        return "hangs"
+    said = (outcome.out + outcome.err).strip()
+    if outcome.code not in (0, 1, 2) or (outcome.code == 2 and not said):
+        return f"exits with {outcome.code}: {said[-300:]}"
+    return "" if set(record.parent.iterdir()) == there else "leaves something beside the record"
+
+
+def test_nothing_of_a_malicious_record_is_run_or_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "FIFO")
+    wrong = []
+    for number, (about, how) in enumerate(made(tmp_path)):
+        place = tmp_path / f"{number}"
+        place.mkdir()
+        record = write(place / "evil.mcap", **how)
+        for words in (*TAKE_OUT, *(DECIDE if {"head", "files"} & how.keys() else LOOK)):
+            out = Path(tempfile.mkdtemp(dir=tmp_path))
+            if fault := fault_of(capsys, words, record, out):
+                wrong.append(f"{about}: {' '.join(words)} {fault}")
+        if (tmp_path / "RUN").exists():
+            wrong.append(f"{about}: its code was run")
+            (tmp_path / "RUN").unlink()
+    assert not (tmp_path.parent / "evil").exists()
+    assert not wrong, "\n".join(wrong)
+    assert number >= 60

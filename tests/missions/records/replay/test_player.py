@@ -1,0 +1,189 @@
+"""Playing a record in the terminal: what each key does, and what is to be seen."""
+
+import re
+from io import StringIO
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from missions.executive.events import Logged, Notified
+from missions.records.recording.read import Record
+from missions.records.replay.play import JUMP, Player
+from missions.records.replay.screen import Screen, lines, said
+
+KEYS = [
+    " ",
+    "left",
+    "right",
+    "up",
+    "down",
+    ".",
+    ",",
+    "f",
+    "F",
+    "/",
+    "n",
+    "N",
+    "5",
+    "x",
+    "enter",
+    "escape",
+    "\x7f",
+    "other",
+]
+
+
+def shown(record: Record, player: Player, height: int = 40) -> list[str]:
+    """Return the lines on the screen."""
+    console = Console(width=100, height=height, color_system=None, file=StringIO())
+    with console.capture() as captured:
+        console.print(Screen(record).draw(player, height))
+    return captured.get().splitlines()
+
+
+def test_it_plays_at_its_speed_and_pauses_at_the_end(greeted: Record) -> None:
+    player = Player(greeted, at=1.0, speed=2.0)
+    player.go_on(1.5)
+    assert player.time == pytest.approx(4.0)
+    player.go_on(1000.0)
+    assert (player.time, player.playing) == (greeted.until, False)
+
+
+def test_space_pauses_and_goes_on_and_begins_anew_at_the_end(greeted: Record) -> None:
+    player = Player(greeted, at=1.0)
+    player.press(" ")
+    player.go_on(1.0)
+    assert player.time == 1.0
+    player.press(" ")
+    player.go_on(1.0)
+    assert player.time == 2.0
+    player.go_on(1000.0)
+    player.press(" ")
+    assert (player.time, player.playing) == (0.0, True)
+
+
+def test_arrows_jump_and_change_the_speed(greeted: Record) -> None:
+    player = Player(greeted)
+    player.press("right")
+    assert player.time == JUMP
+    player.press("left")
+    assert player.time == 0.0
+    player.press("up")
+    assert player.speed == 2.0
+    player.press("down")
+    player.press("down")
+    assert player.speed == 0.5
+
+
+def test_digits_go_to_tenths(greeted: Record) -> None:
+    player = Player(greeted)
+    player.press("3")
+    assert player.time == pytest.approx(0.3 * greeted.until)
+
+
+def test_comma_and_point_go_from_tick_to_tick(greeted: Record) -> None:
+    player = Player(greeted)
+    times = [moment.t for moment in greeted.moments]
+    player.press(".")
+    first = player.time
+    player.press(".")
+    assert [first, player.time] == times[:2]
+    player.press(",")
+    assert player.time == times[0]
+    assert not player.playing
+
+
+def test_f_goes_from_failure_to_failure(alone: Record) -> None:
+    player = Player(alone)
+    times = sorted({failure.t for failure in alone.failures()})
+    assert times
+    for time in times:
+        player.press("f")
+        assert player.time == time
+    player.press("f")
+    assert player.note == "no failure after this"
+    player.press("F")
+    assert player.time < times[-1] or player.note == "no failure before this"
+
+
+def test_what_was_said_is_found(greeted: Record) -> None:
+    player = Player(greeted)
+    for key in ["/", *"hellX", "\x7f", "o", "enter"]:
+        player.press(key)
+    assert player.time == next(event.t for event in greeted.search("hello") if event.t > 0.0)
+    player.press("/")
+    for key in [*"no such thing", "enter"]:
+        player.press(key)
+    assert player.note == "no 'no such thing' after this"
+
+
+def test_escape_leaves_a_search(greeted: Record) -> None:
+    player = Player(greeted)
+    player.press("/")
+    player.press("q")
+    assert player.typing == "q"
+    player.press("escape")
+    assert player.press("q") is False
+
+
+@given(st.lists(st.sampled_from(KEYS), max_size=30))
+def test_whatever_is_pressed_it_stays_within_the_record(greeted: Record, keys: list[str]) -> None:
+    player = Player(greeted)
+    for key in keys:
+        assert player.press(key)
+        player.go_on(0.1)
+        assert 0.0 <= player.time <= greeted.until
+
+
+def test_the_screen_shows_the_tree_with_signs_reasons_and_variables(greeted: Record) -> None:
+    time = next(event.t for event in greeted.events if getattr(event, "kind", "") == "gesture")
+    rows = shown(greeted, Player(greeted, at=time + 0.1))
+    text = "\n".join(rows)
+    assert rows[0].startswith("greet  ▶")
+    assert any("▶ gesture: hello" in row for row in rows)
+    assert any("✓ find_face" in row and "[timeout: ${patience}" in row for row in rows)
+    assert any("○" in row for row in shown(greeted, Player(greeted)))
+    assert "greeting = Hello!" in text
+    assert 'robot: "Hello!"' in text
+    assert "q quit" in rows[-1]
+
+
+def test_a_failure_shows_why(alone: Record) -> None:
+    player = Player(alone)
+    player.press("f")
+    assert any("✗" in row and "no face found" in row for row in shown(alone, player))
+
+
+def test_notices_are_told() -> None:
+    assert said(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
+
+
+def test_people_are_told_by_name() -> None:
+    assert said(Logged(1.0, "person", "Anna: yes: please")) == 'Anna: "yes: please"'
+    assert said(Logged(1.0, "voice", "Is it: you?")) == 'robot: "Is it: you?"'
+    assert said(Logged(1.0, "warning", "base: slow")) == "warning: base: slow"
+
+
+def test_who_is_seen_is_told_in_words_and_not_as_python_writes_it(greeted: Record) -> None:
+    told = [line for line in lines(greeted, 0.0) if "    person = " in line]
+    assert len(told) == 1  # and not again in each picture
+    assert re.search(r"person = face 1, \d\.\d m, \d+° (left|right)$", told[0])
+    assert any("  person = face 1, " in row for row in shown(greeted, Player(greeted, at=greeted.until)))
+
+
+def test_a_small_terminal_shows_what_runs(greeted: Record) -> None:
+    time = next(event.t for event in greeted.events if getattr(event, "kind", "") == "gesture")
+    rows = shown(greeted, Player(greeted, at=time + 0.1), height=12)
+    assert len(rows) <= 12
+    assert any("▶ gesture" in row for row in rows)
+
+
+def test_without_a_terminal_there_is_a_line_for_each_change(alone: Record) -> None:
+    told = list(lines(alone, 0.0))
+    assert any("▶ running  find_face (line 11)" in line for line in told)
+    assert any("✗ failure  timeout 'find_face' (line 12): no face found (timed out after 2 s)" in line for line in told)
+    late = list(lines(alone, 1.5))
+    assert 0 < len(late) < len(told)
+    assert told[-len(late) :] == late

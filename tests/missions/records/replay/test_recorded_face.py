@@ -1,0 +1,79 @@
+"""The robot's face beside the pictures of films, live and out of a record."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api import Mood, Shown
+from drivers.screen.expression import expression
+from drivers.screen.frame import frame
+from missions.cli.root import guarded, mission
+from missions.records.recording.read import Record, open_record
+from missions.records.replay.face import RecordedFace
+from missions.records.replay.frames import annotated
+
+MOODS = """
+mission: moods
+tree:
+  sequence:
+    - face_seen:
+      on_failure: succeed
+    - face: happy
+    - wait: 1 s
+    - show: Hello Anna!
+    - wait: 1 s
+    - {face: sad}
+    - wait: 1 s
+"""
+SMALL = (160, 240)
+
+
+def run(folder: Path, text: str, *more: str) -> Record:
+    """Run a mission in simulated time, and return its record."""
+    (folder / "moods.yaml").write_text(text, encoding="utf-8")
+    words = ("run", "moods.yaml", "--simulate", "fast", "--record", "moods.mcap", *more)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert guarded(lambda: mission.main(list(words), standalone_mode=False)) == 0
+    return open_record(folder / "moods.mcap")
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    """A record of a run with a face, and ``film.avi`` beside it."""
+    return run(tmp_path_factory.mktemp("moods"), MOODS, "--film", "film.avi")
+
+
+@pytest.mark.parametrize(
+    ("time", "shown"),
+    [(0.6, Shown(Mood.HAPPY)), (1.6, Shown(Mood.HAPPY, "Hello Anna!")), (2.6, Shown(Mood.SAD, "Hello Anna!"))],
+)
+def test_a_record_tells_how_the_face_was_at_any_time(kept: Record, time: float, shown: Shown) -> None:
+    face = RecordedFace(kept)
+    assert face
+    assert np.array_equal(face.at(time, SMALL), frame(expression(shown, time), shown.text, SMALL))
+
+
+def test_frames_of_a_record_have_the_face_beside_them(kept: Record) -> None:
+    pictures = list(annotated(kept))
+    assert pictures
+    for stamp, picture in pictures:
+        assert np.array_equal(picture[:480, 640:], RecordedFace(kept).at(stamp, (320, 480)))
+
+
+def test_without_a_face_there_is_none_in_the_frames(tmp_path: Path) -> None:
+    plain = run(tmp_path, "mission: plain\ntree: {sequence: [{face_seen: {}, on_failure: succeed}, wait: 1 s]}")
+    assert not RecordedFace(plain)
+    assert {picture.shape[1] for _, picture in annotated(plain)} == {640}
+
+
+def test_a_film_of_a_run_has_the_face_too(kept: Record) -> None:
+    film = cv2.VideoCapture(str(Path(kept.path).with_name("film.avi")))
+    assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (1600, 480)
+    film.set(cv2.CAP_PROP_POS_FRAMES, 36)  # at 2.9 s or so
+    _, picture = film.read()
+    film.release()
+    sad = frame(expression(Shown(Mood.SAD, "Hello Anna!"), 2.88), "Hello Anna!", (320, 480))
+    assert np.abs(picture[:, -320:].astype(int) - sad).mean() < 3.0

@@ -1,0 +1,202 @@
+"""``mission replay``: what it says, what it writes, and with which exit code."""
+
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+from click.testing import CliRunner, Result
+
+from missions.cli.replay import command
+from missions.library.shipped import shipped_missions
+from missions.order import RunRequest
+from missions.records.recording.faults import InvalidRecordError
+from missions.records.recording.read import Record
+from tests.missions.records.replay.written import record_of
+from tests.waiting import wait_until
+
+GREET = shipped_missions()["greet"].read_text()
+
+RUN = "import sys; from missions.cli.replay import command as c; sys.exit(c(standalone_mode=False))"
+"""The command as a process of its own."""
+
+
+def replay(*arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(each) for each in arguments], standalone_mode=False)
+
+
+def refused(*arguments: object) -> str:
+    """Return why the command does not even begin."""
+    return str(CliRunner().invoke(command, [str(each) for each in arguments]).output)
+
+
+def test_an_unchanged_mission_exits_with_0(greeted: Record) -> None:
+    result = replay(greeted.path, "--rerun")
+    assert result.return_value == 0
+    assert result.output == f"{len(greeted.moments)} ticks decided again, 12 nodes compared: no difference\n"
+
+
+def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: Record, tmp_path: Path) -> None:
+    mission = tmp_path / "greet.yaml"
+    mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
+    result = replay(greeted.path, "--rerun", "--mission", mission)
+    assert result.return_value == 1
+    assert re.search(r"first difference in tick \d+, at \d+\.\d+ s\n  face_centred \(1\.2\.2\.1\.1\)", result.output)
+    assert "then  greet.yaml:17  success" in result.output
+    assert re.search(r"now   \S+/greet\.yaml:17  failure \(the face is .* deg off\)", result.output)
+    assert "nowhere recorded" in result.output
+
+
+def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_be_had(tmp_path: Path) -> None:
+    mission = tmp_path / "mine.yaml"
+    mission.write_text(GREET)
+    record = record_of(RunRequest(str(mission), simulate="fast", eyes="truth"), tmp_path / "mine.mcap")
+    mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
+    result = replay(record.path, "--rerun")
+    assert result.output.splitlines()[0] == f"{mission} has changed since"
+    assert result.return_value == 1
+    assert replay(record.path, "--rerun", "--recorded").return_value == 0
+    mission.unlink()
+    result = replay(record.path, "--rerun")
+    assert result.output.splitlines()[0] == f"{mission} is gone since"
+    assert result.return_value == 0
+
+
+def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: Path) -> None:
+    mark, leaf, mission = tmp_path / "RUN", tmp_path / "mine.py", tmp_path / "mine.yaml"
+    plain = "from behaviours.leaf import SUCCESS, Leaf\n\nclass Mine(Leaf):\n    word = 'mine'\n"
+    leaf.write_text(f"{plain}    def update(self):\n        return SUCCESS\n")
+    mission.write_text("mission: mine\ntree: {sequence: [mine, wait: 1 s]}\n")
+    order = RunRequest(str(mission), simulate="fast", eyes="truth", behaviours=[leaf])
+    path = record_of(order, tmp_path / "mine.mcap").path
+    size = leaf.stat().st_size
+    leaf.write_text(f"open({str(mark)!r}, 'w').close()\n{leaf.read_text()}")
+    said = refused(path, "--rerun")
+    assert f"holds Python that would be run:\n  behaviours/mine.py, {size} bytes, of {leaf}\n" in said
+    assert f"try: mission record export {path} --folder FOLDER" in said
+    result = replay(path, "--rerun", "--trust-code")
+    assert f"running the Python of {path}:\n  behaviours/mine.py, {size} bytes" in result.output
+    assert result.return_value == 0
+    assert not mark.exists()
+    assert replay(path, "--rerun", "--behaviours", leaf).return_value == 0
+    assert mark.exists()
+
+
+def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
+    record = record_of(RunRequest("look_around", simulate="fast", eyes="truth"), tmp_path / "look_around.mcap")
+    mission = tmp_path / "wave.yaml"
+    mission.write_text("mission: wave\ntree:\n  sequence:\n    - gesture: hello\n")
+    result = replay(record.path, "--rerun", "--mission", mission)
+    assert result.return_value == 2
+    assert "gesture (line 4) asks for arm.limits, which it has never heard" in result.output
+
+
+def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: Record, tmp_path: Path) -> None:
+    mission = tmp_path / "wave.yaml"
+    mission.write_text("mission: wave\ntree:\n  drive: {distance: 1 m}\n")
+    result = replay(greeted.path, "--rerun", "--mission", mission)
+    assert result.return_value == 2
+    assert "nothing to compare" in result.output
+
+
+def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: Path) -> None:
+    mission = tmp_path / "greet.yaml"
+    mission.write_text(GREET.replace("find_face", "find_fase"))
+    assert "did you mean 'find_face'?" in str(replay(greeted.path, "--rerun", "--mission", mission).exception)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--rerun", "--see"], "one of --frames, --rerun and --see"),
+        (["--recorded"], "add --rerun or --see"),
+        (["--at", "12"], "has no unit"),
+        (["--frames", "out.mp4"], "has no pictures"),
+        (["--see"], "has no pictures"),
+        (["--frames", "no/such/folder/out.mp4"], "no such folder"),
+        (["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.webm"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_words(
+    greeted: Record, arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(greeted.path, *arguments)
+
+
+def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "greet.mcap"
+    path.write_text("mission: greet\n")
+    with pytest.raises(InvalidRecordError, match="no record"):
+        CliRunner().invoke(command, [str(path), "--rerun"], catch_exceptions=False)
+
+
+def test_without_a_terminal_it_writes_lines(greeted: Record) -> None:
+    result = replay(greeted.path, "--at", "1 s")
+    assert result.return_value == 0
+    assert any("✓ success  find_face" in line for line in result.output.splitlines())
+
+
+def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: Record, tmp_path: Path) -> None:
+    out = tmp_path / "out.webm"
+    assert replay(pictured.path, "--frames", out).return_value == 0
+    stamps = [stamp for stamp, _ in pictured.frames()]
+    film = cv2.VideoCapture(str(out))
+    try:
+        count, rate = film.get(cv2.CAP_PROP_FRAME_COUNT), film.get(cv2.CAP_PROP_FPS)
+        seen, picture = film.read()
+    finally:
+        film.release()
+    assert seen
+    assert count / rate == pytest.approx(stamps[-1] - stamps[0], abs=0.2)
+    assert picture.shape[0] > 480  # the strip below
+
+
+def test_frames_become_pictures_in_a_folder(pictured: Record, tmp_path: Path) -> None:
+    assert replay(pictured.path, "--frames", tmp_path / "out").return_value == 0
+    assert len(list((tmp_path / "out").glob("*.jpg"))) == len(list(pictured.frames()))
+
+
+def test_todays_eyes_find_what_was_found_then(pictured: Record) -> None:
+    result = replay(pictured.path, "--see")
+    assert result.return_value == 0
+    assert re.search(r"\d+ pictures searched again: 1 found as then, 0 lost, 0 new\n  found  face", result.output)
+
+
+@pytest.mark.real_time
+def test_keys_play_it_at_a_terminal(greeted: Record) -> None:
+    master, slave = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, str(greeted.path)], stdin=slave, stdout=slave, stderr=slave, env=environment
+    )
+    os.close(slave)
+    text = ""
+
+    def shows(words: str) -> bool:
+        nonlocal text
+        while select.select([master], [], [], 0.0)[0]:
+            try:
+                text += os.read(master, 4096).decode(errors="replace")
+            except OSError:  # it has ended
+                break
+        return words in text
+
+    try:
+        wait_until(lambda: shows("find_face"))
+        os.write(master, b"/")
+        wait_until(lambda: shows("search: _"))
+        os.write(master, b"hello\r")
+        wait_until(lambda: shows("gesture: hello"))
+        os.write(master, b"q")
+        wait_until(lambda: not shows("no such words") and process.poll() is not None)
+        assert process.returncode == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(master)

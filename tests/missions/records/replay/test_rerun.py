@@ -1,0 +1,192 @@
+"""Deciding a mission again from what a record knows: nothing moves, and what is other than then is named."""
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from config.library import find
+from config.robot import RobotConfig
+from missions.executive.events import NodeChanged
+from missions.executive.tick_record import Answer, TickRecord
+from missions.library.drivers import load_robot
+from missions.library.shipped import load_mission, shipped_missions
+from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.records.replay.rerun import Rerun, rerun
+from missions.runner import Runner
+from tests.missions.records.replay.past import Past, past_of
+
+GREET = shipped_missions()["greet"]
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotConfig:
+    return load_robot(find("robots", DEFAULT_ROBOT))
+
+
+@pytest.fixture(scope="module")
+def greeting() -> Past:
+    """A run of greet that has gone well."""
+    return past_of(RunRequest("greet", simulate="fast", eyes="truth"))
+
+
+def changed(folder: Path, was: str, becomes: str) -> Path:
+    """Return greet with a piece of it changed."""
+    text = GREET.read_text()
+    assert text.count(was) == 1
+    path = folder / "greet.yaml"
+    path.write_text(text.replace(was, becomes))
+    return path
+
+
+def again(past: Past, mission: Path, robot: RobotConfig) -> Rerun:
+    return rerun(past, load_mission(str(mission), complete=True), robot)
+
+
+def test_an_unchanged_mission_decides_the_same(greeting: Past, robot: RobotConfig) -> None:
+    found = again(greeting, GREET, robot)
+    assert found.same
+    assert found.ticks == len(greeting.moments) > 100
+
+
+def test_a_changed_threshold_is_named_with_tick_node_and_line(
+    greeting: Past, robot: RobotConfig, tmp_path: Path
+) -> None:
+    mission = changed(tmp_path, "within: 5 deg", "within: 2 deg")
+    difference = again(greeting, mission, robot).difference
+    assert difference is not None
+    assert (difference.now_at.key, difference.now_at.kind) == ("1.2.2.1.1", "face_centred")
+    assert (difference.then_at.file, difference.then_at.line) == ("greet.yaml", 17)
+    assert (difference.now_at.file, difference.now_at.line) == (str(mission), 17)
+    assert (difference.then.status, difference.now.status) == ("success", "failure")
+    assert "off" in difference.now.reason
+    moment = next(moment for moment in greeting.moments if moment.tick == difference.tick)
+    assert difference.t == moment.t
+
+
+def test_a_run_that_knew_the_lag_of_its_base_is_decided_again_with_it(robot: RobotConfig) -> None:
+    past = past_of(RunRequest("follow_me", simulate="fast", eyes="truth"), lag=0.3)
+    plan = load_mission(str(shipped_missions()["follow_me"]), complete=True)
+    assert rerun(past, plan, robot, lag=0.3).same
+    assert rerun(past, plan, robot).command is not None
+
+
+def test_it_goes_on_no_further_than_the_first_difference(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
+    found = again(greeting, changed(tmp_path, "within: 5 deg", "within: 2 deg"), robot)
+    assert found.difference is not None
+    assert found.ticks == found.difference.tick < len(greeting.moments)
+
+
+def test_what_was_put_in_shifts_no_other_node(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
+    mission = changed(tmp_path, "    - find_face", "    - log: looking\n    - find_face")
+    found = again(greeting, mission, robot)
+    assert found.difference is None
+    assert found.nodes == sum(1 for _ in greeting.runner.plan.tree.walk())
+
+
+def test_a_behind_node_is_still_compared_where_its_key_is_another(
+    greeting: Past, robot: RobotConfig, tmp_path: Path
+) -> None:
+    path = changed(tmp_path, "    - find_face", "    - log: looking\n    - find_face")
+    path.write_text(path.read_text().replace("within: 5 deg", "within: 2 deg"))
+    difference = again(greeting, path, robot).difference
+    assert difference is not None
+    assert difference.then_at.key == "1.2.2.1.1"
+    assert difference.now_at.key == "1.3.2.1.1"
+    assert (difference.then_at.line, difference.now_at.line) == (17, 18)
+
+
+def test_other_words_alone_are_other_commands_and_no_other_status(
+    greeting: Past, robot: RobotConfig, tmp_path: Path
+) -> None:
+    found = again(greeting, changed(tmp_path, "say: ${greeting}", "say: Halloo"), robot)
+    assert found.command is not None
+    assert not found.same
+    assert (found.command.part, str(found.command.then), str(found.command.now)) == (
+        "voice",
+        "say(Hello!)",
+        "say(Halloo)",
+    )
+    assert found.command.by.startswith("say (line")
+
+
+def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Path) -> None:
+    looked = past_of(RunRequest("look_around", simulate="fast", eyes="truth"))
+    mission = tmp_path / "look_around.yaml"
+    mission.write_text("mission: look_around\ntree:\n  gesture: hello\n")
+    found = again(looked, mission, robot)
+    assert not found.same
+    assert found.unheard.startswith("in tick 1, at 0.0")
+    assert found.unheard.endswith("gesture (line 3) asks for arm.limits")
+
+
+def test_an_answer_that_was_another_is_a_difference(greeting: Past, robot: RobotConfig) -> None:
+    def unseen(answer: Answer) -> Answer:
+        return (*answer[:3], ()) if answer[:2] == ("sight", "faces") else answer
+
+    blind = [replace(moment, answers=[unseen(answer) for answer in moment.answers]) for moment in greeting.moments]
+    found = again(replace(greeting, moments=blind), GREET, robot)
+    assert found.difference is not None
+    assert found.difference.now_at.kind == "find_face"
+    assert found.difference.then.status == "success"
+
+
+def test_of_a_run_that_was_killed_the_last_tick_is_left_out(greeting: Past, robot: RobotConfig) -> None:
+    torn = replace(greeting, moments=greeting.moments[:50], whole=False)
+    found = again(torn, GREET, robot)
+    assert found.same
+    assert found.ticks == 49
+
+
+def test_an_interrupted_run_is_decided_again_with_its_halting(robot: RobotConfig) -> None:
+    def stop(runner: Runner, moment: TickRecord) -> None:
+        if moment.tick == 60:
+            runner.executive.stop("enough")
+
+    past = past_of(RunRequest("patrol", simulate="fast", eyes="truth"), act=stop)
+    assert [moment.kind for moment in past.moments[59:61]] == ["tick", "halt"]
+    assert again(past, shipped_missions()["patrol"], robot).same
+
+
+def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
+    def pause(runner: Runner, moment: TickRecord) -> None:
+        if moment.kind == "look":
+            runner.executive.resume()
+        elif moment.tick == 40:
+            runner.executive.pause()
+        elif moment.tick == 80:
+            runner.executive.stop("enough")
+
+    past = past_of(RunRequest("patrol", simulate="fast", eyes="truth"), act=pause)
+    assert {moment.kind for moment in past.moments} == {"tick", "look", "halt"}
+    assert again(past, shipped_missions()["patrol"], robot).same
+
+
+def test_a_run_in_real_time_is_decided_again(robot: RobotConfig) -> None:
+    def stop(runner: Runner, moment: TickRecord) -> None:
+        if moment.t > 3.0:
+            runner.executive.stop("enough")
+
+    past = past_of(RunRequest("look_around", simulate="wire"), act=stop)
+    assert len(past.moments) > 10
+    found = again(past, shipped_missions()["look_around"], robot)
+    assert found.same
+    assert found.words == 0
+
+
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(tick=st.integers(min_value=2, max_value=200), seed=st.integers(min_value=0, max_value=2**32))
+def test_a_status_that_was_another_is_found_wherever_it_is(
+    greeting: Past, robot: RobotConfig, tick: int, seed: int
+) -> None:
+    changes = [event for event in greeting.events if isinstance(event, NodeChanged) and event.tick >= tick]
+    wrong = random.Random(seed).choice(changes[:10])  # noqa: S311 - any will do
+    other = "failure" if wrong.status != "failure" else "success"
+    events = [replace(wrong, status=other) if event is wrong else event for event in greeting.events]
+    difference = again(replace(greeting, events=events), GREET, robot).difference
+    assert difference is not None
+    assert difference.then.status == other
+    assert (difference.tick, difference.then_at.key) == (wrong.tick, wrong.node)

@@ -1,0 +1,131 @@
+"""``mission report``: what it writes where, and what it says when it cannot."""
+
+import io
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from missions.cli.report import command
+from missions.cli.root import guarded
+from missions.records.recording.read import Record
+from tests.missions.views.pictures.test_document import Reader
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fonts() -> None:
+    """Have Matplotlib open its fonts before the tests: it keeps their files open."""
+    FigureCanvasAgg(figure := Figure())
+    figure.suptitle("…")
+    figure.savefig(io.BytesIO())
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a command left behind."""
+
+    exit_code: int
+    output: str
+
+
+Report = Callable[..., Told]
+
+
+@pytest.fixture
+def report(capsys: pytest.CaptureFixture[str]) -> Report:
+    """Run the command with arguments, as ``mission`` does."""
+
+    def run(*arguments: object) -> Told:
+        words = [str(each) for each in arguments]
+        code = guarded(lambda: command.main(words, standalone_mode=False))
+        printed = capsys.readouterr()
+        return Told(code, printed.out + printed.err)
+
+    return run
+
+
+def images(path: Path) -> int:
+    """Return how many pictures a page has; the newest stands beside the tree too."""
+    return sum(tag == "img" for tag, _ in Reader(path.read_text(encoding="utf-8")).tags)
+
+
+def test_a_report_is_written_where_it_is_wanted(report: Report, record: Record, tmp_path: Path) -> None:
+    told = report(record.path, "-o", tmp_path / "report.html")
+    assert (told.exit_code, told.output) == (0, f"wrote {tmp_path / 'report.html'}\n")
+    assert images(tmp_path / "report.html") == 5 + 1
+
+
+def test_else_it_is_written_beside_the_record(report: Report, record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "m.mcap"
+    path.write_bytes(record.path.read_bytes())
+    assert report(path).exit_code == 0
+    assert (tmp_path / "m_report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert not (tmp_path / "m.html").exists()  # what mission show m.yaml -o m.html has written may be there
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [("-o", "m.pdf", "a report is a page of HTML\n  try: -o "), ("--plots", "m.png", "would become a folder")],
+)
+def test_a_name_that_ends_as_something_else_is_refused(
+    report: Report, record: Record, tmp_path: Path, option: str, name: str, words: str
+) -> None:
+    told = report(record.path, option, tmp_path / name)
+    assert told.exit_code == 2
+    assert words in told.output
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(("most", "there"), [(0, 0), (2, 3)])
+def test_there_are_no_more_pictures_than_wanted(
+    report: Report, record: Record, tmp_path: Path, most: int, there: int
+) -> None:
+    assert report(record.path, "-o", tmp_path / "report.html", "--pictures", most).exit_code == 0
+    assert images(tmp_path / "report.html") == there
+
+
+def test_plots_are_written_for_papers_and_the_page_only_if_it_is_wanted(
+    report: Report, record: Record, tmp_path: Path
+) -> None:
+    told = report(record.path, "--plots", tmp_path / "plots")
+    assert told.exit_code == 0
+    names = ["battery", "pan", "route", "speed", "timeline", "tracking"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == sorted(["plots", *(f"{name}.png" for name in names)])
+    for name in names:
+        image = cv2.imread(str(tmp_path / "plots" / f"{name}.png"))
+        assert image is not None
+        assert image.shape[1] == 1890  # 6.3 inches at 300 dpi
+        assert image.std() > 5
+        assert f"{name}.png" in told.output
+
+
+def test_plots_without_their_extra_say_what_to_install(
+    report: Report, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
+    monkeypatch.delitem(sys.modules, "missions.records.report.papers", raising=False)
+    told = report(record.path, "--plots", tmp_path / "plots")
+    assert told.exit_code == 2
+    assert "pip install 'missiontree[plots]'" in told.output
+
+
+def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text("mission: m\n")
+    told = report(tmp_path / "m.yaml")
+    assert told.exit_code == 2
+    assert "no record" in told.output
+    assert "try: mission " in told.output
+    assert report(tmp_path / "none.mcap").exit_code == 2
+
+
+def test_a_place_that_cannot_be_written_is_named(report: Report, record: Record, tmp_path: Path) -> None:
+    told = report(record.path, "-o", tmp_path / "no" / "report.html")
+    assert told.exit_code == 2
+    assert str(tmp_path / "no" / "report.html") in told.output
+    (tmp_path / "file").write_text("")
+    assert report(record.path, "--plots", tmp_path / "file" / "plots").exit_code == 2

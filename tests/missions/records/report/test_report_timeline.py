@@ -1,0 +1,70 @@
+"""The timeline: bars from the changes of nodes, and as many as can be told apart."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missions.executive.events import NodeChanged
+from missions.records.report.study import Study
+from missions.records.report.timeline import FINEST, Bar, lanes_of, outcomes, thinned
+from missions.views.pictures.drawing import Box, Drawing
+
+LEAF = Drawing("m", "", "m.yaml", Box("1", "drive", "drive", "■", "m.yaml", 1))
+
+
+def bars(*changes: tuple[float, str], end: float = 10.0) -> list[tuple[float, float, str]]:
+    told = [NodeChanged(t, 1, "1", "drive", "drive", 1, status, "") for t, status in changes]
+    return [
+        (bar.start, bar.end, bar.outcome)
+        for lane in lanes_of(LEAF, told, {change.node: change for change in told}, end)
+        for bar in lane.bars
+    ]
+
+
+def test_a_bar_goes_from_the_first_tick_of_a_leaf_to_its_result() -> None:
+    assert bars((1.0, "running"), (3.0, "success")) == [(1.0, 3.0, "success")]
+
+
+def test_a_leaf_that_answers_at_once_has_a_bar_without_a_length() -> None:
+    assert bars((1.0, "failure"), (1.0, "idle"), (2.0, "success")) == [(1.0, 1.0, "failure"), (2.0, 2.0, "success")]
+
+
+def test_what_is_interrupted_ends_idle_and_what_goes_on_ends_with_the_record() -> None:
+    assert bars((1.0, "running"), (2.0, "idle"), (3.0, "running")) == [(1.0, 2.0, "idle"), (3.0, 10.0, "running")]
+
+
+def test_another_reason_while_it_runs_begins_no_other_bar() -> None:
+    assert bars((1.0, "running"), (2.0, "running"), (3.0, "success")) == [(1.0, 3.0, "success")]
+
+
+def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(found: Study) -> None:
+    assert [(lane.box.kind, lane.within, lane.busy) for lane in found.lanes] == [
+        ("track_face", "", 2.9),
+        ("say", "", 1.0),
+        ("drive", "go", 1.0),
+    ]
+
+
+def test_bars_that_cannot_be_told_apart_are_one_that_failed_if_any_did() -> None:
+    many = [Bar(t / 1000, t / 1000, "failure" if t == 3 else "success", f"at {t}") for t in range(5)]
+    assert thinned(many, 100.0) == [Bar(0.0, 0.004, "failure", "at 3", 5)]
+    assert thinned(many, 0.1) == many
+
+
+spans = st.lists(st.tuples(st.floats(0, 50), st.floats(0, 5), st.sampled_from(["success", "failure"])), max_size=300)
+
+
+@given(spans)
+def test_thinned_bars_stay_in_order_cover_all_and_are_few(drawn: list[tuple[float, float, str]]) -> None:
+    whole, time = [], 0.0
+    for gap, length, outcome in drawn:
+        start = time + gap
+        time = start + length
+        whole.append(Bar(start, time, "success" if outcome == "success" else "failure"))
+    thin = thinned(whole, max(time, 1.0))
+    assert sum(bar.count for bar in thin) == len(whole)
+    assert len(thin) <= 2 * FINEST + 2
+    assert all(one.end <= other.start for one, other in pairwise(thin))
+    failed = outcomes(whole).get("failure", 0)
+    assert (outcomes(thin).get("failure", 0) > 0) == (failed > 0)

@@ -1,0 +1,139 @@
+"""The summary: what it says of a run, and of what is not in the record."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from missions.executive.events import Ended, FaultRaised, NodeChanged
+from missions.executive.tick_record import TickRecord
+from missions.records.recording.items import Missed, Picture, Seen
+from missions.records.recording.read import open_record
+from missions.records.report.slider import moments_of
+from missions.records.report.study import Study, study
+from missions.records.report.summary import faults, sentences, verdict
+from missions.records.report.tables import faults_table, log_table
+from missions.views.words import about, about_all, in_words
+from perception.api import UNKNOWN, Marker, Scene, Thing
+from tests.missions.records.report.told_record import WHERE, Item, face, items, write
+from tests.missions.views.pictures.drawn import HOSTILE
+
+
+def said_of(tmp_path: Path, what: list[Item | Missed], *, eyes: str = "pixels") -> list[str]:
+    path = write(tmp_path / "other.mcap", what, head=replace(WHERE, eyes=eyes))
+    return list(sentences(study(open_record(path))))
+
+
+def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
+    assert list(sentences(found)) == [
+        f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
+        "What it failed by was drive (m.yaml, line 2), at 5.00 s.",
+        "No action failed besides.",
+        "Most of the time went into track_face: 2.90 s (m.yaml, line 3).",
+        f"1 fault report, first at 4.50 s: base offline: {HOSTILE}.",
+        "1 of 119 ticks came more than a tick late, worst by 80 ms at 3.00 s.",
+        "The base drove 0.2 m and turned 0° in all.",
+        "What it followed was 11.5° from the middle of the picture (root mean square), and 11.5° at most, at 1.01 s.",
+        "The battery went from 80 % to 74 %.",
+        "It saw face 1: first at 1.01 s.",
+    ]
+
+
+def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:
+    lost = [NodeChanged(t, 20, "1.1", "track_face", "track_face", 1, "failure", "lost it") for t in (1.0, 2.0)]
+    told = said_of(tmp_path, [*items(), *lost])
+    assert "Actions failed besides twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
+
+
+def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: Study) -> None:
+    assert [(event.part, event.what) for event in faults(found.record)] == [("base", "offline"), ("base", "online")]
+
+
+def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
+    end = Ended(1.0, "m", "success", "", 1.0, 20)
+    told = said_of(tmp_path, [FaultRaised(0.0, "base", "online", ""), end], eyes="")
+    assert told == [
+        "It succeeded after 1.00 s and 20 ticks.",
+        "No action failed.",
+        "No part of the robot reported a fault.",
+        "There is no camera in this record.",
+    ]
+
+
+def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timeline(tmp_path: Path) -> None:
+    late = [item for item in items() if not isinstance(item, TickRecord | NodeChanged) or item.t >= 3.0]
+    path = write(tmp_path / "late.mcap", late)
+    found = study(open_record(path))
+    assert list(sentences(found))[1] == "Its first tick was at 3.00 s: so long the robot took to get ready."
+    assert (found.moments.begin, found.moments.end) == (3.0, 6.0)
+    assert min(time for drawn in found.charts for line in drawn.lines for time, _ in line.points) >= 3.0
+
+
+def test_a_record_that_was_cut_off_says_that_the_end_is_not_in_it(tmp_path: Path) -> None:
+    told = said_of(tmp_path, [item for item in items() if not isinstance(item, Ended)])
+    assert told[0] == "The record ends at 6.00 s, before the mission did: how the mission ended is not in it."
+
+
+def test_what_was_lost_is_said_and_so_is_that_it_saw_nothing(tmp_path: Path) -> None:
+    blind = [replace_view(item) for item in items() if not isinstance(item, Picture)]
+    told = said_of(tmp_path, [*blind, Missed({"/camera": 3}, "the disk was slow")])
+    assert told[-2:] == [
+        "It saw nobody and nothing that it knows.",
+        "Not all of it was recorded: 3 messages lost (3 on /camera).",
+    ]
+    unseen = [item for item in blind if not isinstance(item, Seen)]
+    assert said_of(tmp_path, [*unseen])[-1] == "What it saw is not in this record."
+
+
+def replace_view(item: Item) -> Item:
+    return item._replace(view=replace(item.view, faces=())) if isinstance(item, Seen) else item
+
+
+def test_a_run_that_somebody_has_stopped_is_told_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "stopped.mcap", [Ended(1.0, "m", "interrupted", "Ctrl-C", 1.0, 20)])
+    assert verdict(open_record(path)) == ("interrupted", "It was stopped after 1.00 s and 20 ticks: Ctrl-C.")
+
+
+def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(tmp_path: Path) -> None:
+    gone = FaultRaised(1.0, "base", "offline", "base: no report")
+    path = write(tmp_path / "back.mcap", [gone, FaultRaised(2.0, "base", "online", "base: reports again")])
+    record = open_record(path)
+    assert "1 fault report, first at 1.00 s: base offline: no report." in list(sentences(study(record)))
+    table = str(faults_table(record, moments_of(record)))
+    assert ("! base offline" in table, "✓ base online" in table, "base: " in table) == (True, True, False)
+
+
+def test_the_log_holds_what_was_said_and_what_was_notified(found: Study) -> None:
+    table = str(log_table(found.record, moments_of(found.record)))
+    assert all(words in table for words in ("the robot", "<td>Anna</td><td>Hello</td>", "notice", "Anna was met"))
+
+
+BALL = Thing(4, 1.0, face(1.0).box, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "", "red", "ball")
+ROVER = Marker(5, 1.0, face(1.0).box, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 7, "", 0.0)
+
+
+def test_percepts_are_called_by_name_where_they_have_one() -> None:
+    assert about(face(1.0)) == "face 1, 1.5 m, 11° left"
+    assert about(replace(face(1.0), name="Anna")) == "Anna, 1.5 m, 11° left"
+    assert about(replace(face(1.0), name=UNKNOWN)) == "face 1, 1.5 m, 11° left"
+    assert about(BALL) == "red ball, 29° right"
+    assert about(replace(BALL, name="the ball", bearing=float("nan"))) == "the ball, straight ahead"
+    assert about_all([ROVER, replace(ROVER, name="R2")]) == "marker 7, 2.0 m, straight ahead; R2, 2.0 m, straight ahead"
+    assert about_all([]) == "nothing found"
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (True, "yes"),
+        (None, "nothing"),
+        (0.25, "0.25"),
+        ([], "nothing"),
+        ([face(1.0), BALL], "face 1, 1.5 m, 11° left, red ball, 29° right"),
+        (Scene(1.0, 100.0, 20.0), "Scene: stamp 1, brightness 100, contrast 20"),
+        ("two\nlines", "two lines"),
+        ("x" * 500, "x" * 119 + "…"),
+    ],
+)
+def test_values_of_variables_are_short_words_on_one_line(value: object, words: str) -> None:
+    assert in_words(value) == words

@@ -1,0 +1,13 @@
+"""The page about records names every topic with its schema."""
+
+import re
+from pathlib import Path
+
+from missions.records.recording.topics import SCHEMAS
+
+PAGE = Path(__file__).parents[4] / "docs" / "records.md"
+
+
+def test_the_table_of_topics_is_that_of_the_records() -> None:
+    rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w.]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert dict(rows) == dict(SCHEMAS)

@@ -1,0 +1,84 @@
+"""A thousand tasks, and a server that is killed again and again: none is lost, none is completed twice."""
+
+import random
+import subprocess
+import sys
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from missions.service.outbox import Outbox
+from missions.service.queue import Queue
+from missions.service.schema import open_db
+from missions.service.task import NewTask, Policy
+from tests.missions.service.journal_server import CHANNELS
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+ROOT = Path(__file__).parents[3]
+
+TASKS, KILLS = 1000, 25
+
+
+def test_a_thousand_tasks_survive_a_server_that_is_killed_at_random_moments(tmp_path: Path) -> None:
+    fill(tmp_path / "tasks.db")
+    chance, pause = random.Random(9), Event()  # noqa: S311 - chance, not a secret
+    kills = 0
+    for _ in range(KILLS):
+        before = len(journal(tmp_path / "done"))
+        with server(tmp_path) as process:
+            wait_until(lambda: process.poll() is not None or len(journal(tmp_path / "done")) > before, 60.0)  # noqa: B023
+            pause.wait(chance.uniform(0.0, 0.06))
+            process.kill()
+            kills += process.wait() != 0
+    with server(tmp_path) as process:
+        assert process.wait(100.0) == 0
+    assert kills == KILLS, "the queue was empty too early"
+    check(tmp_path, kills)
+
+
+def server(folder: Path) -> "subprocess.Popen[bytes]":
+    command = [sys.executable, "-m", "tests.missions.service.journal_server", str(folder)]
+    return subprocess.Popen(command, cwd=ROOT)
+
+
+def fill(path: Path) -> None:
+    with closing(open_db(path)) as connection:
+        connection.execute("PRAGMA synchronous = OFF")
+        queue = Queue(connection, lambda _: CHANNELS)
+        for _ in range(TASKS):
+            queue.add(NewTask(mission="note", due=0.0, policy=Policy("retry", TASKS)), 0.0)
+
+
+def check(folder: Path, kills: int) -> None:
+    done, delivered = journal(folder / "done"), Counter(journal(folder / "delivered"))
+    with closing(open_db(folder / "tasks.db")) as connection:
+        queue, outbox = Queue(connection, lambda _: CHANNELS), Outbox(connection)
+        tasks = queue.tasks()
+        attempts = [attempt for task in tasks for attempt in queue.attempts(task.id)]
+        letters = [letter for task in tasks for letter in outbox.of(task.id)]
+
+    assert Counter(task.state for task in tasks) == {"done": TASKS}
+    assert Counter(attempt.task for attempt in attempts if attempt.how == "success") == Counter(range(1, TASKS + 1))
+    interrupted = {attempt.id for attempt in attempts if attempt.how == "interrupted"}
+    assert len(interrupted) == len(attempts) - TASKS <= kills
+
+    # What was done although its attempt was interrupted is what nobody can exclude: it is told, and rare.
+    assert len(done) == len(set(done)), "one attempt does its task once"
+    again = {int(line) for line in done} & interrupted
+    assert len(done) - TASKS == len(again) <= kills
+
+    # Each notice was delivered, and twice only where the courier was killed in between, at one for each channel.
+    wanted = {f"{letter.channel} {letter.notice.id}" for letter in letters}
+    assert len(wanted) == len(letters) == 2 * len(attempts)
+    assert delivered.keys() == wanted
+    assert sum(delivered.values()) - len(wanted) <= kills * len(CHANNELS)
+    assert all(letter.delivered is not None for letter in letters)
+
+
+def journal(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines() if path.exists() else []

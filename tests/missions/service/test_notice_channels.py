@@ -1,0 +1,347 @@
+"""Each way that a notice goes: what arrives there, and what counts as not delivered."""
+
+import json
+import os
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Event, Thread, Timer
+
+import pytest
+
+from config.notices import CommandNotice, MqttNotice, NoticeConfig, TerminalNotice, WebhookNotice, written
+from missions.service.notice import Notice
+from missions.service.notices import channel_of
+from missions.service.notices.command import Command
+from missions.service.notices.mqtt import Mqtt
+from missions.service.notices.refused import NotTaken
+from missions.service.notices.webhook import Webhook
+from tests.missions.service.small_broker import Manners, small_broker
+from tests.waiting import wait_until
+
+NOTICE = Notice("7-1-1-done", 7, "greet", "done", "greet (task 7) is done: “ça va”", "2026-11-21T12:00:00+00:00")
+
+AS_DICT = {
+    "id": "7-1-1-done",
+    "task": 7,
+    "mission": "greet",
+    "kind": "done",
+    "text": "greet (task 7) is done: “ça va”",
+    "time": "2026-11-21T12:00:00+00:00",
+}
+
+
+# The terminal
+
+
+def test_the_terminal_shows_a_line() -> None:
+    lines: list[str] = []
+    channel_of(written(TerminalNotice()), lines.append)(NOTICE)
+    assert lines == ["2026-11-21T12:00:00  greet (task 7) is done: “ça va”"]
+
+
+# Commands
+
+
+def test_a_program_gets_the_notice_as_json_and_its_arguments_as_they_are(tmp_path: Path) -> None:
+    out = tmp_path / "a b; rm *"
+    program = "import sys, pathlib; pathlib.Path(sys.argv[1]).write_bytes(sys.stdin.buffer.read())"
+    Command(CommandNotice((sys.executable, "-c", program, str(out))))(NOTICE)
+    assert json.loads(out.read_text(encoding="utf-8")) == AS_DICT
+
+
+@pytest.mark.parametrize(
+    ("command", "why"),
+    [
+        (("not-a-program-at-all",), "not-a-program-at-all: cannot be started: .*No such file"),
+        ((sys.executable, "-c", "import sys; sys.exit('no bus to send it on')"), "exit code 1: no bus to send it on"),
+        (("false",), "false: ended with exit code 1$"),
+    ],
+)
+def test_a_program_that_fails_has_not_taken_it(command: tuple[str, ...], why: str) -> None:
+    with pytest.raises(NotTaken, match=why):
+        Command(CommandNotice(command))(NOTICE)
+
+
+def test_a_program_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path) -> None:
+    number = tmp_path / "number"
+    script = f"sleep 600 & echo $! > {number}; wait"
+    with pytest.raises(NotTaken, match="did not end within 2 s"):
+        Command(CommandNotice(("sh", "-c", script)), timeout=2.0)(NOTICE)
+    child = int(number.read_text(encoding="ascii"))
+    wait_until(lambda: not alive(child))
+
+
+def test_a_program_is_killed_when_it_is_given_up() -> None:
+    command = Command(CommandNotice(("sleep", "600")))
+    timer = Timer(0.2, command.give_up)
+    timer.start()
+    with pytest.raises(NotTaken, match="sleep: had not ended when the server did"):
+        command(NOTICE)
+    timer.join()
+
+
+def alive(process: int) -> bool:
+    """Say whether a process goes on; one that is dead and that nobody has asked about does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text(encoding="ascii").split()[2] != "Z"
+    except OSError:
+        return False
+
+
+def test_what_a_program_leaves_running_holds_up_nothing() -> None:
+    Command(CommandNotice(("sh", "-c", "sleep 1.5 & exit 0")), timeout=60.0)(NOTICE)
+
+
+# Web servers
+
+
+@dataclass
+class Site:
+    """A web server that answers with ``code``, and what it was sent."""
+
+    code: int = 200
+    location: str = ""
+    reason: str | None = None
+    port: int = 0
+    posted: list[tuple[str, dict[str, str], str]] = field(default_factory=list)
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}/robot"
+
+
+@contextmanager
+def web(site: Site) -> Iterator[Site]:
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            headers = {name.lower(): value for name, value in self.headers.items()}
+            site.posted.append((self.path, headers, body.decode()))
+            self.send_response(site.code, site.reason)
+            if site.location:
+                self.send_header("Location", site.location)
+            self.end_headers()
+
+        def do_GET(self) -> None:
+            site.posted.append(("GET", {}, ""))
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - its name there
+            del format, args
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        site.port = server.server_address[1]
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread.start()
+        try:
+            yield site
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(autouse=True)
+def no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loopback is reached directly, whatever the machine has for the rest."""
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+
+
+@pytest.mark.parametrize("code", [200, 201, 204])
+def test_a_web_server_gets_a_post_with_the_id_and_the_secrets(code: int) -> None:
+    with web(Site(code)) as site:
+        config = WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"})
+        Webhook(config, {"ROBOT_TOKEN": "Bearer abc"})(NOTICE)
+    ((path, headers, body),) = site.posted
+    assert path == "/robot"
+    assert json.loads(body) == AS_DICT
+    assert headers["idempotency-key"] == "7-1-1-done"
+    assert headers["authorization"] == "Bearer abc"
+    assert headers["content-type"] == "application/json"
+
+
+@pytest.mark.parametrize("code", [301, 302, 303, 307, 308])
+def test_a_redirection_is_no_delivery_and_is_not_followed(code: int) -> None:
+    with web(Site()) as other, web(Site(code, other.url)) as site:
+        with pytest.raises(NotTaken, match=f"the server says {code}"):
+            Webhook(WebhookNotice(site.url), {})(NOTICE)
+        assert (len(site.posted), other.posted) == (1, [])
+
+
+@pytest.mark.parametrize("code", [400, 404, 429, 500, 503])
+def test_a_web_server_that_complains_has_not_taken_it(code: int) -> None:
+    with web(Site(code)) as site, pytest.raises(NotTaken, match=f"127.0.0.1:{site.port}: the server says {code}"):
+        Webhook(WebhookNotice(site.url), {})(NOTICE)
+
+
+def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        url = f"http://127.0.0.1:{listening.getsockname()[1]}/"
+        with pytest.raises(NotTaken, match=r"timed out|did not answer within 0.3 s"):
+            Webhook(WebhookNotice(url), {}, timeout=0.3)(NOTICE)
+    with pytest.raises(NotTaken, match=r"cannot be reached: .*refused"):
+        Webhook(WebhookNotice(url), {})(NOTICE)
+
+
+def test_a_secret_that_is_not_set_is_named_and_nothing_is_sent() -> None:
+    with web(Site()) as site:
+        with pytest.raises(NotTaken, match="environment variable ROBOT_TOKEN"):
+            Webhook(WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"}), {})(NOTICE)
+        assert site.posted == []
+
+
+@contextmanager
+def trickle(lines: bytes, at_once: bytes = b"") -> Iterator[int]:
+    """A server that says ``at_once``, and ``lines`` a byte at a time, which takes seconds; gives its port."""
+    ending = Event()
+
+    def say(listening: socket.socket) -> None:
+        with suppress(OSError), listening.accept()[0] as talk:
+            talk.sendall(at_once)
+            for place in range(len(lines)):
+                if ending.wait(0.05):
+                    return
+                talk.sendall(lines[place : place + 1])
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        listening.settimeout(10.0)
+        thread = Thread(target=say, args=(listening,))
+        thread.start()
+        try:
+            yield listening.getsockname()[1]
+        finally:
+            ending.set()
+            thread.join()
+
+
+LINES = {
+    "http": b"HTTP/1.1 200 OK\r\nX: " + b"x" * 100 + b"\r\n\r\n",
+    "https": b"\x16\x03\x03\x40\x00" + bytes(100),  # TLS: a handshake of 16 kB is announced, which never ends
+}
+
+
+@pytest.mark.parametrize("scheme", ["http", "https"])
+def test_a_server_that_answers_a_byte_at_a_time_is_hung_up_on(scheme: str) -> None:
+    with trickle(LINES[scheme]) as port, pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"):
+        Webhook(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+
+
+def test_a_server_whose_headers_never_end_has_not_taken_it() -> None:
+    with (
+        trickle(b"X: " + b"x" * 100, b"HTTP/1.1 200 OK\r\n") as port,
+        pytest.raises(NotTaken, match=r"did not answer within 0.6 s$"),
+    ):
+        Webhook(WebhookNotice(f"http://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
+
+
+SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody
+
+
+def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
+    with web(Site()) as site:
+        Webhook(WebhookNotice(url_from="CHAT_URL"), {"CHAT_URL": f"http://127.0.0.1:{site.port}{SECRET}\n"})(NOTICE)
+    assert [path for path, _, _ in site.posted] == [SECRET]
+
+
+@pytest.mark.parametrize(
+    ("environment", "why"),
+    [
+        ({}, "the environment variable CHAT_URL, which the robot file names, is not set"),
+        ({"CHAT_URL": "ntfy.sh/secret"}, "the environment variable CHAT_URL holds no address of a web server$"),
+        ({"CHAT_URL": "https://me:secret@ntfy.sh/"}, "holds no address of a web server$"),
+        ({"CHAT_URL": "https://ntfy.sh:secret/"}, "holds no address of a web server$"),
+    ],
+)
+def test_a_variable_without_an_address_is_named_and_what_it_holds_is_not(environment: dict[str, str], why: str) -> None:
+    with pytest.raises(NotTaken, match=why) as raised:
+        Webhook(WebhookNotice(url_from="CHAT_URL"), environment)(NOTICE)
+    assert "secret" not in str(raised.value)
+
+
+def test_no_error_tells_the_secret_part_of_an_address_or_of_a_header() -> None:
+    with web(Site(404, reason=f"nobody at {SECRET}")) as site:
+        url = f"http://127.0.0.1:{site.port}"
+        with pytest.raises(NotTaken, match=rf"{url}: the server says 404 nobody at \.\.\.$"):
+            Webhook(WebhookNotice(url + SECRET), {})(NOTICE)
+        told = []
+        for wrong, word in (
+            (url, "pass\nword"),
+            (url, "passwörd\u20ac"),
+            (url.replace("http", "https"), "pass"),
+            ("http://nobody.invalid", "pass"),
+        ):
+            with pytest.raises(NotTaken) as raised:
+                Webhook(WebhookNotice(wrong + SECRET, {"Authorization": "WORD"}), {"WORD": word})(NOTICE)
+            told.append(str(raised.value))
+    assert not any(secret in line for line in told for secret in ("Winnie", "abc", "pass"))
+
+
+# MQTT
+
+
+def mqtt(port: int, **values: str) -> MqttNotice:
+    options = {"host": "127.0.0.1", "topic": "home/robot", "user": "", "password": ""} | values
+    return MqttNotice(port=port, tls=False, **options)
+
+
+def test_a_broker_gets_the_notice_once_at_least_and_a_goodbye() -> None:
+    with small_broker() as broker:
+        Mqtt(mqtt(broker.port, user="robot", password="MQTT_WORD"), {"MQTT_WORD": "secret"})(NOTICE)  # noqa: S106
+        wait_until(lambda: broker.goodbyes == 1)
+    ((topic, body, quality),) = broker.published
+    assert (topic, quality) == ("home/robot", 1)
+    assert json.loads(body) == AS_DICT
+    assert broker.users == [("robot", "secret")]
+
+
+@pytest.mark.parametrize(
+    ("manners", "why"),
+    [
+        ("refuses", "the broker refuses: Not authorized"),
+        ("hangs up", "the broker hung up"),
+        ("silent", "the broker did not acknowledge within 1 s"),
+    ],
+)
+def test_a_broker_that_does_not_acknowledge_has_not_taken_it(manners: Manners, why: str) -> None:
+    with small_broker(manners) as broker, pytest.raises(NotTaken, match=f"mqtt 127.0.0.1:{broker.port}: {why}"):
+        Mqtt(mqtt(broker.port), {}, timeout=1.0 if manners == "silent" else 20.0)(NOTICE)
+
+
+def test_a_broker_that_is_not_there_has_not_taken_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+    with pytest.raises(NotTaken, match="refused"):
+        Mqtt(mqtt(port), {})(NOTICE)
+
+
+def test_without_paho_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
+    with pytest.raises(NotTaken, match=r"pip install 'missiontree\[mqtt\]'"):
+        Mqtt(mqtt(1), {})(NOTICE)
+
+
+# All of them
+
+
+@pytest.mark.parametrize(
+    ("config", "kind"),
+    [
+        (CommandNotice(("true",)), Command),
+        (WebhookNotice("https://example.org/", {"A": "B"}), Webhook),
+        (mqtt(1883), Mqtt),
+    ],
+)
+def test_a_channel_is_made_of_what_the_outbox_says(config: NoticeConfig, kind: type) -> None:
+    channel = channel_of(written(config), print, os.environ)
+    assert isinstance(channel, kind)
+    assert channel_of(written(config), print) is not channel
+
+
+def test_a_channel_that_is_not_known_is_an_error_that_says_so() -> None:
+    with pytest.raises(ValueError, match="no way to send notices"):
+        channel_of('{"pigeon": {}}', print)

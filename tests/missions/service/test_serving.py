@@ -1,0 +1,156 @@
+"""The server: one task after another, and an end that is safe whatever it is in the middle of."""
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.service.serve import Server
+from missions.service.task import Claim, Outcome, Policy
+from missions.service.work import Say, Stopping
+from tests.missions.service.small_queue import Shop, new, shop
+
+
+@pytest.fixture
+def queue(tmp_path: Path) -> Iterator[Shop]:
+    with shop(tmp_path / "tasks.db") as opened:
+        yield opened
+
+
+def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], Outcome], look: float = 0.0) -> list[str]:
+    """Serve once; return what was told. Each look at the clock takes ``look`` seconds."""
+    told: list[str] = []
+
+    def now() -> float:
+        queue.now += look
+        return queue.now
+
+    Server(queue.queue, work, now, told.append).run(once=True)
+    return told
+
+
+def test_it_does_all_that_is_due_in_turn_and_says_what_it_begins(queue: Shop) -> None:
+    for mission in ("greet", "wander"):
+        queue.add(new(mission))
+    queue.add(new(due=queue.now + 60.0))
+    order: list[int] = []
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        order.append(claim.task.id)
+        say("on my way")
+        say("there")
+        assert not stopping()
+        return Outcome("success")
+
+    assert serve(queue, work) == ["task 1: greet begins", "task 2: wander begins"]
+    assert order == [1, 2]
+    assert queue.told(1) == ["on my way", "there", "greet (task 1) is done"]
+    assert queue.queue.task(3).state == "waiting"
+
+
+def test_it_begins_with_what_the_one_before_left_behind(queue: Shop) -> None:
+    queue.add(new())
+    queue.claim()
+    assert serve(queue, lambda *_: Outcome("success")) == ["task 1: greet begins, attempt 2"]
+    assert queue.kinds(1) == ["interrupted", "done"]
+
+
+def test_who_works_hears_that_a_task_was_cancelled(queue: Shop) -> None:
+    queue.add(new(every="60 s"))
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del say
+        assert not stopping()
+        queue.queue.cancel(claim.task.id, queue.now)
+        assert stopping()
+        return Outcome("interrupted", "SIGTERM")
+
+    serve(queue, work)
+    assert [task.state for task in queue.queue.tasks()] == ["cancelled"]
+
+
+def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
+    for _ in range(2):
+        queue.add(new())
+    server: Server
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del claim, say
+        server.stop("SIGTERM")
+        assert stopping()
+        return Outcome("interrupted", "SIGTERM")
+
+    server = Server(queue.queue, work, lambda: queue.now, lambda _: None)
+    server.run()
+    assert [task.state for task in queue.queue.tasks()] == ["waiting", "waiting"]
+    assert queue.told(1) == ["greet (task 1) was interrupted: the server was stopped: SIGTERM; it is tried again"]
+    assert queue.queue.task(1).interruptions == 0, "that somebody stops the server does not count"
+
+
+def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
+    queue.add(new(policy=Policy(retries=1)))
+
+    def work(*_: object) -> Outcome:
+        raise OSError(12, "Cannot allocate memory")
+
+    serve(queue, work, look=20.0)
+    task = queue.queue.task(1)
+    assert (task.state, task.attempts) == ("failed", 2)
+    assert task.reason.startswith("no process could be started: ")
+    assert "Cannot allocate memory" in task.reason
+
+
+def test_once_waits_for_what_is_to_be_tried_again_and_does_others_meanwhile(queue: Shop) -> None:
+    queue.add(new("absent", policy=Policy(retries=1)))
+    queue.add(new("greet"))
+    order: list[str] = []
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del stopping, say
+        order.append(claim.task.mission)
+        return Outcome("failure" if order == ["absent"] else "success")
+
+    serve(queue, work, look=4.0)
+    assert order == ["absent", "greet", "absent"]
+
+
+def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+    queue.add(new())
+    finish, full = queue.queue.finish, ["database or disk is full"] * 2
+
+    def finish_if_there_is_room(claim: Claim, outcome: Outcome, now: float) -> object:
+        if full:
+            raise sqlite3.OperationalError(full.pop())
+        return finish(claim, outcome, now)
+
+    monkeypatch.setattr(queue.queue, "finish", finish_if_there_is_room)
+    done: list[int] = []
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del stopping, say
+        done.append(claim.attempt)
+        return Outcome("success")
+
+    told = serve(queue, work)
+    assert told == ["task 1: greet begins", "the queue cannot be used: database or disk is full; trying on"]
+    assert (done, queue.queue.task(1).state) == ([1], "done")
+
+
+def test_an_end_that_cannot_be_written_is_found_by_the_next_server(
+    queue: Shop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    queue.add(new())
+    server: Server
+
+    def finish(*_: object) -> None:
+        server.stop("SIGTERM")
+        raise sqlite3.OperationalError("disk I/O error")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(queue.queue, "finish", finish)
+        server = Server(queue.queue, lambda *_: Outcome("success"), lambda: queue.now, lambda _: None)
+        server.run()
+    assert queue.queue.task(1).state == "running"
+    serve(queue, lambda *_: Outcome("success"))
+    assert [attempt.how for attempt in queue.queue.attempts(1)] == ["interrupted", "success"]

@@ -1,0 +1,250 @@
+"""The file of the queue: whose it is, what it refuses, and that two programs may begin with it at once."""
+
+import fcntl
+import os
+import sqlite3
+import stat
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from missions.service.lock import Taken, is_locked, locked
+from missions.service.schema import STEPS, VERSION, in_words, open_db, prepare
+from missions.service.task import Policy, TaskError
+from tests.missions.service.small_queue import new, shop
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_file_is_for_its_owner_alone_and_waits_for_the_disk(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "missiontree" / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute("INSERT INTO task SELECT * FROM task WHERE 0")
+        settings = {name: connection.execute(f"PRAGMA {name}").fetchone()[0] for name in PRAGMAS}
+        modes = {each.name: stat.S_IMODE(each.stat().st_mode) for each in path.parent.iterdir()}
+    assert settings == PRAGMAS
+    assert set(modes.values()) == {0o600}
+    assert "tasks.db-wal" in modes
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+
+PRAGMAS = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "user_version": VERSION}
+
+
+def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    open_db(path).close()
+    path.chmod(0o644)
+    open_db(path).close()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_a_newer_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute(f"PRAGMA user_version = {VERSION + 1}")
+    with pytest.raises(TaskError, match=f"is of version {VERSION + 1}, made by a newer MissionTree") as raised:
+        open_db(path)
+    assert raised.value.hint == "pip install --upgrade missiontree"
+
+
+def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    path.write_text("my notes" * 1000, encoding="utf-8")
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: file is not a database") as raised:
+        open_db(path)
+    assert raised.value.hint.startswith(f"mv {path} {path}.broken  (")
+    assert path.read_text(encoding="utf-8") == "my notes" * 1000
+
+
+def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    open_db(path).close()
+    damaged = path.read_bytes()[:4096] + b"\x5a" * 8192
+    path.write_bytes(damaged)
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+        open_db(path)
+    assert f"mv {path} {path}.broken" in raised.value.hint
+    assert path.read_bytes() == damaged
+
+
+def test_a_queue_that_was_emptied_or_cut_off_is_no_new_queue(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+    whole = path.read_bytes()
+    for length in (0, 1, 100, 511, 512, 4096, 8192, len(whole) // 2, len(whole) - 4096):
+        path.write_bytes(whole[:length])
+        with pytest.raises(TaskError, match="is damaged, or no queue of tasks: ") as raised:
+            open_db(path)
+        assert f"mv {path} {path}.broken" in raised.value.hint
+        assert path.read_bytes() == whole[:length]
+    path.write_bytes(whole)
+    with shop(path) as opened:
+        assert len(opened.queue.tasks()) == 1
+
+
+def test_a_database_of_something_else_gets_no_tables_of_ours(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("CREATE TABLE songs (name)")
+    with pytest.raises(TaskError, match="no queue of tasks: it has no tables of a queue"):
+        open_db(path)
+
+
+def test_a_log_without_its_queue_is_no_new_queue(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute("INSERT INTO attempt (task, number, began) SELECT 1, 1, 0 WHERE 0")
+        path.unlink()
+        with pytest.raises(TaskError, match=r"tasks\.db: is gone, and its log tasks\.db-wal is still there"):
+            open_db(path)
+    (tmp_path / "tasks.db-wal").unlink(missing_ok=True)
+    open_db(path).close()
+    assert [each.name for each in tmp_path.iterdir()] == ["tasks.db"]
+
+
+def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        for _ in range(200):
+            opened.add(new())
+    whole = path.read_bytes()
+    middle = len(whole) // 8192 * 4096
+    path.write_bytes(whole[:middle] + b"\x5a" * 4096 + whole[middle + 4096 :])
+    with pytest.raises(TaskError, match="is damaged, or no queue of tasks: "):
+        open_db(path)
+
+
+@pytest.mark.parametrize("column", ["params", "options", "channels", "due", "added", "not_before"])
+def test_a_task_that_is_not_as_it_was_written_is_damage_and_no_fault_of_ours(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+        for wrong in ("", "7x", "[" * 100_000):
+            with closing(sqlite3.connect(path)) as other, other:
+                other.execute(f"UPDATE task SET {column} = ?", (wrong,))  # noqa: S608 - ours
+            with pytest.raises(TaskError, match="task 1 is not as it was written"), in_words(path):
+                opened.queue.tasks()
+
+
+@pytest.mark.parametrize("column", ["mission", "robot", "every", "reason", "late", "attempts", "most", "priority"])
+def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: str) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+        with closing(sqlite3.connect(path)) as other, other:
+            other.execute(f"UPDATE task SET {column} = x'ff00'")  # noqa: S608 - ours
+        with pytest.raises(TaskError, match="task 1 is not as it was written"), in_words(path):
+            opened.queue.tasks()
+
+
+def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with pytest.raises(TaskError, match="is damaged") as raised, in_words(path):
+        raise sqlite3.DatabaseError("database disk image is malformed")
+    assert raised.value.hint
+    with pytest.raises(TaskError, match=r"tasks\.db: disk I/O error"), in_words(path):
+        raise sqlite3.OperationalError("disk I/O error")
+    with pytest.raises(sqlite3.IntegrityError), in_words(path):
+        raise sqlite3.IntegrityError("UNIQUE constraint failed")
+
+
+def test_a_queue_of_the_first_version_is_brought_up_with_all_that_is_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(sqlite3.connect(path, isolation_level=None)) as old:
+        old.executescript(STEPS[0])
+        old.execute("PRAGMA user_version = 1")
+        sql = "INSERT INTO task (mission, params, robot, options, added, due, every, interrupted, most, retries, {0}) "
+        sql += "VALUES ('greet', '{{}}', '', '[]', 1.0, 2.0, '', 'retry', 3, 1, {1})"
+        old.execute(sql.format("attempts, failures", "3, 1"))
+        old.execute(sql.format("attempts, state", "2, 'running'"))
+    with shop(path) as opened:
+        waiting, running = opened.queue.tasks()
+        assert (waiting.state, waiting.interruptions, waiting.priority, waiting.channels) == ("waiting", 2, 0, ())
+        assert (running.state, running.interruptions, running.not_before) == ("running", 1, 0.0)
+        assert waiting.policy == Policy("retry", 3, 1)
+        assert opened.connection.execute("PRAGMA user_version").fetchone()[0] == VERSION
+
+
+def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(TaskError, match="Not a directory") as raised:
+        open_db(tmp_path / "file" / "missiontree" / "tasks.db")
+    assert "XDG_STATE_HOME" in raised.value.hint
+
+
+def test_a_disk_without_a_write_ahead_log_is_refused() -> None:
+    with (
+        closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
+        pytest.raises(TaskError, match="cannot keep a queue safe"),
+    ):
+        prepare(connection, Path("tasks.db"))
+
+
+def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+
+    def begin(_: int) -> int:
+        with closing(open_db(path)) as connection:
+            (count,) = connection.execute("SELECT COUNT(*) FROM task").fetchone()
+            return int(count)
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(begin, range(16))) == [0] * 16
+
+
+def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    look = (
+        "import sys, pathlib; from missions.service.schema import open_db; open_db(pathlib.Path(sys.argv[1])).close()"
+    )
+    insert = "INSERT INTO attempt (task, number, began) VALUES (1, ?, 0)"
+    with closing(open_db(path)) as ours:
+        ours.execute("PRAGMA foreign_keys = OFF")
+        ours.execute(insert, (1,))
+        open_db(path).close()
+        # The last to close puts an end to the write-ahead log, and must see that it is not the last.
+        subprocess.run([sys.executable, "-c", look, str(path)], cwd=ROOT, check=True)
+        ours.execute(insert, (2,))
+        with closing(open_db(path)) as other:
+            assert other.execute("SELECT COUNT(*) FROM attempt").fetchone()[0] == 2
+
+
+def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "serve.lock"
+    assert not is_locked(path)
+    with locked(path):
+        assert is_locked(path)
+        taken = pytest.raises(Taken, match=r"serve\.lock: is held by process \d+")
+        with taken, locked(path, patience=0.1):
+            pass
+    assert not is_locked(path)
+    with locked(path):
+        pass
+
+
+class Prober:
+    """Somebody who asks whether the lock is held, and is done with that at the second look at the clock."""
+
+    def __init__(self, path: Path) -> None:
+        self._number = os.open(path, os.O_RDONLY | os.O_CREAT, 0o600)
+        fcntl.flock(self._number, fcntl.LOCK_SH)
+        self.looks = 0
+
+    def now(self) -> float:
+        self.looks += 1
+        if self.looks == 2:
+            os.close(self._number)
+        return 0.0
+
+
+def test_who_only_asks_for_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
+    prober = Prober(tmp_path / "serve.lock")
+    with locked(tmp_path / "serve.lock", clock=prober):
+        assert is_locked(tmp_path / "serve.lock")
+    assert prober.looks == 2

@@ -1,0 +1,241 @@
+"""The queue: what becomes of tasks, whatever becomes of the attempts at them."""
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from missions.service.task import How, Outcome, Policy, State, TaskError
+from tests.missions.service.small_queue import CHANNELS, RETRY, START, Shop, new, shop
+
+
+@pytest.fixture
+def queue(tmp_path: Path) -> Iterator[Shop]:
+    with shop(tmp_path / "tasks.db") as opened:
+        yield opened
+
+
+def test_tasks_are_done_in_the_order_in_which_they_are_due(queue: Shop) -> None:
+    later, sooner, last = (queue.add(new(due=START + after)) for after in (2.0, 1.0, 2.0))
+    assert queue.queue.claim(queue.now) is None
+    queue.now += 3.0
+    assert [queue.attempt("success").id for _ in range(3)] == [sooner, later, last]
+    assert queue.queue.claim(queue.now) is None
+
+
+def test_of_those_that_are_due_the_highest_priority_is_first(queue: Shop) -> None:
+    plain, low, high = queue.add(new()), queue.add(new(priority=-1)), queue.add(new(due=START + 1.0, priority=5))
+    also_high, ahead = queue.add(new(due=START + 2.0, priority=5)), queue.add(new(due=START + 1e6, priority=9))
+    assert [task.id for task in queue.queue.tasks()] == [ahead, high, also_high, plain, low]
+    queue.now += 3.0
+    assert [queue.attempt("success").id for _ in range(4)] == [high, also_high, plain, low]
+
+
+def test_a_repetition_keeps_its_priority(queue: Shop) -> None:
+    queue.add(new(priority=5, every="60 s"))
+    queue.attempt("success")
+    assert [task.priority for task in queue.queue.tasks(ended=False)] == [5]
+
+
+def test_a_task_without_a_time_takes_its_turn_from_when_it_was_added(queue: Shop) -> None:
+    timed = queue.add(new(due=START + 1.0))
+    queue.now += 2.0
+    at_once = queue.add(new(due=0.0))
+    assert [queue.attempt("success").id for _ in range(2)] == [timed, at_once]
+
+
+def test_the_order_is_read_from_an_index(queue: Shop) -> None:
+    statements: list[str] = []
+    queue.connection.set_trace_callback(statements.append)
+    queue.queue.claim(queue.now)
+    (due,) = [statement for statement in statements if "LIMIT 1" in statement]
+    plan = [row["detail"] for row in queue.connection.execute(f"EXPLAIN QUERY PLAN {due}")]
+    assert plan == ["SCAN task USING INDEX waiting"]
+
+
+def test_a_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
+    for task in (replace(new(), mission="Ren\udce9.yaml"), replace(new(), params={"to": "Ren\udce9"})):
+        with pytest.raises(TaskError, match=r"'Ren\\udce9.*' cannot be kept: it is not UTF-8"):
+            queue.add(task)
+    assert queue.queue.tasks() == []
+
+
+def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
+    assert [new(name).name for name in ("greet", "motions/square", "/missions/my/tell.yaml")] == [
+        "greet",
+        "motions/square",
+        "tell",
+    ]
+    number = queue.add(new("/missions/tell.yaml"))
+    queue.attempt("success")
+    (letter, _) = queue.outbox.of(number)
+    assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/missions/tell.yaml")
+
+
+def test_a_task_is_what_was_added(queue: Shop) -> None:
+    wanted = replace(new("mine.yaml", due=START, late=60.0), robot="r.yaml", options=("--simulate=fast",))
+    number = queue.add(wanted)
+    wanted = replace(wanted, channels=CHANNELS)  # as they are now
+    task = queue.queue.task(number)
+    assert {name: getattr(task, name) for name in type(wanted).__dataclass_fields__} == {
+        name: getattr(wanted, name) for name in type(wanted).__dataclass_fields__
+    }
+    assert (task.state, task.attempts, task.ended) == ("waiting", 0, False)
+
+
+def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
+    number = queue.add(new())
+    assert queue.attempt("success").state == "done"
+    for channel in ("home", "away"):
+        assert queue.told(number, channel) == [f"greet (task {number}) is done"]
+    assert len({letter.notice.id for letter in queue.outbox.of(number)}) == 1
+
+
+@pytest.mark.parametrize(
+    ("policy", "hows", "state", "kinds"),
+    [
+        (Policy(), ["failure"], "failed", ["failed"]),
+        (Policy(retries=1), ["failure", "success"], "done", ["retried", "done"]),
+        (Policy(retries=1), ["error", "failure"], "failed", ["retried", "failed"]),
+        (RETRY, ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
+        (RETRY, ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
+        (Policy("give-up"), ["interrupted"], "given_up", ["given_up"]),
+        (
+            Policy("retry", retries=1),
+            ["interrupted", "failure", "interrupted", "failure"],
+            "failed",
+            ["interrupted", "retried", "interrupted", "failed"],
+        ),
+    ],
+)
+def test_what_did_not_succeed_is_tried_again_as_its_policy_says(
+    queue: Shop, policy: Policy, hows: list[How], state: State, kinds: list[str]
+) -> None:
+    number = queue.add(new(policy=policy))
+    states = [queue.attempt(how, "why").state for how in hows]
+    assert states == ["waiting"] * (len(hows) - 1) + [state]
+    assert queue.kinds(number) == kinds
+    assert [attempt.how for attempt in queue.queue.attempts(number)] == hows
+    assert queue.queue.claim(queue.now + 1e6) is None
+
+
+def test_an_end_is_told_with_its_reason(queue: Shop) -> None:
+    number = queue.add(new())
+    queue.attempt("failure", "Ana was not found")
+    assert queue.told(number) == [f"greet (task {number}) failed: Ana was not found"]
+    assert queue.queue.task(number).reason == "Ana was not found"
+
+
+def test_what_a_crash_cut_off_is_interrupted_and_goes_first_again(queue: Shop) -> None:
+    number, other = queue.add(new()), queue.add(new())
+    queue.claim()
+    queue.now += 60.0
+    (task,) = queue.queue.recover(queue.now)
+    assert (task.id, task.state) == (number, "waiting")
+    assert queue.told(number) == [
+        f"greet (task {number}) was interrupted: the machine or the server went down; it is tried again"
+    ]
+    assert [queue.attempt("success").id for _ in range(2)] == [number, other]
+    assert queue.queue.recover(queue.now) == []
+
+
+def test_an_attempt_ends_once(queue: Shop) -> None:
+    queue.add(new())
+    claim = queue.claim()
+    queue.queue.recover(queue.now)
+    with pytest.raises(TaskError, match="has ended already"):
+        queue.queue.finish(claim, Outcome("success"), queue.now)
+    assert queue.attempt("success").state == "done"
+    with pytest.raises(TaskError, match="has ended already"):
+        queue.queue.finish(claim, Outcome("success"), queue.now)
+
+
+def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
+    number, other = queue.add(new()), queue.add(new())
+    queue.attempt("success")
+    with pytest.raises(sqlite3.IntegrityError, match="this task has ended already"):
+        queue.connection.execute("UPDATE task SET state = 'waiting' WHERE id = ?", (number,))
+    again = "INSERT INTO attempt (task, number, began, ended, how) VALUES (?, 2, 0, 1, 'success')"
+    with pytest.raises(sqlite3.IntegrityError):
+        queue.connection.execute(again, (number,))
+    queue.claim()
+    third = queue.add(new())
+    with pytest.raises(sqlite3.IntegrityError):
+        queue.connection.execute("UPDATE task SET state = 'running' WHERE id = ?", (third,))
+    with pytest.raises(sqlite3.IntegrityError):
+        queue.connection.execute("UPDATE task SET state = 'lost' WHERE id = ?", (other,))
+
+
+def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(queue: Shop) -> None:
+    number = queue.add(new(policy=Policy("retry", most=2)))
+    for _ in range(5):
+        claim = queue.claim()
+        task = queue.queue.finish(claim, Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+        assert (task.state, task.interruptions) == ("waiting", 0)
+    assert queue.kinds(number) == ["interrupted"] * 5
+    assert queue.attempt("interrupted").state == "waiting"
+    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    assert task.state == "waiting", "though the next that counts is the last"
+    assert queue.attempt("interrupted").state == "given_up"
+    given_up = queue.add(new(policy=Policy("give-up")))
+    task = queue.queue.finish(queue.claim(), Outcome("interrupted", "the server was stopped", stopped=True), queue.now)
+    assert (task.id, task.state) == (given_up, "given_up")
+
+
+# Cancelling
+
+
+def test_one_that_waits_is_cancelled_at_once_and_never_runs(queue: Shop) -> None:
+    number = queue.add(new())
+    assert queue.queue.cancel(number, queue.now) == "cancelled"
+    assert queue.queue.claim(queue.now) is None
+    assert queue.told(number) == [], "who cancels knows"
+
+
+@pytest.mark.parametrize(
+    ("how", "state", "kind"),
+    [
+        ("interrupted", "cancelled", "cancelled"),
+        ("success", "done", "done"),
+        ("failure", "failed", "failed"),
+    ],
+)
+def test_one_that_runs_is_cancelled_unless_it_ends_first(queue: Shop, how: How, state: State, kind: str) -> None:
+    number = queue.add(new(policy=Policy(retries=5), every="day 12:00"))
+    claim = queue.claim()
+    assert not queue.queue.cancelling(claim)
+    assert queue.queue.cancel(number, queue.now) == "running"
+    assert queue.queue.cancelling(claim)
+    assert queue.queue.finish(claim, Outcome(how), queue.now).state == state
+    assert queue.kinds(number) == [kind]
+    assert queue.queue.tasks(ended=False) == [], "it does not come again"
+
+
+def test_a_task_that_was_to_be_cancelled_when_all_went_down_is(queue: Shop) -> None:
+    number = queue.add(new())
+    queue.claim()
+    queue.queue.cancel(number, queue.now)
+    (task,) = queue.queue.recover(queue.now)
+    assert task.state == "cancelled"
+
+
+def test_what_cannot_be_cancelled_says_why(queue: Shop) -> None:
+    number = queue.add(new())
+    queue.attempt("success")
+    with pytest.raises(TaskError, match=f"task {number} has ended already: it is done"):
+        queue.queue.cancel(number, queue.now)
+    with pytest.raises(TaskError, match="there is no task 99") as raised:
+        queue.queue.cancel(99, queue.now)
+    assert raised.value.hint == "mission task list --all"
+
+
+def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:
+    number = queue.add(new())
+    claim = queue.claim()
+    for turn, text in enumerate(("Ana is here", "Ana is here"), start=1):
+        queue.queue.say(claim, turn, text, queue.now)
+    letters = [letter for letter in queue.outbox.of(number) if letter.channel == "away"]
+    assert [letter.notice.text for letter in letters] == ["Ana is here", "Ana is here"]
+    assert len({letter.notice.id for letter in letters}) == 2

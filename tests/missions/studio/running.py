@@ -1,0 +1,92 @@
+"""A run in a process of its own, on a virtual base in another, and a client of its control socket."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import SystemClock
+from missions.studio import sockets
+from missions.studio.sockets import RunLink
+from tests.missions.command import Process
+from tests.missions.lone_base import LoneBase, lone_base
+from tests.waiting import wait_until
+
+WAITING = "mission: waiting\ntree:\n  sequence:\n    - wait: 1000 s\n    - drive: 1 m\n"
+"""It has a base, and does nothing with it."""
+
+DRIVING = "mission: driving\ntree:\n  drive: {distance: 100 m, speed: 0.4 m/s}\n"
+
+REST = 0.5
+"""Seconds within which a base is at rest whatever becomes of the link to who drives it."""
+
+
+class Client:
+    """Somebody who is connected to a run, and keeps all that is said."""
+
+    def __init__(self, run: str) -> None:
+        self.link = RunLink.open(sockets.path_of(run))
+        self.number = 0
+        self.clock = SystemClock()
+
+    def ask(self, do: str, **members: object) -> Mapping[str, Any]:
+        return self.link.ask({"do": do, **members})
+
+    def drive(self, ahead: float = 1.0, left: float = 0.0, pace: float = 1.0) -> Mapping[str, Any]:
+        self.number += 1
+        return self.ask("drive", n=self.number, t=self.clock.now(), ahead=ahead, left=left, pace=pace)
+
+    def send(self, **members: object) -> None:
+        self.link.connection.sendall(json.dumps(members).encode() + b"\n")
+
+    def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
+        """Return the first message from now on that is wanted."""
+        clock = SystemClock()
+        while clock.now() < 20.0:
+            told = self.link.hear()
+            if wanted(told):
+                return told
+        raise AssertionError("no such message came")
+
+    def drive_until_it_moves(self, base: LoneBase) -> None:
+        def moves() -> bool:
+            self.drive()
+            return base.seen().top > 0.1
+
+        wait_until(moves)
+
+
+@contextmanager
+def run_of(folder: Path, text: str = WAITING, *more: str) -> Iterator[tuple[Process, LoneBase]]:
+    """Run a mission on a virtual base until this is over."""
+    path = folder / "mission.yaml"
+    path.write_text(text, encoding="utf-8")
+    with ExitStack() as ends:
+        base = ends.enter_context(lone_base())
+        process = Process("run", str(path), "--robot", "turtlebot2", "--port", f"base={base.port}", *more)
+        ends.callback(_end, process)
+        wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() or process.process.poll() is not None)
+        assert process.process.poll() is None, process.errors
+        wait_until(lambda: _ticks(str(process.process.pid)))
+        yield process, base
+
+
+def _ticks(run: str) -> bool:
+    """Whether a run has begun to tick."""
+    with sockets.linked(sockets.path_of(run)) as link:
+        link.connection.sendall(b'{"do": "watch"}\n')
+        while (told := link.hear())["say"] != "scene":
+            pass
+        return bool(told["state"]["tick"] > 0)
+
+
+def _end(process: Process) -> None:
+    process.process.terminate()
+    process.end()
+
+
+def seconds_to_rest(base: LoneBase, since: float) -> float:
+    """Wait until a base stands, and return how many seconds after ``since``, by its own clock, it did."""
+    wait_until(lambda: not base.seen().moving)
+    return base.seen().rest_at - since

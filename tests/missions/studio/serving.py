@@ -1,0 +1,95 @@
+"""A studio in a process of its own, and somebody who speaks to it: over HTTP, and by its websocket."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from http.client import HTTPConnection
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+from tests.missions.command import Process
+
+PATIENCE = 60.0
+"""Seconds for an answer: machines are shared."""
+
+
+class Served:
+    """A studio that is served on this computer, with its tokens."""
+
+    def __init__(self, process: Process) -> None:
+        self.process = process
+        line = process.wait_for_line(lambda line: line.startswith("to look"), seconds=PATIENCE)
+        self.viewer = line.rpartition("token=")[2]
+        self.operator = process.lines[0].rpartition("token=")[2]
+        found = re.search(r":(\d+)/", line)
+        assert found is not None
+        self.port = int(found[1])
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def get(self, path: str, **headers: str) -> tuple[int, Mapping[str, str], bytes]:
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        try:
+            connection.putrequest("GET", path, skip_host="Host" in headers)
+            for name, value in headers.items():
+                connection.putheader(name, value)
+            connection.endheaders()
+            answer = connection.getresponse()
+            return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+        finally:
+            connection.close()
+
+    def cookie(self, token: str) -> str:
+        status, headers, _ = self.get(f"/?token={token}")
+        assert status == 303
+        return headers["set-cookie"].partition(";")[0]
+
+    @contextmanager
+    def client(self, token: str, *, hello: bool = True) -> Iterator["Client"]:
+        headers = {"Authorization": f"Bearer {token}"}
+        address = f"ws://{self.host}/ws"
+        with connect(address, additional_headers=headers, max_size=None, compression=None) as socket:
+            client = Client(socket)
+            if hello:
+                client.send(do="hello", version="1")
+                client.welcome = client.hear(lambda told: told["say"] == "welcome")
+            yield client
+
+
+class Client:
+    """A client of the websocket."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.welcome: Mapping[str, Any] = {}
+        self.number = 0
+
+    def send(self, **command: object) -> None:
+        self.socket.send(json.dumps(command))
+
+    def ask(self, do: str, **members: object) -> Mapping[str, Any]:
+        self.number += 1
+        number = self.number
+        self.send(do=do, id=number, **members)
+        return self.hear(lambda told: told["say"] == "answer" and told.get("id") == number)
+
+    def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
+        while True:
+            told: Mapping[str, Any] = json.loads(self.socket.recv(timeout=PATIENCE))
+            if wanted(told):
+                return told
+
+
+@contextmanager
+def studio(*more: str) -> Iterator[Served]:
+    """Serve a studio until this is over."""
+    process = Process("studio", "--port", "0", *more)
+    try:
+        yield Served(process)
+    finally:
+        process.process.terminate()
+        process.end()

@@ -1,0 +1,203 @@
+"""The control socket of a run: real runs, in processes of their own, on a virtual base that times itself."""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from missions.studio import sockets
+from missions.studio.control import MOST_CLIENTS
+from missions.studio.messages import protocol
+from tests.missions.command import PATIENCE, Process, command
+from tests.missions.lone_base import LoneBase
+from tests.missions.studio.running import DRIVING, REST, Client, run_of, seconds_to_rest
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[tuple[Process, LoneBase]]:
+    with run_of(tmp_path) as found:
+        yield found
+
+
+def client_of(process: Process) -> "closing[_Closed]":
+    return closing(_Closed(str(process.process.pid)))
+
+
+class _Closed(Client):
+    def close(self) -> None:
+        self.link.close()
+
+
+def test_only_its_owner_may_use_it_and_it_goes_with_the_run(tmp_path: Path) -> None:
+    with run_of(tmp_path) as (process, _):
+        path = sockets.path_of(str(process.process.pid))
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    assert not path.exists()
+
+
+def test_the_socket_of_a_run_that_was_killed_is_taken_away(tmp_path: Path) -> None:
+    with run_of(tmp_path) as (process, _):
+        path = sockets.path_of(str(process.process.pid))
+        process.process.kill()
+        process.process.wait()
+        assert path.exists()
+        with suppress(OSError), sockets.linked(path):
+            pytest.fail("somebody answered")
+        assert not path.exists()
+
+
+def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: tuple[Process, LoneBase]) -> None:
+    with client_of(run[0]) as client:
+        client.send(do="watch")
+        scene = client.hear(lambda told: told["say"] == "scene")
+        jsonschema.validate(scene, protocol())
+        assert scene["state"]["changed"]["1.1"][0] == "running"
+        assert scene["drawing"]["mission"] == scene["mission"] == "waiting"
+        assert scene["limits"]["speed"] > 0
+        state = client.hear(lambda told: told["say"] == "state" and "parts" in told)
+        jsonschema.validate(state, protocol())
+        assert {part["part"] for part in state["parts"]} == {"base"}
+
+
+def test_the_base_stops_at_once_when_the_connection_of_its_driver_ends(run: tuple[Process, LoneBase]) -> None:
+    process, base = run
+    with client_of(process) as client:
+        assert client.ask("take", by="Ada")["result"] == {"yours": True}
+        client.drive_until_it_moves(base)
+        client.drive()
+        ended = base.seen().heard_at
+    assert seconds_to_rest(base, ended) < REST
+
+
+def test_the_base_stops_by_itself_when_its_driver_falls_silent(run: tuple[Process, LoneBase]) -> None:
+    process, base = run
+    with client_of(process) as client:
+        client.ask("take", by="Ada")
+        client.drive_until_it_moves(base)
+        client.drive()
+        last = base.seen().heard_at
+        assert seconds_to_rest(base, last) < REST
+
+
+def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Path) -> None:
+    with run_of(tmp_path, DRIVING) as (process, base), client_of(process) as client:
+        wait_until(lambda: base.seen().top > 0.15)
+        asked = base.seen().heard_at
+        answer = client.ask("stop", by="Ada")
+        assert answer["result"] == {"parts": ["base"], "stops": 1}
+        assert seconds_to_rest(base, asked) < REST
+        assert client.ask("resume")["error"] == "stopped"
+        assert client.ask("step")["error"] == "stopped"
+        assert client.ask("release", stop=2)["error"] == "not_stopped"
+        assert client.ask("release", stop=1)["ok"]
+        client.send(do="watch")
+        scene = client.hear(lambda told: told["say"] == "scene")
+        assert scene["state"]["paused"]
+        assert scene["state"]["stopped"] == ""
+        assert not base.seen().moving
+        assert client.ask("resume")["ok"]
+        wait_until(lambda: base.seen().moving)
+
+
+def test_a_client_that_reads_nothing_costs_the_others_nothing(run: tuple[Process, LoneBase]) -> None:
+    with client_of(run[0]) as slow, client_of(run[0]) as quick:
+        slow.send(do="watch", events=True)
+        quick.send(do="watch")
+        ticks = [quick.hear(lambda told: told["say"] == "state")["tick"] for _ in range(60)]
+        assert ticks[-1] - ticks[0] >= 59
+
+
+def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: tuple[Process, LoneBase]) -> None:
+    with client_of(run[0]) as client:
+        client.link.connection.sendall(b"nonsense\n")
+        assert client.hear(lambda told: told["say"] == "answer")["error"] == "no_json"
+        assert client.ask("library")["error"] == "unknown_command"  # which is the studio's, not a run's
+        assert client.ask("drive", n=1, t=0, ahead=9, left=0)["error"] == "bad_field"
+        assert client.ask("drive", n=1, t=0, ahead=1, left=0)["error"] == "no_wheels"
+        client.link.connection.sendall(b"x" * 200_000)
+        assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
+
+
+def test_a_halted_run_says_how_it_ended(tmp_path: Path) -> None:
+    with run_of(tmp_path) as (process, _), client_of(process) as client:
+        client.send(do="watch")
+        assert client.ask("halt", by="Ada")["ok"]
+        over = client.hear(lambda told: told["say"] == "over")
+        assert (over["result"], over["reason"]) == ("interrupted", "halted by Ada")
+        jsonschema.validate(over, protocol())
+
+
+def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with run_of(tmp_path, DRIVING) as (process, base):
+        wait_until(lambda: base.seen().top > 0.15)
+        name = f"{process.process.pid}: driving on turtlebot2"
+        assert command(capsys, "stop", "--list").out == f"{name}\n"
+        stopped = command(capsys, "stop")
+        assert (stopped.code, stopped.out) == (0, f"{name}: stopped (base)\n")
+        wait_until(lambda: not base.seen().moving)
+        released = command(capsys, "stop", "--release", "--resume", "driving")
+        assert (released.code, released.out) == (0, f"{name}: released, and paused: goes on\n")
+        wait_until(lambda: base.seen().moving)
+        again = command(capsys, "stop", "--release")
+        assert (again.code, again.out) == (1, f"{name}: stop 1 is not latched: none is\n")
+        ended = command(capsys, "stop", "--end", str(process.process.pid))
+        assert (ended.code, ended.out) == (0, f"{name}: stopped (base): is being ended\n")
+        wait_until(lambda: process.process.poll() is not None)
+
+
+def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(capsys, "stop").out == "no mission runs\n"
+    missing = command(capsys, "stop", "greet")
+    assert (missing.code, missing.err) == (1, "no run greet: `mission stop --list` lists what runs\n")
+
+
+def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "hang.py").write_text(
+        "import time\nfrom behaviours.leaf import Leaf\nfrom py_trees.common import Status\n"
+        "class Hang(Leaf):\n    '''Hang.'''\n    word = 'hang'\n"
+        "    def update(self):\n        time.sleep(60)\n        return Status.SUCCESS\n",
+        encoding="utf-8",
+    )
+    steps = "    - drive: {distance: 100 m, speed: 0.4 m/s}\n    - sequence:\n        - wait: 2 s\n        - hang\n"
+    text = f"mission: hangs\ntree:\n  parallel:\n{steps}"
+    with run_of(tmp_path, text, "--behaviours", str(tmp_path / "hang.py")) as (process, base):
+        wait_until(lambda: base.seen().top > 0.15)
+        wait_until(lambda: not base.seen().moving)  # the watchdog keeps it still
+        stopped = command(capsys, "stop", "--end")
+        assert "stopped (base)" in stopped.out
+        os.kill(process.process.pid, 0)
+        wait_until(lambda: process.process.poll() is not None, 30.0)
+
+
+def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with run_of(tmp_path) as (process, base), ExitStack() as ends:
+        driver = Client(str(process.process.pid))
+        ends.callback(driver.link.close)
+        driver.ask("take")
+        for _ in range(2 * MOST_CLIENTS):
+            ends.enter_context(sockets.linked(sockets.path_of(str(process.process.pid))))
+        driver.drive_until_it_moves(base)
+        stopped = command(capsys, "stop")
+        assert (stopped.code, "stopped (base)" in stopped.out) == (0, True)
+        wait_until(lambda: not base.seen().moving)
+
+
+def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with run_of(tmp_path) as (process, _), ExitStack() as ends:
+        for _ in range(MOST_CLIENTS):
+            client = Client(str(process.process.pid))
+            ends.callback(client.link.close)
+            client.ask("watch")
+        stopped = command(capsys, "stop")
+        assert (stopped.code, "SIGTERM was sent" in stopped.out) == (1, True)
+        assert process.process.wait(PATIENCE) != 0

@@ -1,0 +1,325 @@
+"""Nobody gets into the studio who has not shown a token: each route and each message is tried, and new ones fail."""
+
+import json
+import shutil
+import socket
+import ssl
+import subprocess
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from http.client import HTTPSConnection
+from pathlib import Path
+
+import jsonschema
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from drivers.clock import SystemClock
+from missions.studio.access import Access
+from missions.studio.app import routes
+from missions.studio.commands import LARGEST
+from missions.studio.messages import protocol
+from missions.studio.reading import COMMANDS
+from missions.studio.serving import MOST_CONNECTIONS, Place
+from missions.studio.tokens import kept_tokens
+from tests.missions.command import command
+from tests.missions.studio.serving import PATIENCE, Served, studio
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+ROUTES = {"/ws": "/ws", "/": "/", "/records/{name}": "/records/none.mcap", "/{name}": "/none.js"}
+"""Every route, and a path of it."""
+
+NEEDS: Mapping[str, dict[str, object]] = {
+    "mission": {"name": "greet"}, "world": {"name": "living_room"}, "start": {"mission": "greet"},
+    "release": {"stop": 1}, "drive": {"n": 1, "t": 0, "ahead": 0, "left": 0},
+    "look": {"n": 1, "t": 0, "left": 0, "down": 0},
+    "seen": {"t": 0}, "record": {"name": "none"}, "moment": {"name": "none", "t": 0}, "add_task": {"mission": "greet"},
+    "move_task": {"task": 1, "priority": 1}, "cancel_task": {"task": 1},
+}  # fmt: skip
+"""What must be there in a command beside its word."""
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with studio() as found:
+        yield found
+
+
+def test_all_routes_are_known_here() -> None:
+    assert [getattr(route, "path", "") for route in routes()] == list(ROUTES)
+
+
+@pytest.mark.parametrize("path", ROUTES.values())
+def test_no_route_is_open_to_who_shows_no_token_or_a_wrong_one(served: Served, path: str) -> None:
+    assert served.get(path)[0] == 401
+    assert served.get(path, Cookie=f"missiontree_{served.port}=wrong")[0] == 401
+    assert served.get(path, Authorization="Basic b3A6b3A=")[0] == 401
+    assert served.get(f"{path}?token=wrong")[0] in (403, 429)
+
+
+@pytest.mark.parametrize("path", ROUTES.values())
+def test_no_route_is_open_by_another_name_or_from_another_page(served: Served, path: str) -> None:
+    cookie = served.cookie(served.operator)
+    for host in ("evil.example", f"evil.example:{served.port}", "127.0.0.1.evil.example", f"a@{served.host}", ""):
+        assert served.get(path, Host=host, Cookie=cookie)[0] in (400, 403), host
+    for origin in (
+        "null",
+        "http://evil.example",
+        f"http://{served.host}.evil.example",
+        "file://",
+        f"https//{served.host}",
+    ):
+        assert served.get(path, Origin=origin, Cookie=cookie)[0] == 403, origin
+
+
+def test_nothing_but_get_is_answered(served: Served) -> None:
+    connection = socket.create_connection(("127.0.0.1", served.port))
+    with closing(connection):
+        connection.sendall(f"POST / HTTP/1.1\r\nHost: {served.host}\r\nContent-Length: 0\r\n\r\n".encode())
+        assert b"405" in connection.recv(4096).partition(b"\r\n")[0]
+
+
+def test_a_link_becomes_a_cookie_that_no_page_reads_and_no_other_site_sends(served: Served) -> None:
+    status, headers, _ = served.get(f"/?token={served.operator}&a=1")
+    assert (status, headers["location"]) == (303, "/?a=1")
+    assert {"HttpOnly", "SameSite=strict", "Path=/"} <= set(headers["set-cookie"].split("; "))
+    assert headers["referrer-policy"] == "no-referrer"
+    assert served.operator not in str(headers)
+    assert served.get(f"//evil.example/?token={served.operator}")[1]["location"] == "/evil.example/"
+
+
+def test_every_answer_says_what_a_page_may_do(served: Served) -> None:
+    for path in ROUTES.values():
+        headers = served.get(path)[1]
+        assert "frame-ancestors 'none'" in headers["content-security-policy"]
+        assert "unsafe" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert "access-control-allow-origin" not in headers
+
+
+def test_a_websocket_opens_with_a_cookie_and_its_own_page_alone(served: Served) -> None:
+    cookie, address, own = served.cookie(served.viewer), f"ws://{served.host}/ws", f"http://{served.host}"
+    tries: list[tuple[dict[str, str], str | None]] = [
+        ({}, own), ({"Cookie": cookie}, None), ({"Cookie": cookie}, "null"), ({"Cookie": cookie}, "http://evil.example"),
+        ({"Cookie": "a=b"}, own), ({"Authorization": "Bearer wrong"}, None),
+    ]  # fmt: skip
+    for headers, origin in tries:
+        named = None if origin is None else Origin(origin)
+        with pytest.raises(InvalidStatus) as refused, connect(address, additional_headers=headers, origin=named):
+            pass
+        assert refused.value.response.status_code in (401, 403)
+    with connect(address, additional_headers={"Cookie": cookie}, origin=Origin(own)) as client:
+        client.send('{"do": "hello", "version": "1"}')
+        assert json.loads(client.recv(timeout=PATIENCE))["role"] == "viewer"
+
+
+def test_who_tries_many_wrong_tokens_has_to_wait_and_who_is_in_stays_in() -> None:
+    with studio() as served:
+        cookie = served.cookie(served.operator)
+        tried = [served.get(f"/?token=wrong{number}")[0] for number in range(12)]
+        assert tried == [403] * 9 + [429] * 3
+        assert served.get(f"/?token={served.operator}")[0] == 429
+        assert served.get("/none.js", Cookie=cookie)[0] == 404
+
+
+def test_a_viewer_sees_and_stops_and_nothing_else(served: Served) -> None:
+    schema = protocol()
+    with served.client(served.viewer) as client:
+        jsonschema.validate(client.welcome, schema)
+        for word, kind in COMMANDS.items():
+            if word == "hello":
+                continue
+            answer = client.ask(word, **NEEDS.get(word, {}))
+            jsonschema.validate(answer, schema)
+            assert (answer.get("error") == "not_allowed") == (kind.role == "operator"), word
+    cookie = served.cookie(served.viewer)
+    assert served.get("/records/none.mcap", Cookie=cookie)[0] == 403
+    assert served.get("/records/none.mcap", Cookie=served.cookie(served.operator))[0] == 404
+
+
+def test_before_hello_no_command_is_done(served: Served) -> None:
+    for word in COMMANDS:
+        if word != "hello":
+            with served.client(served.operator, hello=False) as client:
+                client.send(do=word, **NEEDS.get(word, {}))
+                assert client.hear(lambda told: told["say"] == "answer")["error"] == "hello_first"
+                with pytest.raises(ConnectionClosed):
+                    client.socket.recv(timeout=PATIENCE)
+
+
+def test_an_old_page_is_asked_to_reload(served: Served) -> None:
+    with served.client(served.operator, hello=False) as client:
+        client.send(do="hello", version="0123456789abcdef")
+        assert client.hear(bool)["error"] == "old_page"
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        ("{", "no_json"),
+        ("[]", "no_json"),
+        ('{"do": "fly"}', "unknown_command"),
+        ('{"do": "tasks", "x": 1}', "bad_field"),
+    ],
+)
+def test_what_is_no_command_is_answered_by_name(served: Served, message: str, error: str) -> None:
+    with served.client(served.operator) as client:
+        client.socket.send(message)
+        assert client.hear(lambda told: told["say"] == "answer")["error"] == error
+        assert client.ask("tasks")["ok"]
+
+
+def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> None:
+    with served.client(served.operator) as client, served.client(served.viewer) as other:
+        client.socket.send("x" * (LARGEST + 1))
+        with pytest.raises(ConnectionClosed):
+            client.hear(lambda told: told["say"] == "answer")
+        for _ in range(400):
+            other.send(do="pause", run="1")
+        answers = [other.hear(lambda told: told["say"] == "answer")["error"] for _ in range(400)]
+        assert set(answers) == {"not_allowed", "too_many"}
+        assert other.ask("stop")["ok"]
+
+
+def test_a_thousand_connections_and_slow_requests_leave_room_for_who_is_in(served: Served) -> None:
+    with served.client(served.viewer) as client:
+        idle = []
+        try:
+            for _ in range(1000):
+                connection = socket.create_connection(("127.0.0.1", served.port))
+                connection.settimeout(PATIENCE)
+                idle.append(connection)
+            for connection in idle[: MOST_CONNECTIONS // 2]:
+                connection.send(b"GET / HTTP/1.1\r\nHost: ")
+            assert client.ask("stop")["ok"]
+            assert client.ask("tasks")["ok"]
+            wait_until(lambda: _answers(served), 60.0)
+            for connection in idle:
+                assert _ended(connection)
+        finally:
+            for connection in idle:
+                connection.close()
+
+
+def test_a_second_request_has_no_longer_than_the_first(served: Served) -> None:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE) as connection:
+        connection.sendall(f"GET / HTTP/1.1\r\nHost: {served.host}\r\n\r\n".encode())
+        assert connection.recv(4096).startswith(b"HTTP/1.1 401")
+        connection.sendall(b"GET / HT")
+        while connection.recv(4096):  # a TimeoutError where it is held on
+            pass
+
+
+def test_a_cookie_of_backslashes_takes_no_time_from_the_others(served: Served) -> None:
+    clock = SystemClock()
+    cookie = served.cookie(served.viewer)
+    for _ in range(10):  # each took 3.5 s
+        assert served.get("/", Cookie='a="' + "\\" * 15_000 + f'"; {cookie}')[0] == 200
+    assert clock.now() < 15.0
+
+
+def test_the_token_that_a_browser_is_started_with_lets_in_once() -> None:
+    access = Access()
+    token = access.once()
+    assert token not in (access.operator, access.viewer)
+    assert [access.by_token(token, "1.2.3.4") for _ in range(2)] == ["operator", None]
+    assert access.by_token(access.operator, "1.2.3.4") == "operator"
+
+
+def test_a_browser_is_not_started_with_the_token_itself(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened: list[str] = []
+
+    def serve(place: Place, sockets: object, begun: Callable[[], None]) -> list[int]:
+        del sockets
+        begun()
+        assert place.access.by_token(opened[0].rpartition("token=")[2], "") == "operator"
+        return []
+
+    monkeypatch.setattr("missions.studio.serving.serve", serve)
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    printed = command(capsys, "studio", "--port", "0", "--open")
+    assert printed.code == 0
+    assert opened[0].rpartition("token=")[2] not in printed.out
+
+
+def test_a_name_that_no_file_can_have_is_not_there(served: Served) -> None:
+    assert served.get(f"/{'a' * 4000}.js", Cookie=served.cookie(served.viewer))[0] == 404
+
+
+def _answers(served: Served) -> bool:
+    """Whether there is room for one more connection."""
+    try:
+        return served.get("/none.js")[0] == 401
+    except OSError:
+        return False
+
+
+def _ended(connection: socket.socket) -> bool:
+    """Wait until the other side has hung up."""
+    try:
+        while connection.recv(4096):
+            pass
+    except OSError:
+        pass
+    return True
+
+
+def test_behind_a_proxy_it_goes_by_the_name_that_it_was_given_and_by_no_header_of_the_proxy() -> None:
+    with studio("--name", "robot.example") as served:
+        named = {"Host": "robot.example"}
+        assert served.get(f"/?token={served.viewer}", **named)[0] == 303
+        cookie = served.cookie(served.viewer)
+        assert served.get("/none.js", Origin="https://robot.example", Cookie=cookie, **named)[0] == 404
+        assert served.get("/none.js", Origin="https://other.example", Cookie=cookie, **named)[0] == 403
+        forged = {"X-Forwarded-For": "127.0.0.1", "X-Forwarded-Host": served.host, "Forwarded": "for=127.0.0.1"}
+        assert served.get("/", **forged)[0] == 401
+        assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl, to make a certificate")
+def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(tmp_path: Path) -> None:
+    key, certificate = tmp_path / "key.pem", tmp_path / "cert.pem"
+    subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
+    files = ["-keyout", str(key), "-out", str(certificate)]
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *subject, *files]
+    subprocess.run(make, check=True, capture_output=True)
+    with studio("--certificate", str(certificate), "--key", str(key)) as served:
+        assert "https://" in served.process.lines[0]
+        trusting = ssl.create_default_context(cafile=str(certificate))
+        connection = HTTPSConnection("127.0.0.1", served.port, context=trusting, timeout=PATIENCE)
+        with closing(connection):
+            connection.request("GET", f"/?token={served.operator}")
+            assert "Secure" in (connection.getresponse().getheader("set-cookie") or "")
+        headers = {"Authorization": f"Bearer {served.operator}"}
+        with connect(f"wss://{served.host}/ws", additional_headers=headers, ssl=trusting) as client:
+            client.send('{"do": "hello", "version": "1"}')
+            assert json.loads(client.recv(timeout=PATIENCE))["say"] == "welcome"
+
+
+def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+        refused = command(capsys, "studio", "--port", str(port))
+        assert refused.code == 2
+        assert f"127.0.0.1 port {port}: Address already in use" in refused.err
+    wrong = tmp_path / "cert.pem"
+    wrong.write_text("no certificate", encoding="utf-8")
+    assert str(wrong) in command(capsys, "studio", "--port", "0", "--certificate", str(wrong)).err
+    assert "--key goes with" in command(capsys, "studio", "--key", str(wrong)).err
+
+
+def test_tokens_are_kept_where_the_user_wishes_that(tmp_path: Path) -> None:
+    path = tmp_path / "studio.tokens"
+    tokens = kept_tokens(path)
+    assert kept_tokens(path) == tokens
+    path.chmod(0o644)  # somebody may have read them
+    assert set(kept_tokens(path)).isdisjoint(tokens)
+    path.write_text("[]", encoding="utf-8")
+    assert set(kept_tokens(path)).isdisjoint(tokens)
+    assert path.stat().st_mode & 0o077 == 0

@@ -1,0 +1,150 @@
+"""Driving and stopping from the page, at a virtual base: whatever is lost, it comes to rest."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.browser import Browser
+from tests.missions.command import Process
+from tests.missions.lone_base import LoneBase
+from tests.missions.studio.page import PHONE, VIEWS, Page
+from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
+from tests.missions.studio.serving import Served, studio
+from tests.missions.views.pictures.drawn import HOSTILE
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+STICK = "studio-stick"
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with studio() as found:
+        yield found
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[tuple[Process, LoneBase]]:
+    with run_of(tmp_path) as found:
+        yield found
+
+
+def driver(browser: Browser, served: Served) -> Page:
+    page = Page(browser, served, view="#drive")
+    page.press("Take the wheels")
+    page.wait_for("You drive.")
+    return page
+
+
+def moving(base: LoneBase) -> Callable[[], bool]:
+    return lambda: base.seen().moving
+
+
+def test_the_base_drives_while_the_stick_is_held_and_rests_when_it_is_let_go(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    with page.held(STICK, up=60):
+        wait_until(moving(base))
+    assert seconds_to_rest(base, base.seen().heard_at) < REST
+
+
+def test_the_base_drives_while_a_key_is_held_and_rests_at_stop_until_it_is_released(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    page.tab.ask("Input.dispatchKeyEvent", type="keyDown", key="w", windowsVirtualKeyCode=87, text="w")
+    wait_until(moving(base))
+    page.tab.press(" ")
+    assert seconds_to_rest(base, base.seen().heard_at) < REST
+    page.wait_for("Stopped from this page")
+    page.release()
+    assert not base.seen().moving  # the key that was held all the while counts no more
+    page.tab.ask("Input.dispatchKeyEvent", type="keyUp", key="w", windowsVirtualKeyCode=87)
+    assert not base.seen().moving
+
+
+LOSSES: dict[str, str] = {
+    "the focus": "dispatchEvent(new Event('blur'))",
+    "the page, which is hidden": "Object.defineProperty(document, 'hidden', {value: true});"
+    "document.dispatchEvent(new Event('visibilitychange'))",
+    "the pointer": "document.querySelector('studio-stick').dispatchEvent(new PointerEvent('pointercancel',"
+    "{pointerId: window.held}))",
+    "the page, which goes": "location.href = 'about:blank'",
+}
+
+
+@pytest.mark.parametrize("script", LOSSES.values(), ids=LOSSES)
+def test_the_base_rests_when_what_drives_it_is_lost(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase], script: str
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    page.tab.evaluate("addEventListener('pointerdown', (event) => (window.held = event.pointerId), true)")
+    with page.held(STICK, up=60):
+        wait_until(moving(base))
+        page.tab.evaluate(script)
+        assert seconds_to_rest(base, base.seen().heard_at) < REST
+
+
+def test_the_base_rests_when_the_tab_is_closed(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    x, y = page.middle(STICK)
+    page.mouse("mousePressed", x, y)
+    page.mouse("mouseMoved", x, y - 60)
+    wait_until(moving(base))
+    browser.open("about:blank")
+    assert seconds_to_rest(base, base.seen().heard_at) < REST
+
+
+def test_a_viewer_stops_on_every_view_and_only_an_operator_releases(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
+    with run_of(tmp_path, DRIVING) as (_, base):
+        page = Page(browser, served, served.viewer, size=PHONE)
+        wait_until(moving(base))
+        page.stop.click()
+        assert seconds_to_rest(base, base.seen().heard_at) < REST
+        for view in VIEWS:
+            page.go(view)
+            page.wait_for("Stopped from this page")
+            assert not page.enabled("release")
+        page = Page(browser, served, view="#live")
+        page.wait_for("stopped by viewer")
+        assert not page.enabled("Go on")
+        page.release()
+        assert not base.seen().moving
+        page.press("Go on")
+        wait_until(moving(base))
+        page.press("End the mission")
+        page.press("Press again to end it")
+        page.wait_for("halted by operator")
+
+
+@pytest.mark.usefixtures("scene")
+def test_typing_a_space_is_no_stop_and_escape_is(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run")
+    page.tab.find("searchbox", "Search").focus()
+    page.tab.press("a", " ", "b")
+    assert page.tab.evaluate("document.activeElement.value") == "a b"
+    assert not page.says("Stopped")
+    page.tab.press("Escape")
+    page.wait_for("Stopped from this page")
+    page.release()
+
+
+def test_texts_of_strangers_are_texts(browser: Browser, served: Served, tmp_path: Path) -> None:
+    text = json.dumps(HOSTILE)
+    mission = f"mission: m\nparams: {{kept: {text}}}\ntree:\n  wait: 1000 s\n  name: {text}\n"
+    with run_of(tmp_path, mission):
+        page = Page(browser, served, view="#live")
+        page.tab.evaluate("window.alert = () => (window.hurt = true)")
+        page.wait_for("<img src=x onerror=alert(1)>")
+        wait_until(lambda: any(HOSTILE[:20] in each.name for each in page.tab.all("treeitem")))
+        assert page.tab.evaluate("document.querySelectorAll('main img[src=x], main script').length") == 0
+        assert not page.tab.evaluate("window.hurt === true")
+        assert page.tab.errors == []

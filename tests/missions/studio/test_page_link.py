@@ -1,0 +1,96 @@
+"""What the studio's page says over its connections, and when."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.browser import Browser
+from tests.missions.studio.page import Page
+from tests.missions.studio.running import run_of
+from tests.missions.studio.serving import Served, studio
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+SPY = """
+window.sent = [];
+const send = WebSocket.prototype.send;
+let count = 0;
+WebSocket.prototype.send = function (text) {
+  this.number ??= ++count;
+  window.sent.push({socket: this.number, ...JSON.parse(text)});
+  return send.call(this, text);
+};
+"""
+"""Keeps what the page sends, and over which of its connections."""
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with studio() as found:
+        yield found
+
+
+def overheard(browser: Browser, served: Served, view: str) -> Page:
+    page = Page(browser, served, view=view)
+    page.tab.ask("Page.addScriptToEvaluateOnNewDocument", source=SPY)
+    page.tab.ask("Page.reload")
+    wait_until(lambda: page.tab.evaluate("!!window.sent") and "operator" in page.link)
+    return page
+
+
+def sent(page: Page, *words: str) -> list[dict[str, Any]]:
+    """Return the commands of these words that the page has sent, in order."""
+    told: list[dict[str, Any]] = page.tab.evaluate("window.sent")
+    return [each for each in told if each["do"] in words]
+
+
+def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
+    page = overheard(browser, served, "#run")
+    wait_until(lambda: sent(page, "library"))
+    page.stop.click()
+    page.wait_for("there was nothing to stop")
+    over = sent(page, "stop")[0]["socket"]
+    told: list[dict[str, Any]] = page.tab.evaluate("window.sent")
+    assert {each["do"] for each in told if each["socket"] == over} == {"hello", "stop"}
+    assert over != sent(page, "library")[0]["socket"]
+
+
+def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, served: Served, tmp_path: Path) -> None:
+    with run_of(tmp_path):
+        page = overheard(browser, served, "#live")
+
+        def pictures() -> float:
+            watches = sent(page, "watch")
+            return float(watches[-1].get("pictures", 0)) if watches else -1.0
+
+        wait_until(lambda: pictures() > 0)
+        hidden = "Object.defineProperty(document, 'hidden', {value: %s, configurable: true});"
+        told = "document.dispatchEvent(new Event('visibilitychange'))"
+        page.tab.evaluate(hidden % "true" + told)
+        wait_until(lambda: pictures() == 0)
+        page.tab.evaluate(hidden % "false" + told)
+        wait_until(lambda: pictures() > 0)
+        page.go("Tasks")
+        wait_until(lambda: pictures() == 0)
+
+
+def test_who_drives_is_asked_for_the_wheels_and_hands_them_over(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
+    with run_of(tmp_path) as (process, _), served.client(served.operator) as other:
+        run = str(process.process.pid)
+        page = Page(browser, served, view="#drive")
+        page.press("Take the wheels")
+        page.wait_for("You drive.")
+        other.ask("watch", run=run, state=False)
+        assert not other.ask("take", run=run)["result"]["yours"]
+        page.wait_for(f"{other.welcome['name']} asks for the wheels.")
+        page.press("Hand over")
+        page.wait_for(f"{other.welcome['name']} drives.")
+        page.press("Ask")
+        page.wait_for(f"You have asked {other.welcome['name']} for the wheels.")
+        other.send(do="give", run=run)
+        page.wait_for("You drive.")

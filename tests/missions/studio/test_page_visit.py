@@ -1,0 +1,123 @@
+"""A first visit to the studio, as a person makes it: by the link, a mission from its form, and its record."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.browser import Browser
+from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page
+from tests.missions.studio.serving import Served, studio
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with studio() as found:
+        yield found
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP])
+def test_greet_is_run_from_its_form_watched_and_looked_at_again(
+    browser: Browser, served: Served, size: tuple[int, int]
+) -> None:
+    page = Page(browser, served, size=size)
+    tab = page.tab
+    assert tab.evaluate("location.search") == ""  # the token is not to be seen any more
+    page.wait_for("Look for a face, track it, greet it.")
+    page.click("link", "Greet")
+    wait_until(lambda: page.enabled("Run simulated"))
+    greeting = tab.find("textbox", "Greeting")
+    greeting.focus()
+    tab.evaluate("document.activeElement.select()")
+    tab.type("Ahoy!")
+    page.press("Run simulated")
+    # The view changes to the run, and shows what it does.
+    wait_until(lambda: tab.evaluate("location.hash") == "#live")
+    page.wait_for("turtlebot2 arm", "living room", "greeting: Ahoy!")
+    wait_until(lambda: any("find_face: running" in each.name for each in tab.all("treeitem")))
+    tab.evaluate("document.querySelector('studio-camera').scrollIntoView()")
+    wait_until(lambda: any("sees face" in each.name for each in tab.all("image")))
+    page.wait_for("“Ahoy!”")
+    wait_until(lambda: any("find_face: success" in each.name for each in tab.all("treeitem")))
+    page.wait_for("✓ success")
+    # And its record says the same.
+    page.go("Records")
+    wait_until(lambda: tab.evaluate("!!document.querySelector('.record-list a')"))
+    tab.evaluate("document.querySelector('.record-list a').click()")
+    wait_until(lambda: any(each.name.startswith("sequence: success") for each in tab.all("treeitem")))
+    slider = tab.find("slider", "Time")
+    slider.focus()
+    tab.press("Home")
+    wait_until(lambda: all(": idle" in each.name or ": running" in each.name for each in tab.all("treeitem")))
+    tab.press("End")
+    wait_until(lambda: any(each.name.startswith("sequence: success") for each in tab.all("treeitem")))
+    assert tab.errors == []
+    assert {url.split("/")[2] for url in tab.requests} == {served.host}
+
+
+def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run/greet")
+    tab = page.tab
+    page.press("Later, or again and again")
+    at = tab.find("textbox", "At")
+    at.focus()
+    tab.type("18:00")
+    page.press("Add to the queue")
+    page.go("Tasks")
+    page.wait_for("greet", "waiting")
+    page.press("Cancel")
+    page.press("Press again to cancel")
+    page.wait_for("The queue is empty.")
+
+
+def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run/greet")
+    wait_until(lambda: page.enabled("Run simulated"))
+    page.click("radio", "On the robot")
+    page.press("Run on the robot")
+    page.wait_for("Choose the robot first.")
+    page.tab.evaluate("document.querySelector('.target select').value = 'turtlebot2'")
+    page.press("Run on the robot")
+    page.wait_for("Confirm first that there is room around the robot.")
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP])
+def test_each_view_has_stop_in_sight_and_nothing_too_wide(
+    browser: Browser, served: Served, size: tuple[int, int]
+) -> None:
+    page = Page(browser, served, size=size)
+    for view in VIEWS:
+        page.go(view)
+        left, top, right, bottom = page.stop.box
+        assert min(left, top) >= 0, view
+        assert right <= size[0], view
+        assert bottom <= size[1], view
+        x, y = (left + right) / 2, (top + bottom) / 2
+        assert page.tab.evaluate(f"!!document.elementFromPoint({x}, {y}).closest('.stop')"), view
+        assert page.tab.evaluate("document.documentElement.scrollWidth") <= size[0], view
+        assert page.tab.evaluate("document.querySelectorAll('[aria-current=page]').length") == 1
+
+
+def test_a_page_of_another_version_asks_to_be_reloaded_and_can_stop(browser: Browser, served: Served) -> None:
+    page = Page(browser, served)
+    older = (
+        "new MutationObserver(() => { const meta = document.querySelector('meta[name=version]');"
+        "if (meta) meta.content = 'older'; }).observe(document, {childList: true, subtree: true})"
+    )
+    page.tab.ask("Page.addScriptToEvaluateOnNewDocument", source=older)
+    page.tab.ask("Page.reload")
+    wait_until(lambda: "reload it" in page.link)
+    assert page.enabled("Reload")
+    page.stop.click()
+    page.wait_for("there was nothing to stop")
+
+
+def test_a_page_that_has_lost_its_link_says_so_and_that_stop_does_not_reach(browser: Browser) -> None:
+    with studio() as lost:
+        page = Page(browser, lost)
+    wait_until(lambda: "link lost" in page.link)
+    page.wait_for("STOP does not reach the robot")
+    page.stop.click()
+    page.wait_for("NOT STOPPED")

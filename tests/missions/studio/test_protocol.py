@@ -1,0 +1,97 @@
+"""The studio's messages: what is said of them, what is read of them, and what is refused by name."""
+
+import json
+from typing import Any
+
+import jsonschema
+import pytest
+
+from missions.studio.commands import LARGEST, Drive
+from missions.studio.form import BadMessage, members, written
+from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of, protocol
+from missions.studio.reading import COMMANDS, read_command
+from missions.studio.wishes import Start
+
+SCHEMA: Any = protocol()
+
+
+def test_the_schema_is_one() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "message", [Answer(id=3, ok=True, result={"run": "1"}), Over(run="1", result="", reason="", seconds=2.0)]
+)
+def test_what_is_said_is_what_the_schema_describes(message: object) -> None:
+    jsonschema.validate(json.loads(line_of(message)), SCHEMA)
+
+
+def test_a_command_is_read_with_its_defaults() -> None:
+    line = '{"do": "drive", "run": "7", "n": 1, "t": 0.5, "ahead": 1, "left": -0.5}'
+    assert read_command(line) == Drive(run="7", n=1, t=0.5, ahead=1, left=-0.5, pace=0.5)
+    jsonschema.validate(json.loads(line), SCHEMA)
+
+
+def test_a_command_comes_back_as_it_was_written() -> None:
+    start = Start(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
+    assert read_command(json.dumps(written(start, "do"))) == start
+
+
+@pytest.mark.parametrize(
+    ("line", "error", "said"),
+    [
+        ("{", "no_json", "no JSON"),
+        ("[" * 20_000, "no_json", "no JSON"),
+        ("[1]", "no_json", "an object"),
+        ('{"do": "stpo"}', "unknown_command", "'stpo'"),
+        ('{"do": 5}', "unknown_command", "'5'"),
+        ('{"do": "watch", "runn": "1"}', "bad_field", "'runn'"),
+        ('{"do": "release", "run": "1"}', "bad_field", "'stop' is missing"),
+        ('{"do": "release", "run": "1", "stop": true}', "bad_field", "whole number"),
+        ('{"do": "release", "run": "1", "stop": 1.5}', "bad_field", "whole number"),
+        ('{"do": "drive", "run": "1", "n": 1, "t": 0, "ahead": 1.1, "left": 0}', "bad_field", "within -1 and 1"),
+        ('{"do": "drive", "run": "1", "n": 1, "t": 0, "ahead": NaN, "left": 0}', "bad_field", "a number"),
+        ('{"do": "drive", "run": "1", "n": -1, "t": 0, "ahead": 0, "left": 0}', "bad_field", "within 0"),
+        ('{"do": "start", "mission": "greet", "simulate": "slow"}', "bad_field", "one of"),
+        ('{"do": "start", "mission": "greet", "params": {"a": 5}}', "bad_field", "'params.a'"),
+        ('{"do": "start", "mission": 7}', "bad_field", "a text"),
+        ('{"do": "start", "mission": "a\\u0000"}', "bad_field", "without NUL"),
+        ('{"do": "start", "mission": "a", "params": {"\\ud800": "b"}}', "bad_field", "halves of letters"),
+        (f'{{"do": "stop", "id": 1{"0" * 400}}}', "bad_field", "whole number"),
+        (f'{{"do": "release", "run": "1", "stop": -1{"0" * 400}}}', "bad_field", "whole number"),
+        (json.dumps({"do": "hello", "version": "x" * LARGEST}), "too_large", "65536 bytes"),
+    ],
+)
+def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str) -> None:
+    with pytest.raises(BadMessage, match=said.replace("[", r"\[")) as refused:
+        read_command(line)
+    assert refused.value.error == error
+    assert error in ERRORS
+
+
+@pytest.mark.parametrize("line", ['{"do": "stop", "id": %s}', '{"do": "start", "mission": "x", "params": {"a": %s}}'])
+def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
+    for depth in range(850, 1050):
+        with pytest.raises(BadMessage):
+            read_command(line % ('{"a": ' * depth + "1" + "}" * depth))
+
+
+def test_a_near_miss_is_asked_about() -> None:
+    with pytest.raises(BadMessage) as refused:
+        read_command('{"do": "stopp"}')
+    assert refused.value.hint == "did you mean 'stop'?"
+
+
+@pytest.mark.parametrize("kind", [*COMMANDS.values(), *MESSAGES.values()], ids=lambda kind: kind.word)
+def test_every_member_has_a_type_in_the_schema(kind: Any) -> None:
+    assert kind.__doc__
+    side = "commands" if kind.word in COMMANDS else "messages"
+    properties = SCHEMA["$defs"][side][kind.word]["properties"]
+    for member in members(kind):
+        assert properties[member.name].keys() & {"type", "enum"}, member.name
+
+
+def test_viewers_stop_and_look_and_do_nothing_else() -> None:
+    assert {word for word, kind in COMMANDS.items() if kind.role == "viewer"} == {
+        "hello", "library", "mission", "world", "watch", "seen", "stop", "records", "record", "moment", "tasks",
+    }  # fmt: skip

@@ -1,0 +1,166 @@
+"""Stops that come in the way of something: of many others, of a client that reads nothing, of a run that begins."""
+
+import asyncio
+import json
+import os
+import socket
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from missions.studio import sockets
+from missions.studio.audit import Audit
+from missions.studio.form import BadMessage
+from missions.studio.launch import Launcher
+from missions.studio.messages import Runs
+from missions.studio.reader import Reader
+from missions.studio.session import Session
+from missions.studio.studio import Studio
+from missions.studio.wishes import Start, Tasks
+
+PATIENCE = 60.0
+
+
+class StandInRun:
+    """A control socket that counts what it is asked, and answers when it is let."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self.answers = asyncio.Event()
+
+    @asynccontextmanager
+    async def served(self) -> AsyncIterator[None]:
+        listening = sockets.listen(sockets.path_of(str(os.getpid())))
+        server = await asyncio.start_unix_server(self._serve, sock=listening)
+        async with server:
+            yield
+            server.close()
+        sockets.path_of(str(os.getpid())).unlink()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(json.dumps({"say": "run", "run": str(os.getpid())}).encode() + b"\n")
+        while line := await reader.readline():
+            self.asked.append(json.loads(line))
+            await self.answers.wait()
+            answer = {"say": "answer", "id": self.asked[-1]["id"], "ok": True, "result": {"parts": ["base"]}}
+            writer.write(json.dumps(answer, separators=(",", ":")).encode() + b"\n")
+        writer.close()
+
+
+class Deaf:
+    """A websocket whose client reads nothing."""
+
+    def __init__(self) -> None:
+        self.reached = asyncio.Event()
+
+    async def send_text(self, text: str) -> None:
+        del text
+        self.reached.set()
+        await asyncio.Event().wait()
+
+
+def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
+    return Studio(Audit(folder / "log"), launcher or Launcher(None), cast("Any", None))
+
+
+def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path) -> None:
+    async def work() -> None:
+        run, studio = StandInRun(), studio_of(tmp_path)
+        async with run.served(), studio.hub:
+            await studio.hub.look()
+            first = asyncio.create_task(studio.hub.stop("", "first"))
+            while not run.asked:
+                await asyncio.sleep(0)
+            others = [asyncio.create_task(studio.hub.stop("", "others")) for _ in range(500)]
+            await asyncio.sleep(0)
+            run.answers.set()
+            told = await asyncio.gather(first, *others)
+        assert [each["by"] for each in run.asked] == ["first", "others"]
+        assert all(each == {str(os.getpid()): {"parts": ["base"]}} for each in told)
+
+    asyncio.run(asyncio.wait_for(work(), PATIENCE))
+
+
+def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path) -> None:
+    async def work() -> None:
+        run, studio, deaf = StandInRun(), studio_of(tmp_path), Deaf()
+        run.answers.set()
+        session = Session(cast("Any", deaf), "viewer", "deaf", studio)
+        session.tell(Runs(runs=[]))
+        stuck = asyncio.create_task(session._tell_on())
+        await deaf.reached.wait()
+        with studio.joined(session):
+            async with run.served(), studio.hub:
+                await studio.hub.look()
+                assert str(os.getpid()) in await studio.stop("", "viewer 2")
+        stuck.cancel()
+
+    asyncio.run(asyncio.wait_for(work(), PATIENCE))
+
+
+def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path) -> None:
+    launcher = Launcher(None, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
+    studio = studio_of(tmp_path, launcher)
+
+    async def work() -> None:
+        asked_before = launcher.stops
+        start = asyncio.create_task(launcher.start(Start(mission="greet"), asked_before))
+        while not launcher.running:
+            await asyncio.sleep(0.01)
+        await studio.stop("", "viewer 1")
+        with pytest.raises(BadMessage, match="stopped before it had begun"):
+            await start
+        with pytest.raises(BadMessage, match="stopped before it had begun"):
+            await launcher.start(Start(mission="greet"), asked_before)
+        while launcher.running:
+            await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(work(), PATIENCE))
+
+
+def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work() -> None:
+        hanging = [asyncio.create_task(reader._work(cast("Any", time.sleep), cast("Any", 1000.0))) for _ in range(3)]
+        for each in hanging:
+            with pytest.raises(BadMessage):
+                await each
+        monkeypatch.setattr("missions.studio.reader.PATIENCE", PATIENCE)
+        assert (await reader.do(Tasks()))["tasks"] == []
+
+    monkeypatch.setattr("missions.studio.reader.PATIENCE", 0.5)
+    reader = Reader()
+    try:
+        asyncio.run(asyncio.wait_for(work(), 2 * PATIENCE))
+    finally:
+        reader.close()
+
+
+def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = sockets.path_of(str(os.getpid()))
+    there = []
+    listen = socket.socket.listen
+
+    def listening(self: socket.socket, backlog: int) -> None:
+        there.append(path.exists())
+        listen(self, backlog)
+
+    monkeypatch.setattr(socket.socket, "listen", listening)
+    with sockets.listen(path):
+        assert (there, path.exists()) == ([False], True)
+        assert [each.name for each in sockets.sockets()] == [path.name]
+    path.unlink()
+
+
+def test_a_socket_of_a_process_that_lives_is_not_taken_away() -> None:
+    path = sockets.path_of(str(os.getpid()))
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(path))
+        with pytest.raises(ConnectionRefusedError):
+            sockets.connect(path)
+        assert path.exists()
+    path.unlink()

@@ -1,0 +1,218 @@
+"""The studio with a run on a virtual base: whatever becomes of studio, link or client, the base comes to rest."""
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from drivers.clock import SystemClock
+from missions.studio.messages import protocol
+from tests.missions.command import Process
+from tests.missions.lone_base import LoneBase
+from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
+from tests.missions.studio.serving import Client, Served, studio
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+class Driver:
+    """An operator at the stick."""
+
+    def __init__(self, client: Client, run: str) -> None:
+        self.client, self.run = client, run
+        self.clock, self.number = SystemClock(), 0
+        self.client.ask("watch", run=run, state=False)
+
+    def take(self) -> bool:
+        return bool(self.client.ask("take", run=self.run)["result"]["yours"])
+
+    def push(self, ahead: float = 1.0) -> None:
+        self.number += 1
+        told = {"n": self.number, "t": self.clock.now(), "ahead": ahead, "left": 0.0, "pace": 1.0}
+        self.client.send(do="drive", run=self.run, **told)
+
+    def push_until_it_moves(self, base: LoneBase) -> float:
+        """Drive, and return when, by the base's own clock, the last command was given."""
+
+        def moves() -> bool:
+            self.push()
+            return base.seen().top > 0.1
+
+        wait_until(moves)
+        self.push()
+        return base.seen().heard_at
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[tuple[Served, Process, LoneBase]]:
+    with run_of(tmp_path) as (process, base), studio() as served:
+        yield served, process, base
+
+
+def driver(served: Served, process: Process, ends: ExitStack) -> Driver:
+    client = ends.enter_context(served.client(served.operator))
+    client.hear(lambda told: told["say"] == "runs" and told["runs"])
+    found = Driver(client, str(process.process.pid))
+    assert found.take()
+    return found
+
+
+def test_the_base_rests_when_the_websocket_of_its_driver_is_closed(scene: tuple[Served, Process, LoneBase]) -> None:
+    served, process, base = scene
+    with ExitStack() as ends:
+        since = driver(served, process, ends).push_until_it_moves(base)
+    assert seconds_to_rest(base, since) < REST
+
+
+def test_the_base_rests_when_its_driver_falls_silent(scene: tuple[Served, Process, LoneBase]) -> None:
+    served, process, base = scene
+    with ExitStack() as ends:
+        since = driver(served, process, ends).push_until_it_moves(base)
+        assert seconds_to_rest(base, since) < REST
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_base_rests_and_the_run_goes_on_when_the_studio_is_killed_or_stopped(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as ends:
+        since = driver(served, process, ends).push_until_it_moves(base)
+        served.process.process.send_signal(number)
+        assert seconds_to_rest(base, since) < REST
+        assert process.process.poll() is None
+        served.process.process.kill()
+
+
+def test_a_viewer_stops_and_an_operator_releases(tmp_path: Path) -> None:
+    schema = protocol()
+    with run_of(tmp_path, DRIVING) as (process, base), studio() as served:
+        run = str(process.process.pid)
+        with served.client(served.viewer) as viewer, served.client(served.operator) as operator:
+            viewer.hear(lambda told: told["say"] == "runs" and told["runs"])
+            wait_until(lambda: base.seen().moving)
+            since = base.seen().heard_at
+            answer = viewer.ask("stop")
+            assert answer["result"] == {"stopped": {run: {"parts": ["base"], "stops": 1}}}
+            assert seconds_to_rest(base, since) < REST
+            told = operator.hear(lambda told: told["say"] == "runs" and told["runs"] and told["runs"][0]["stops"])
+            jsonschema.validate(told, schema)
+            assert told["runs"][0]["stopped"] == f"stopped by {viewer.welcome['name']}"
+            assert viewer.ask("release", run=run, stop=1)["error"] == "not_allowed"
+            assert operator.ask("resume", run=run)["error"] == "stopped"
+            assert operator.ask("release", run=run, stop=1)["ok"]
+            assert not base.seen().moving
+            assert operator.ask("resume", run=run)["ok"]
+            wait_until(lambda: base.seen().moving)
+            assert operator.ask("halt", run=run)["ok"]
+            operator.hear(lambda told: told["say"] == "runs" and not told["runs"])
+            assert operator.ask("pause", run=run)["error"] == "no_such_run"
+        log = Path(os.environ["XDG_STATE_HOME"], "missiontree", "studio.log").read_text(encoding="utf-8")
+        assert '"do": "stop"' in log
+        assert served.operator not in log
+
+
+def test_one_drives_at_a_time_and_hands_over_when_asked(scene: tuple[Served, Process, LoneBase]) -> None:
+    served, process, _ = scene
+    with ExitStack() as ends:
+        first = driver(served, process, ends)
+        other = Driver(ends.enter_context(served.client(served.operator)), first.run)
+        assert not other.take()
+        first.client.send(do="watch", run=first.run)
+        asked = first.client.hear(lambda told: told["say"] in ("scene", "state"))
+        state = asked.get("state", asked)
+        assert (state["driver"], state["asking"]) == (first.client.welcome["name"], [other.client.welcome["name"]])
+        other.push()
+        assert other.client.hear(lambda told: told["say"] == "answer")["error"] == "no_wheels"
+        assert first.client.ask("give", run=first.run)["ok"]
+        assert other.take()
+
+
+def test_a_run_that_is_killed_is_told_to_be_over_without_a_word(scene: tuple[Served, Process, LoneBase]) -> None:
+    served, process, _ = scene
+    with served.client(served.viewer) as client:
+        client.hear(lambda told: told["say"] == "runs" and told["runs"])
+        client.ask("watch", run=str(process.process.pid))
+        process.process.kill()
+        assert client.hear(lambda told: told["say"] == "over")["result"] == ""
+
+
+def test_a_mission_is_chosen_started_watched_and_looked_back_at(tmp_path: Path) -> None:
+    schema = protocol()
+    with studio() as served, served.client(served.operator) as client:
+        library = client.ask("library")["result"]
+        assert {"greet", "patrol"} <= {each["name"] for each in library["missions"]}
+        assert len(library["motions"]) == 8
+        form = {each["name"]: each for each in client.ask("mission", name="patrol")["result"]["params"]}
+        assert form["corners"]["low"] == "2"
+        assert form["side"]["units"] == ["m", "cm", "mm"]
+        assert "<svg" in client.ask("world", name="living_room")["result"]["svg"]
+        refused = client.ask("start", mission="greet", robot="turtlebot2")
+        assert refused["error"] == "not_sure"
+        assert client.ask("start", mission=str(tmp_path / "x.yaml"))["error"] == "bad_file"
+        assert client.ask("start", mission="greet", params={"patience": "many"})["error"] == "cannot_start"
+        began = client.ask("start", mission="greet", simulate="fast", speed=20.0)
+        run = began["result"]["run"]
+        client.send(do="watch", run=run, events=True)
+        jsonschema.validate(client.hear(lambda told: told["say"] == "scene"), schema)
+        jsonschema.validate(client.hear(lambda told: told["say"] == "events"), schema)
+        over = client.hear(lambda told: told["say"] == "over")
+        client.hear(lambda told: told["say"] == "runs" and not told["runs"])
+        wait_until(lambda: client.ask("records")["result"]["records"][0].get("result"))
+        entry = client.ask("records")["result"]["records"][0]
+        assert (entry["mission"], entry["result"]) == ("greet", over["result"])
+        record = client.ask("record", name=entry["name"])["result"]
+        assert record["lanes"]["1"][-1][1] == over["result"]
+        assert "more" not in record
+        moment = client.ask("moment", name=entry["name"], t=record["until"] / 2)["result"]
+        assert moment["changed"]["1"][0] == "running"
+        assert moment["picture"]["width"] > 0
+        assert moment["percept"]["event"] == "percept"
+        assert all(each["kind"] == "face" for each in moment["picture"]["found"])
+        assert client.ask("record", name="../studio.log")["error"] == "no_such_record"
+
+
+def test_a_task_is_added_moved_and_cancelled() -> None:
+    with studio() as served, served.client(served.operator) as client:
+        assert client.ask("add_task", mission="look_around", at="25:99")["error"] == "bad_task"
+        number = client.ask("add_task", mission="look_around", simulate="fast", every="day 18:00")["result"]["task"]
+        assert client.ask("move_task", task=number, priority=7)["ok"]
+        tasks = {each["id"]: each for each in client.ask("tasks")["result"]["tasks"]}
+        assert (tasks[number]["priority"], tasks[number]["every"]) == (7, "day 18:00")
+        assert client.ask("cancel_task", task=number)["ok"]
+        assert client.ask("cancel_task", task=number)["error"] == "bad_task"
+
+
+def test_a_studio_beside_a_run_ends_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "brief.yaml"
+    path.write_text("mission: brief\ntree:\n  wait: 1000 s\n", encoding="utf-8")
+    process = Process("run", str(path), "--studio")
+    wait_until(lambda: any("studio: http" in line for line in process.errors), 60.0)
+    port = int(next(line for line in process.errors if "studio: http" in line).split(":")[3].partition("/")[0])
+    assert process.end(signal.SIGTERM) == 130
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+
+
+def test_a_stop_is_quick_with_eight_clients_and_one_that_reads_nothing(scene: tuple[Served, Process, LoneBase]) -> None:
+    served, process, _ = scene
+    run = str(process.process.pid)
+    with ExitStack() as ends:
+        for number in range(9):
+            client = ends.enter_context(served.client(served.viewer))
+            client.hear(lambda told: told["say"] == "runs" and told["runs"])
+            client.send(do="watch", run=run, events=number == 0, pictures=10)
+        operator = ends.enter_context(served.client(served.operator))
+        operator.hear(lambda told: told["say"] == "runs" and told["runs"])
+        took = []
+        for number in range(1, 31):
+            clock = SystemClock()
+            assert operator.ask("stop")["result"]["stopped"][run]["parts"] == ["base"]
+            took.append(clock.now())
+            assert operator.ask("release", run=run, stop=number)["ok"]
+    assert sorted(took)[len(took) // 2] < 0.05

@@ -1,0 +1,117 @@
+"""The map of the house is true: its rooms, arrows, names and figures are those of the code."""
+
+import re
+import tomllib
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from inspect import isclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.table import HOUSE
+from tests.benchmarks.house import arrows, cycles
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+DECISIONS = ROOT / "docs" / "decisions"
+PACKAGES = ("missions", "behaviours", "drivers", "perception", "config")
+DOTTED = re.compile(rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
+DEVICES = {f"drivers/{where.split('.')[1]}/" for kind in HOUSE.values() for where in kind.values()}
+
+
+def found(name: str) -> Any:
+    """Return what a dotted name means; a field of a class with its default."""
+    parts = name.split(".")
+    for end in range(len(parts), 0, -1):
+        try:
+            here: Any = import_module(".".join(parts[:end]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[end:]:
+            kept = {field.name: field.default for field in fields(here)} if isclass(here) and is_dataclass(here) else {}
+            here = kept[part] if part in kept else getattr(here, part)
+        return here
+    raise ModuleNotFoundError(name)
+
+
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DECISIONS.glob("*.md"))}
+PAGES["architecture.md"] = PAGE
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_name_on_a_page_exists(page: str) -> None:
+    missing = []
+    for name in dict.fromkeys(DOTTED.findall(PAGES[page])):
+        if name.endswith((".py", ".yaml", ".md")):
+            continue
+        try:
+            found(name)
+        except (ModuleNotFoundError, AttributeError) as error:
+            missing.append(f"{name}: {error}")
+    assert missing == [], page
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_path_on_a_page_exists(page: str) -> None:
+    text = PAGES[page]
+    paths = re.findall(r"`((?:docs|tests|" + "|".join(PACKAGES) + r")/[\w/.]*)`", text)
+    folder = ROOT / "docs" if page == "architecture.md" else DECISIONS
+    links = re.findall(r"\]\(([^)#:]+)\)", text)
+    missing = [path for path in paths if not (ROOT / path).exists() and "DEVICE" not in path]
+    assert missing + [link for link in links if not (folder / link).exists()] == []
+
+
+def told() -> list[str]:
+    """Return the rooms on the page, in the first column of their table."""
+    table = PAGE.partition("## The rooms")[2].partition("\n## ")[0]
+    return re.findall(r"^\| `([^`]+)`", table, re.MULTILINE)
+
+
+def there() -> set[str]:
+    """Return the rooms that there are: packages, their folders, and the modules of missions outside of rooms."""
+    rooms = {f"{package}/" for package in PACKAGES}
+    rooms |= {
+        f"{path.parent.relative_to(ROOT)}/" for package in PACKAGES for path in ROOT.glob(f"{package}/*/__init__.py")
+    }
+    rooms |= {str(path.relative_to(ROOT)) for path in ROOT.glob("missions/[!_]*.py")}
+    return (rooms - DEVICES) | {"drivers/DEVICE/"}
+
+
+def test_every_room_is_on_the_page_and_every_room_of_the_page_exists() -> None:
+    assert sorted(told()) == sorted(there())
+
+
+def layers(contract: dict[str, Any]) -> list[set[str]]:
+    return [{room.strip() for room in layer.split("|")} for layer in contract["layers"]]
+
+
+def test_the_arrows_on_the_page_are_those_that_are_held() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    held = [contract for contract in contracts if contract["type"] == "layers"]
+    drawn = dict(re.findall(r"^```layers ?(\w*)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE))
+    assert {name: layers({"layers": text.splitlines()}) for name, text in drawn.items()} == {
+        "".join(contract.get("containers", [])): layers(contract) for contract in held
+    }
+
+
+def test_rooms_lead_in_no_circle_by_whatever_way_they_name_each_other() -> None:
+    assert cycles(arrows()) == []
+
+
+def test_the_figures_on_the_page_are_those_of_the_constants() -> None:
+    table = PAGE.partition("## Where the numbers live")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", table, re.MULTILINE)[2:]
+    assert len(rows) > 12
+    for rule, figures, names in rows:
+        meant = [float(figure.removesuffix(" s")) for figure in figures.split(", ")]
+        assert [found(name) for name in DOTTED.findall(names)] == meant, rule
+
+
+def test_every_decision_is_in_the_index_with_its_title() -> None:
+    index = (DECISIONS / "README.md").read_text(encoding="utf-8")
+    for number, path in enumerate(sorted(DECISIONS.glob("0*.md")), 1):
+        title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        assert path.name.startswith(f"{number:04d}-")
+        assert f"[{title}]({path.name})" in index

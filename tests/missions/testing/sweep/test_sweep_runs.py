@@ -1,0 +1,97 @@
+"""Tests of a sweep's runs: in this process, over several, and when one of those dies."""
+
+import multiprocessing
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missions.testing.sweep.processes import CHUNK, DEAD, chunks, run_here
+from missions.testing.sweep.row import Row
+from missions.testing.sweep.trial import run_some
+from missions.testing.sweep.variation import Span, Variation
+from tests.missions.testing.sweep import labour
+
+
+def by_seed(rows: list[Row]) -> list[Row]:
+    return sorted(rows, key=lambda row: row.seed)
+
+
+def test_a_run_follows_from_its_seed_alone(tmp_path: Path) -> None:
+    sweep = labour.glance(tmp_path)
+    rows = run_some(sweep, range(8))
+    assert [row.seed for row in rows] == list(range(8))
+    assert {row.result for row in rows} == {"success", "failure"}
+    assert run_some(sweep, [6, 2]) == [rows[6], rows[2]]
+
+
+def test_a_row_tells_what_was_drawn_and_why_the_run_failed(tmp_path: Path) -> None:
+    bearing, light, patience = labour.VARIED
+    behind = replace(bearing, values=Span(150.0, 150.0))
+    (row,) = run_some(labour.glance(tmp_path, (behind, light, patience)), [3])
+    assert row.values == (150.0, light.draw(3), patience.draw(3))
+    assert (row.result, row.reason) == ("failure", f"no face found (timed out after {patience.draw(3):g} s)")
+    assert row.seconds == pytest.approx(float(patience.draw(3)), abs=0.1)
+
+
+def test_a_run_that_takes_too_long_is_ended_and_the_others_go_on(tmp_path: Path) -> None:
+    sweep = labour.glance(tmp_path, (Variation("person.bearing", "deg", Span(150.0, 150.0)),))
+    rows = run_some(replace(sweep, limit=1.0), [0, 1])
+    assert [(row.result, row.reason) for row in rows] == [("unfinished", "not over within 1 s")] * 2
+    assert rows[0].seconds == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_world_that_cannot_be_is_told_in_the_row_of_its_run(tmp_path: Path) -> None:
+    sweep = labour.glance(tmp_path, (Variation("person.distance", "m", Span(1.0, 8.0)),))
+    rows = run_some(sweep, range(8))
+    outside = [row for row in rows if float(row.values[0]) > 5.0]
+    assert outside
+    assert outside == [row for row in rows if row.result == "error"]
+    assert "Anna is outside the room" in outside[0].reason
+
+
+def test_opencv_keeps_to_one_thread_while_a_worker_runs_and_no_longer(tmp_path: Path) -> None:
+    before = cv2.getNumThreads()
+    run_some(labour.glance(tmp_path, ()), [0])
+    assert cv2.getNumThreads() == before
+
+
+def test_the_rows_are_the_same_from_one_process_and_from_two(tmp_path: Path) -> None:
+    sweep = labour.glance(tmp_path)
+    here = run_some(sweep, range(12))
+    assert by_seed(list(run_here(sweep, range(12), 2))) == here
+    assert multiprocessing.active_children() == []
+
+
+def test_a_run_that_kills_its_worker_gets_a_row_and_costs_no_other(tmp_path: Path) -> None:
+    sweep = labour.glance(tmp_path)
+    rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly)))
+    expected = labour.at_once(sweep, range(16))
+    expected[5] = Row(5, sweep.draw(5), "error", DEAD, 0.0, 0)
+    assert rows == expected
+
+
+def test_a_worker_that_was_killed_by_something_else_costs_nothing(tmp_path: Path) -> None:
+    sweep = replace(labour.glance(tmp_path), file=str(tmp_path / "died"))
+    rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly_once)))
+    assert (tmp_path / "died").exists()
+    assert rows == labour.at_once(sweep, range(16))
+
+
+def test_a_sweep_that_is_given_up_leaves_no_worker(tmp_path: Path) -> None:
+    work = run_here(labour.glance(tmp_path), range(100_000), 2)
+    next(work)
+    work.close()
+    assert multiprocessing.active_children() == []
+
+
+@given(st.integers(1, 500), st.integers(1, 64), st.integers(0, 1000))
+def test_the_chunks_hold_every_seed_once_and_keep_all_workers_busy(runs: int, workers: int, first: int) -> None:
+    seeds = range(first, first + runs)
+    cut = chunks(seeds, workers)
+    assert [seed for chunk in cut for seed in chunk] == list(seeds)
+    assert max(len(chunk) for chunk in cut) <= CHUNK
+    assert len(cut) >= min(runs, 4 * workers)

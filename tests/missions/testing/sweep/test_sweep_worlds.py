@@ -1,0 +1,152 @@
+"""Tests of what can be varied in a world."""
+
+from collections.abc import Mapping
+from math import atan2, degrees, hypot, pi, remainder
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from config.faults import Source
+from config.library import shipped
+from config.marked import read_source
+from config.people import PersonConfig
+from config.world import WorldConfig, read_world
+from missions.testing.sweep.knobs import find_knob, known_names
+from missions.testing.sweep.variation import Choice, Drawn, Variation
+from missions.testing.sweep.worlds import plain_world, varied
+
+HALL: dict[str, Any] = {
+    "world": "hall",
+    "room": {"length": "40 m", "width": "40 m", "centre": ["0 m", "0 m"]},
+    "start": {"at": ["2 m", "-1 m"], "heading": "90 deg"},
+    "people": [
+        {"name": "Anna", "at": ["2 m", "1 m"], "walk": [["3 m", "1 m"]]},
+        {"name": "Ben", "at": ["4 m", "-1 m"]},
+    ],
+}
+
+
+def turned(drawn: Mapping[str, Drawn], world: dict[str, Any] = HALL, seed: int = 0) -> WorldConfig:
+    """The world with these values."""
+    pairs = [(Variation(name, "", Choice((value,))), value) for name, value in drawn.items()]
+    return read_world(Source("hall.yaml", varied(world, pairs, seed)))
+
+
+def seen_from_start(world: WorldConfig, person: PersonConfig) -> tuple[float, float]:
+    """How far and in which direction (degrees, to the left) somebody is."""
+    x, y = person.x - world.start.x, person.y - world.start.y
+    return hypot(x, y), degrees(remainder(atan2(y, x) - world.start.heading, 2 * pi))
+
+
+@given(st.floats(0.6, 15), st.floats(-170, 170))
+def test_a_person_is_put_where_the_run_has_drawn(far: float, angle: float) -> None:
+    world = turned({"person.bearing": angle, "person.distance": far})
+    assert seen_from_start(world, world.people[0]) == pytest.approx((far, angle), abs=0.02)
+
+
+def test_a_walk_comes_along_with_the_walker() -> None:
+    (point,) = turned({"person.distance": 5.0}).people[0].path
+    assert point == pytest.approx((3.0, 4.0))
+    (point,) = turned({"person.bearing": 90.0}).people[0].path
+    assert point == pytest.approx((0.0, 0.0))
+
+
+def test_the_second_person_is_varied_by_number() -> None:
+    world = turned({"person2.distance": 3.0})
+    assert (world.people[0].x, world.people[0].y) == (2.0, 1.0)
+    assert (world.people[1].x, world.people[1].y) == pytest.approx((5.0, -1.0))
+
+
+def test_somebody_who_stands_is_made_to_walk_across_the_view() -> None:
+    ben = turned({"person2.speed": 0.4}).people[1]
+    assert ben.speed == 0.4
+    assert [*ben.path[0], *ben.path[1]] == pytest.approx([4.0, -1.8, 4.0, -0.2])
+
+
+def test_a_walk_that_the_world_has_is_only_made_faster_and_at_zero_nobody_walks() -> None:
+    assert turned({"person.speed": 0.4}).people[0].path == ((3.0, 1.0),)
+    assert turned({"person.speed": 0.0}).people[0].path == ()
+
+
+def test_the_walk_is_across_the_view_from_where_the_person_was_put_whatever_the_order() -> None:
+    one = turned({"person2.speed": 0.4, "person2.distance": 5.0})
+    other = turned({"person2.distance": 5.0, "person2.speed": 0.4})
+    assert one == other
+    assert one.people[1].path[0] == pytest.approx((7.0, -1.8))
+
+
+def test_facing_counts_from_looking_at_the_robot() -> None:
+    assert turned({"person.facing": 0.0}).people[0].facing == pytest.approx(-pi / 2)
+    assert turned({"person2.facing": 90.0}).people[1].facing == pytest.approx(pi + pi / 2)
+
+
+def test_looks_and_heights_are_set() -> None:
+    anna = turned({"person.look": "farah", "person.height": 1.25}).people[0]
+    assert (anna.look, anna.height) == ("farah", 1.25)
+
+
+def test_people_go_or_come_to_places_of_the_runs_own() -> None:
+    assert [person.name for person in turned({"people": 1}).people] == ["Anna"]
+    assert turned({"people": 0}).people == ()
+    four = turned({"people": 4}, seed=1)
+    assert [person.name for person in four.people] == ["Anna", "Ben", "Guest 3", "Guest 4"]
+    assert all(1.1 < seen_from_start(four, person)[0] < 3.1 for person in four.people[2:])
+    assert turned({"people": 4}, seed=1) == four
+    assert turned({"people": 4}, seed=2) != four
+
+
+def test_the_world_as_a_whole_is_varied() -> None:
+    values: dict[str, Drawn] = {"light": 25.0, "noise": 12.0, "slip": 5.0, "lag": 0.2, "dropouts": 10.0}
+    world = turned(
+        values, {**HALL, "light": [{"at": "1 s", "light": "10 %"}], "physics": {"slip": "1 %", "lag": "1 s"}}
+    )
+    assert (world.light, world.light_changes, world.noise) == (0.25, (), 12.0)
+    assert (world.physics.slip, world.physics.lag, world.physics.dropouts) == (0.05, 0.2, 0.1)
+
+
+def test_noise_that_stands_under_camera_is_varied_as_well() -> None:
+    assert turned({"noise": 12.0}, {**HALL, "camera": {"noise": 5}}).noise == 12.0
+
+
+@pytest.mark.parametrize("name", [name for name in known_names() if not name.startswith("param.")])
+def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
+    kind = find_knob(name).kind
+    value: Drawn = "ben" if kind == "text" else 1 if kind == "count" else 0.9
+    assert turned({name: value}) != turned({})
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("person.distanse", "did you mean 'person.distance'?"),
+        ("lihgt", "did you mean 'light'?"),
+        ("person0.distance", "did you mean 'person.distance'?"),
+        ("weather", "known are: people, light, noise, slip, lag, dropouts, person.distance, "),
+    ],
+)
+def test_an_unknown_name_is_told_with_what_is_near_it(name: str, hint: str) -> None:
+    with pytest.raises(LookupError) as unknown:
+        find_knob(name)
+    assert str(unknown.value).startswith(hint)
+
+
+def test_a_person_who_is_not_there_cannot_be_varied() -> None:
+    with pytest.raises(ValueError, match="the world 'hall' has no person 3"):
+        turned({"person3.distance": 1.0})
+    with pytest.raises(ValueError, match="the world 'empty' has no person 1"):
+        turned({"person.distance": 1.0}, {"world": "empty"})
+
+
+def test_varying_leaves_the_world_as_it_was() -> None:
+    before = repr(HALL)
+    turned({"person.distance": 5.0, "people": 5, "lag": 0.1})
+    assert repr(HALL) == before
+
+
+@pytest.mark.parametrize("name", shipped("worlds"))
+def test_every_shipped_world_survives_being_written(name: str) -> None:
+    source = read_source(shipped("worlds")[name])
+    again = Source(source.name, varied(plain_world(source), [], 0))
+    assert read_world(again) == read_world(source)

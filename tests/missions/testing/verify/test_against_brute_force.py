@@ -1,0 +1,195 @@
+"""The explorer against an enumeration that shares nothing with it but the nodes: all short runs, from their start."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.robot import Robot
+from behaviours.run import Run
+from drivers.clock import ManualClock
+from missions.executive.build import build
+from missions.language.plan import Plan, Step
+from missions.testing.verify.explore import GOING, Space
+from missions.testing.verify.model import Model
+from missions.testing.verify.verify import BOUND
+from tests.missions.testing.verify.exploring import plan_of
+
+TICKS = 3
+RUNS = 6_000
+"""Runs of one tree that are enumerated at most; a tree with more is passed over."""
+
+STATUSES = (SUCCESS, FAILURE, RUNNING)
+
+
+class Tape:
+    """The answers of all leaves in one run, as digits of a number that counts up."""
+
+    def __init__(self) -> None:
+        self.digits: list[int] = []
+        self.place = 0
+
+    def read(self) -> Status:
+        if self.place == len(self.digits):
+            self.digits.append(0)
+        self.place += 1
+        return STATUSES[self.digits[self.place - 1]]
+
+    def rewind(self) -> bool:
+        """Go on to the next number; False after the last."""
+        del self.digits[self.place :]
+        self.place = 0
+        while self.digits and self.digits[-1] == len(STATUSES) - 1:
+            self.digits.pop()
+        if self.digits:
+            self.digits[-1] += 1
+        return bool(self.digits)
+
+
+def taped(step: Step, tape: Tape) -> Step:
+    """The step with leaves that read ``tape``."""
+
+    class Reader(Leaf):
+        """Do what the tape says; drive what the real leaf drives, since that halts what has to make way."""
+
+        drives = frozenset() if step.leaf is None else step.leaf.drives
+
+        def update(self) -> Status:
+            return tape.read()
+
+    children = tuple(taped(child, tape) for child in step.children)
+    return replace(step, children=children) if step.leaf is None else replace(step, leaf=Reader, arguments={})
+
+
+def enumerated(plan: Plan, seconds: tuple[float, ...]) -> Iterator[tuple[int, Status]]:
+    """Every run of TICKS ticks at most: after how many ticks it ended, and how. ``seconds`` pass before a tick."""
+    tape = Tape()
+    tree = taped(plan.tree, tape)
+    more = True
+    while more:
+        clock = ManualClock()
+        run = Run(clock)
+        root = build(replace(plan, tree=tree), run, lambda _: Robot())
+        for tick in range(1, TICKS + 1):
+            clock.advance(seconds[tick - 1])
+            run.tick += 1
+            status = root.advance()
+            if status is not RUNNING:
+                yield tick, status
+                break
+        else:
+            yield TICKS, RUNNING
+        more = tape.rewind()
+
+
+LEAF = st.sampled_from(("look: 0 deg", "scene_uniform: 1 s"))
+MODIFIERS = (
+    "invert: true",
+    "on_failure: succeed",
+    "on_success: fail",
+    "once: true",
+    "retry: 2",
+    "repeat: 2",
+    "retry: forever",
+    "on_running: succeed",
+    "on_running: fail",
+)
+TIMES = ("timeout: 1 s", "delay: 1 s", "hold: 2 s", "cooldown: 2 s")
+COMPOSITES = ("sequence", "selector", "reactive_sequence", "reactive_selector", "parallel", "race")
+COUNTS = ("success_count: 1", "success_count: 1, failure_count: all", "wait_for_all: true")
+
+
+def trees(modifiers: tuple[str, ...]) -> st.SearchStrategy[str]:
+    """Small trees in the flow style of YAML."""
+
+    def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+        lists = st.lists(children, min_size=1, max_size=2).map(
+            lambda nodes: "[" + ", ".join(f"{{{n}}}" for n in nodes) + "]"
+        )
+        composites = st.builds(lambda word, nodes: f"{word}: {nodes}", st.sampled_from(COMPOSITES), lists)
+        counted = st.builds("parallel: {}, {}".format, lists, st.sampled_from(COUNTS))
+        each = st.builds("for_each: {{in: [1, 2], as: x, do: {{{}}}}}".format, children)
+        return st.builds(with_modifier, st.one_of(children, composites, counted, each), st.sampled_from(modifiers))
+
+    return st.recursive(LEAF, node, max_leaves=3)
+
+
+def with_modifier(node: str, modifier: str) -> str:
+    word = modifier.partition(":")[0]
+    return node if f", {word}:" in node.rpartition("]")[2] else f"{node}, {modifier}"
+
+
+def plan(tree: str) -> Plan | None:
+    """The plan of a tree; None for one that the checker refuses."""
+    try:
+        return plan_of(f"{{{tree}}}")
+    except ValueError:
+        return None
+
+
+def explored(plan: Plan) -> dict[str, int]:
+    """How many ticks it takes at least to each end."""
+    space = Space(Model(plan), BOUND)
+    space.explore()
+    assert space.whole
+    return {place.kind: place.depth for place in reversed(space.places)}
+
+
+def shortest(runs: list[tuple[int, Status]], wanted: Status) -> int | None:
+    return min((ticks for ticks, status in runs if status is wanted), default=None)
+
+
+@settings(max_examples=40)
+@given(trees(MODIFIERS))
+def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    runs = list(itertools.islice(enumerated(found, (0.0,) * TICKS), RUNS + 1))
+    if len(runs) > RUNS:
+        return
+    depths = explored(found)
+    for word, status in (("success", SUCCESS), ("failure", FAILURE)):
+        depth = depths.get(word)
+        assert shortest(runs, status) == (depth if depth is None or depth <= TICKS else None)
+
+
+@settings(max_examples=15)
+@example("sequence: [{look: 0 deg, cooldown: 2 s}, {scene_uniform: 1 s}], repeat: 2")
+@example("look: 0 deg, delay: 1 s, cooldown: 2 s, repeat: 2")
+@given(trees((*MODIFIERS[:4], *TIMES)))
+def test_whatever_time_passes_no_run_ends_in_a_way_that_was_not_explored(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    depths = explored(found)
+    for seconds in itertools.product((0.1, 1.0, 2.5), repeat=TICKS):
+        for ticks, status in itertools.islice(enumerated(found, seconds), 500):
+            if status is not RUNNING:
+                assert depths["success" if status is SUCCESS else "failure"] <= ticks
+
+
+@settings(max_examples=40)
+@given(trees(MODIFIERS), st.integers(min_value=0))
+def test_a_run_that_is_never_put_back_comes_to_the_state_that_was_explored(tree: str, pick: int) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    space = Space(Model(found), BOUND)
+    space.explore()
+    going = [number for number, place in enumerate(space.places) if place.kind == GOING]
+    way = space.way_to(going[pick % len(going)])
+    first, last = space.places[0].state, space.places[way[-1]].state
+    assert first is not None
+    assert last is not None
+    space.model.put(first)
+    for number in way[1:]:
+        script = space.places[number].script
+        space.model.oracle.follow(script)
+        space.model.tick()
+        assert space.model.oracle.script == script
+    assert space.model.state().rows == last.rows

@@ -1,0 +1,33 @@
+"""What nodes declare of their state is what their source keeps: one that is forgotten would merge different states."""
+
+import pytest
+
+from behaviours.node import Node
+from missions.executive.build import NODES
+from missions.testing.verify.mocks import SetStandIn, StandIn, WaitStandIn
+from missions.testing.verify.snapshot import declared_state
+from tests.missions.testing.verify.sources import state_in_source
+
+CLASSES: list[type[Node]] = [*dict.fromkeys(NODES.values()), StandIn, SetStandIn, WaitStandIn]
+
+
+@pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
+def test_a_node_declares_all_that_it_keeps_from_tick_to_tick(kind: type[Node]) -> None:
+    keeps, lasts = state_in_source(CLASSES)[kind]
+    running, lasting = declared_state(kind)
+    assert running | lasting == keeps
+    assert lasting == lasts
+
+
+def test_an_attribute_that_is_not_declared_is_found() -> None:
+    class Forgetful(StandIn):
+        def initialise(self) -> None:
+            self.tries = 0
+
+        def halting(self) -> bool:
+            self.tries += 1
+            return self.tries > 1
+
+    keeps, _ = state_in_source([Forgetful])[Forgetful]
+    running, lasting = declared_state(Forgetful)
+    assert keeps - running - lasting == {"tries"}

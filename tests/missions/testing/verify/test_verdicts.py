@@ -1,0 +1,327 @@
+"""What the model checker concludes: time, counts, conditions, halts, endless missions, and where it gives up."""
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, Leaf
+from drivers.clock import ManualClock
+from missions.testing.verify.verdicts import PROVED, REFUTED, UNDECIDED
+from missions.testing.verify.verify import verify
+from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
+
+CAN_END = "it can end from every state"
+
+
+# Time: what can be over before what
+
+
+def test_the_longer_of_two_timeouts_around_one_node_never_passes() -> None:
+    tree = """
+selector:
+  - selector:
+      - pretend: running
+        timeout: 5 s
+      - say: the inner one
+    timeout: 6 s
+  - say: the outer one
+"""
+    assert outcome(tree, "always eventually: say") == PROVED
+
+
+def test_timeouts_one_after_another_add_up() -> None:
+    tree = """
+selector:
+  - pretend: running
+    timeout: 3 s
+  - pretend: running
+    timeout: 3 s
+  - say: too late
+timeout: 5 s
+"""
+    found = explored(tree)
+    assert [finding.fault.mark.line for finding in found.verdicts[1].findings] == [9]
+    assert (
+        outcomes(explored(tree.replace("timeout: 5 s", "timeout: 7 s")))["each of its 7 nodes can be reached"] == PROVED
+    )
+
+
+def test_how_long_a_wait_takes_is_known() -> None:
+    for tree in ("wait: 10 s\ntimeout: 5 s", "sequence: [{wait: 3 s}, {wait: 3 s}]\ntimeout: 5 s"):
+        found = explored(tree, "can: succeed", "can: fail")
+        assert outcomes(found)["can: succeed"] == REFUTED
+        assert outcomes(found)["can: fail"] == PROVED
+    assert outcome("wait: 5 s\ntimeout: 10 s", "can: fail") == PROVED  # where a tick comes late
+    assert outcome("sequence: [{wait: 4 s}, {drive: 1 m}]\ntimeout: 5 s", "can: succeed") == PROVED
+    unknown = "sequence: [{set: {a: 10 s}}, {wait: '${a}'}]\ntimeout: 5 s"
+    assert outcome(unknown, "can: succeed") == PROVED
+
+
+def test_a_wait_or_timeout_that_is_never_over_is_found_with_what_comes_before_it() -> None:
+    never = {
+        "wait: 10 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 5) is over first",
+        "race:\n  - say: a\n    timeout: 9 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 7) is over first",
+        "sequence:\n  - log: a\ntimeout: 5 s": "'sequence' has always ended before",
+        "sequence:\n  - wait: 3 s\n  - wait: 3 s\ntimeout: 5 s": "the 'timeout' around it (line 7) leaves it no time",
+        "face_seen: 1 s\nhold: 3 s\ntimeout: 2 s": "the 'timeout' of 2 s around it (line 6) is over first",
+    }
+    for tree, why in never.items():
+        (verdict,) = (each for each in explored(tree).verdicts if each.rule.endswith("can be over"))
+        assert [finding.fault.suggestion for finding in verdict.findings] == [why], tree
+    assert explored("race:\n  - drive: 1 m\n    timeout: 9 s\nretry: 2\ntimeout: 10 s").outcome == PROVED
+
+
+def test_a_timeout_may_pass_or_not_while_a_leaf_takes_its_time() -> None:
+    tree = "sequence: [{look: 0 deg}, {say: Hi, name: greet}]\ntimeout: 1 s"
+    assert outcome(tree, "can: succeed") == PROVED
+    assert outcome(tree, "can: fail") == PROVED
+
+
+def test_a_cooldown_fails_until_it_is_over_and_not_longer() -> None:
+    tree = "log: beat\ncooldown: 10 s\nrepeat: 2"
+    assert outcome(tree, "can: fail") == PROVED
+    assert outcome(tree, "can: succeed") == PROVED
+
+
+def test_a_hold_needs_its_time() -> None:
+    assert outcome("face_centred: 5 deg\nhold: 2 s\ntimeout: 3 s", "can: succeed") == PROVED
+    assert outcome("face_centred: 5 deg\nhold: 3 s\ntimeout: 2 s", "can: succeed") == REFUTED
+
+
+def test_many_short_times_in_a_long_one_do_not_fill_the_memory() -> None:
+    found = explored("sequence:\n  - pretend: running\n    timeout: 100 ms\n    retry: forever\ntimeout: 600 s")
+    assert found.outcome == PROVED
+    assert found.states < 100
+
+
+# Counts, orders and conditions
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 50, 1000])
+def test_a_count_ends_however_large_it_is(count: int) -> None:
+    found = explored(f"drive: 1 m\nrepeat: {count}", "can: succeed")
+    assert found.outcome == PROVED
+    assert found.states < 20
+
+
+def test_a_third_attempt_is_the_last_of_three() -> None:
+    found = explored("drive: 1 m\nretry: 3", "can: fail")
+    assert found.depth == 3
+
+
+@pytest.mark.parametrize("kind", ["random_sequence", "random_selector"])
+def test_every_order_of_a_random_composite_is_tried(kind: str) -> None:
+    tree = f"{kind}: [{{look: 0 deg}}, {{say: Hi}}, {{drive: 1 m}}]"
+    for first in ("look", "say", "drive"):
+        for second in {"look", "say", "drive"} - {first}:
+            assert outcome(tree, f"never: {first} after {second}") == (REFUTED if kind == "random_sequence" else PROVED)
+
+
+def test_a_random_composite_with_many_children_proves_nothing() -> None:
+    tree = "random_sequence: [look: 0 deg, say: a, drive: 1 m, log: b, wait: 1 s, stop]"
+    tree = tree.replace("[", "[{").replace(", ", "}, {").replace("]", "}]").replace("{stop}", "stop")
+    found = explored(tree)
+    assert found.outcome == UNDECIDED
+    assert "order" in found.left_out
+
+
+def test_a_condition_on_the_robot_may_be_true_or_false_at_every_tick() -> None:
+    found = explored("drive: 1 m\nwhile: battery.percent > 20", "can: succeed", "can: fail")
+    assert found.outcome == PROVED
+
+
+def test_a_condition_that_params_decide_is_no_choice() -> None:
+    found = explored("sequence: [{say: a}, {drive: 1 m, if: 1 > 2}]")
+    (finding,) = found.verdicts[1].findings
+    assert finding.fault.message == "'drive' is never reached"
+    assert finding.fault.suggestion == "'if' (line 4): its condition is never true"
+
+
+def test_what_a_leaf_has_found_is_unknown_and_what_follows_from_constants_is_not() -> None:
+    stored = "sequence: [{face_seen: 1 s, as: who}, {say: far, if: who.distance > 2 m}, {log: b, if: who.id == 1}]"
+    assert explored(stored).outcome == PROVED
+    counted = "sequence: [{set: {n: 1}}, {set: {n: '${n + 1}'}}, {say: two, if: n == 2}, {drive: 1 m, if: n == 3}]"
+    found = explored(counted)
+    assert [finding.fault.message for finding in found.verdicts[1].findings] == ["'drive' is never reached"]
+
+
+def test_a_mission_that_counts_without_end_is_explored_all_the_same() -> None:
+    tree = "sequence:\n  - set: {n: 0}\n  - set: {n: '${n + 1}'}\n    repeat: forever\n    until: face.seen"
+    assert explored(tree).outcome == PROVED
+
+
+def test_an_expression_that_cannot_be_calculated_is_one_of_the_ways() -> None:
+    assert outcome("say: Hi\nif: base.x > 1 m", "can: fail") == PROVED
+    tree = "sequence: [{log: a, if: base.x > 1 m}]\n"
+    assert outcome(tree, "can: fail") == PROVED
+    assert outcome(tree.replace("base.x > 1 m", "face.seen"), "can: fail") == REFUTED
+
+
+# Endless missions
+
+
+def test_a_mission_that_repeats_for_ever_runs_until_it_is_stopped_and_that_is_no_fault() -> None:
+    found = explored("sequence: [{drive: 1 m, on_failure: succeed}, {wait: 1 s}]\nrepeat: forever")
+    assert found.outcome == PROVED
+    assert found.verdicts[0].rule == "it runs until it is stopped"
+
+
+def test_a_round_that_cannot_come_to_its_end_is_a_trap_in_an_endless_mission_too() -> None:
+    found = explored("sequence: [{wait: 1 s}, {pretend: running}]\nrepeat: forever")
+    assert found.verdicts[0].outcome == REFUTED
+    assert found.verdicts[0].findings[0].fault.message.endswith("'pretend' goes on for ever")
+
+
+# Halts
+
+
+class Careful(Leaf):
+    """Take a while to stop.
+
+    Running until it succeeds.
+    """
+
+    word = "careful"
+    drives = frozenset({"base"})
+
+    _left = 0
+
+    def halting(self) -> bool:
+        self._left -= 1
+        return self._left > 0
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self.robot.base.stop()
+
+    def update(self) -> Status:
+        return RUNNING
+
+
+def test_a_leaf_that_takes_its_time_to_stop_is_waited_for_before_another_drives() -> None:
+    tree = """
+reactive_selector:
+  - sequence:
+      - face_seen
+      - drive: 1 m
+  - careful
+"""
+    found = explored(tree, "never: drive while careful", leaves=[Careful])
+    assert found.outcome == PROVED
+    assert found.states > 8
+
+
+class Restless(Careful):
+    """Never stop to stop."""
+
+    word = "restless"
+
+    def halting(self) -> bool:
+        return True
+
+
+def test_a_leaf_that_never_comes_to_rest_by_itself_is_found() -> None:
+    tree = "selector:\n  - restless\n  - careful\n"
+    found = explored(tree, leaves=[Careful, Restless])
+    (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
+    assert finding.fault.mark.line == 5
+    assert finding.fault.message.startswith("told to stop, 'restless' never comes to rest")
+    assert finding.fault.suggestion == "its actuators are stopped for it after 1 s"
+    assert explored("careful", leaves=[Careful]).outcome == PROVED
+
+
+# Variables that are read before they are set
+
+
+SETS = "every variable is set when it is read"
+
+
+def test_a_run_that_reads_what_is_not_set_is_shown() -> None:
+    tree = "parallel:\n  - find_face: {}\n    as: who\n  - sequence: [{wait: 1 s}, {say: 'It is ${who.id}'}]"
+    found = explored(tree)
+    (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
+    assert finding.fault.message == "'who' is read here, but nothing has set it"
+    assert finding.run is not None
+    assert len(finding.run) == 2
+    assert outcomes(found)[SETS] == REFUTED
+
+
+def test_what_is_asked_for_first_or_may_fail_is_no_fault() -> None:
+    flag = "{set: {ok: false}}, {sequence: [{find_face: {}, as: who}, {set: {ok: true}}], on_failure: succeed}"
+    found = explored(f"sequence: [{flag}, {{say: '${{who.id}}', if: ok}}]")
+    assert outcomes(found)[SETS] == PROVED
+    tree = "sequence: [{find_face: {}, as: who, on_failure: succeed}, {selector: [{say: '${who.id}'}, {say: Hello}]}]"
+    assert SETS not in outcomes(explored(tree))
+
+
+# Properties that hold
+
+
+@pytest.mark.parametrize(
+    ("tree", "promise"),
+    [
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: gesture while drive"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: gesture before drive"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: drive after gesture"),
+        ("sequence: [{drive: 1 m}, {gesture: hello}]", "never: base while arm"),
+        ("race: [{track_face: {}}, {sequence: [{gesture: hello}, {say: Hi}]}]", "never: say without track_face"),
+        ("sequence: [{drive: 1 m}, {wait: 1 s}]\nrepeat: forever", "always eventually: base stopped"),
+        ("sequence: [{say: Hi}, {drive: 1 m}]", "always eventually: say"),
+        ("parallel: [{say: Hi}, {drive: 1 m}]", "never: say after say"),
+        ("sequence: [{drive: 1 m, name: go on}, {say: Hi}]", "never: say before go on"),
+    ],
+)
+def test_a_property_that_holds_is_proved(tree: str, promise: str) -> None:
+    assert outcome(tree, promise) == PROVED
+
+
+def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> None:
+    tree = "reactive_selector:\n  - sequence: [face_seen, {say: Hi}]\n  - drive: 1 m\n"
+    assert outcome(tree, "never: say while drive") == PROVED
+    assert outcome(tree, "never: say after drive") == PROVED  # a drive that has succeeded ends the whole
+    assert outcome(tree, "always eventually: say") == REFUTED
+
+
+# Bounds
+
+
+class Hasty(ManualClock):
+    """A clock that is a second later each time that it is asked."""
+
+    def now(self) -> float:
+        return self.advance(1.0)
+
+
+def test_an_exploration_that_takes_too_long_says_what_is_certain_by_then() -> None:
+    plan = plan_of("sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3", "never: say while drive")
+    found = verify(plan, Hasty(), limit=12.0)
+    assert found.outcome == UNDECIDED
+    assert "after 12 s" in found.left_out
+    assert "try --limit '120 s'" in found.left_out
+    said = {verdict.rule: verdict.so_far for verdict in found.verdicts}
+    assert said["never: say while drive"] == "true of all runs of up to 1 tick"
+    assert said[CAN_END].startswith("true of ")
+    assert verify(plan, Hasty(), limit=1e6).outcome == PROVED
+
+
+def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
+    tree = "sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3"
+    found = explored(tree, "never: say while drive", "can: succeed", bound=2)
+    assert found.outcome == UNDECIDED
+    assert outcomes(found)[CAN_END] == UNDECIDED
+    assert outcomes(found)["never: say while drive"] == UNDECIDED
+    assert "try --bound 20" in found.left_out
+    assert "not everything was explored" in str(found)
+
+
+def test_many_leaves_at_once_do_not_take_for_ever() -> None:
+    many = ", ".join("{scene_uniform: 1 s, retry: 2}" for _ in range(12))
+    found = explored(f"parallel: [{many}]", bound=10)
+    assert found.outcome == UNDECIDED
+    assert found.transitions < 400
+    assert found.states <= 11
+
+
+def test_a_fault_within_the_bound_is_refuted_even_where_the_rest_is_not_explored() -> None:
+    found = explored("parallel: [{drive: 1 m}, {gesture: hello}]\nrepeat: 3", "never: gesture while drive", bound=4)
+    assert outcomes(found)["never: gesture while drive"] == REFUTED
+    assert outcomes(found)[CAN_END] == UNDECIDED

@@ -1,0 +1,108 @@
+"""What is known about instants: bounds that follow from each other, and nothing that does not."""
+
+from itertools import product
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from missions.testing.verify.choices import Oracle
+from missions.testing.verify.instants import Instant, Some, Timing
+from missions.testing.verify.zone import EQUAL, FREE, START, Zone, loosened, plus
+
+BOUNDS = st.tuples(st.integers(-4, 4).map(float), st.sampled_from((0, 1)))
+DEMANDS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2), BOUNDS), max_size=5)
+
+GRID = [place / 6 for place in range(-78, 79)]
+"""Times fine and far enough to meet three instants' whole bounds of up to four seconds, strict ones too."""
+
+
+def holds(times: tuple[float, ...], i: int, j: int, bound: tuple[float, int]) -> bool:
+    apart = round(times[i] - times[j], 6)
+    return apart < bound[0] or (apart == bound[0] and bound[1] == 1)
+
+
+@given(DEMANDS, st.tuples(st.integers(0, 2), st.integers(0, 2), BOUNDS))
+def test_a_zone_allows_exactly_what_some_times_meet(
+    demands: list[tuple[int, int, tuple[float, int]]], asked: tuple[int, int, tuple[float, int]]
+) -> None:
+    zone = Zone([[EQUAL if i == j else FREE for j in range(3)] for i in range(3)])
+    for demand in demands:
+        assume(zone.allows(*demand))
+        zone.demand(*demand)
+    coarse = GRID[::3] if all(bound[1] for _, _, bound in [*demands, asked]) else GRID[::2]
+    solutions = (all(holds((0.0, a, b), *demand) for demand in (*demands, asked)) for a, b in product(coarse, repeat=2))
+    assert zone.allows(*asked) == any(solutions)
+
+
+def test_two_ways_add_up_and_are_strict_where_one_is() -> None:
+    assert plus((1.0, 1), (2.0, 1)) == (3.0, 1)
+    assert plus((1.0, 0), (2.0, 1)) == (3.0, 0)
+    assert plus((1.0, 1), FREE) == FREE
+
+
+def test_time_goes_on_and_what_is_long_past_is_only_that() -> None:
+    zone = Zone(START)
+    first = Zone(zone.later({0: 5.0}))
+    assert first.allows(0, 1, (-100.0, 1))
+    first.demand(0, 1, (-5.0, 1))
+    assert first.later({0: 5.0}) == ((EQUAL, (-5.0, 1)), (FREE, EQUAL))
+
+
+def test_loosened_bounds_are_among_those_given_and_never_tighter() -> None:
+    rows = ((EQUAL, (3.0, 0), (-6.0, 1)), ((-2.0, 0), EQUAL, (11.0, 1)), (FREE, FREE, EQUAL))
+    assert loosened(rows, [2.0, 5.0]) == (
+        (EQUAL, (5.0, 1), (-5.0, 1)),
+        ((-2.0, 0), EQUAL, FREE),
+        (FREE, FREE, EQUAL),
+    )
+
+
+def elapsed(timing: Timing) -> tuple[float, float]:
+    """Two instants: one that is kept, and the one after it."""
+    since = timing.now()
+    timing.set(timing.zone.later({0: 100.0}))
+    return since, timing.now()
+
+
+@pytest.mark.parametrize("over", [False, True])
+def test_whether_a_time_is_over_is_a_choice_once_and_then_a_fact(over: bool) -> None:
+    oracle = Oracle()
+    timing = Timing(oracle)
+    since, now = elapsed(timing)
+    oracle.follow((int(over),))
+    assert (now - since >= 5.0) is over
+    assert (now - since >= 5.0) is over
+    assert (now - since >= (4.0 if over else 6.0)) is over
+    assert len(oracle.made) == 1
+
+
+def test_no_time_passes_within_a_tick() -> None:
+    oracle = Oracle()
+    timing = Timing(oracle)
+    assert not timing.now() - timing.now() >= 0.1
+    assert timing.now() - timing.now() >= 0.0
+    assert timing.now() < timing.now() + 1.0
+    assert oracle.made == []
+
+
+def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
+    oracle = Oracle()
+    timing = Timing(oracle)
+    since, now = elapsed(timing)
+    unknown = Some.of(oracle)
+    assert isinstance(since, Instant)
+    oracle.follow((1, 0, 1))
+    assert now - since >= unknown
+    assert not now - since >= unknown
+    assert since + unknown - now > 0
+
+
+def test_each_instant_is_forgotten_once_its_own_time_is_over() -> None:
+    zone = Zone([[EQUAL if i == j else FREE for j in range(3)] for i in range(3)])
+    zone.demand(0, 2, (-4.0, 1))  # both were 4 s ago, at the same moment
+    zone.demand(0, 1, EQUAL)
+    zone.demand(1, 0, EQUAL)
+    kept = Zone(zone.later({0: 3.0, 1: 5.0}))
+    assert kept.bounds[0] == [EQUAL, FREE, (-3.0, 1)]
+    assert kept.bounds[1] == [FREE, EQUAL, (-4.0, 1)]

@@ -1,0 +1,183 @@
+"""What a run tells its view, and what a view can ask of it."""
+
+import json
+import signal
+from collections.abc import Sequence
+from types import FrameType
+
+from drivers.clock import ManualClock
+from missions.executive.events import Event, Logged, NodeChanged, Stream, Ticked, VariableSet
+from missions.executive.executive import Executive
+from missions.executive.parts import PartState
+from missions.views.live.feed import MOST_LINES, Feed
+from perception.api import Box, Face, Scene
+from tests.missions.views.pictures.drawn import plan_of, ready
+
+
+class Fed:
+    """A mission that waits for ever, ticked by hand, with its feed."""
+
+    def __init__(self, *, in_tick: bool = False) -> None:
+        self.clock, self.wall = ManualClock(), ManualClock()
+        root, run = ready(plan_of("  wait: 1000 s\n"), self.clock)
+        self.stream = Stream()
+        self.executive = Executive(root, run, self.stream)
+        self.looks = 0
+        self.feed = Feed(self.executive, self.wall, look=self.look, lines=self.lines, in_tick=in_tick)
+        self.stream.listeners.append(self.feed)
+
+    def look(self) -> Sequence[PartState]:
+        self.looks += 1
+        if self.looks == 3:
+            raise RuntimeError("a driver with a fault of its own")
+        return (PartState("base", "OK", 0.5, {"x": 1.0}),)
+
+    def lines(self, event: Event) -> Sequence[str]:
+        return event.text.splitlines() if isinstance(event, Logged) else ()
+
+
+def test_news_are_told_once_and_of_many_changes_only_the_last() -> None:
+    fed = Fed()
+    for number in range(100_000):
+        fed.feed(NodeChanged(float(number), number, "1", "wait", "wait", 3, "running", f"{number}\n!"))
+        fed.feed(VariableSet(float(number), number, "", "count", number))
+        fed.feed(Logged(float(number), "info", f"line {number}\x1b"))
+    told = fed.feed.news()
+    assert told["changed"] == {"1": ("running", "99999 !", 99_999.0)}
+    assert told["variables"] == {"count": "99999"}
+    log = told["log"]
+    assert isinstance(log, list)
+    assert len(log) == MOST_LINES
+    assert log[-1] == "line 99999\N{REPLACEMENT CHARACTER}"
+    assert not {"changed", "variables", "log"} & set(fed.feed.news())
+
+
+def test_what_runs_on_is_told_with_its_present_reason() -> None:
+    fed = Fed()
+    fed.executive.tick()
+    assert fed.feed.news()["changed"] == {"1": ("running", "", 0.0)}
+    fed.executive.root.feedback_message = "2.5 of\n1000 s"
+    assert fed.feed.news()["changed"] == {"1": ("running", "2.5 of 1000 s", 0.0)}
+    assert "changed" not in fed.feed.news()
+    fed.clock.advance(1000.0)
+    fed.executive.tick()
+    fed.executive.root.feedback_message = "not asked for any more"
+    assert fed.feed.news()["changed"] == {"1": ("success", "", 1000.0)}
+    assert "changed" not in fed.feed.news()
+
+
+def test_ticks_are_told_with_how_many_were_late() -> None:
+    fed = Fed()
+    fed.clock.advance(2.5)
+    fed.executive.tick()
+    fed.feed(Ticked(2.5, 7, "running", 0.3))
+    told = fed.feed.news()
+    assert (told["t"], told["tick"], told["lates"], told["paused"], told["stopping"]) == (2.5, 7, 1, False, False)
+
+
+def test_values_are_told_in_words_that_fit_a_line() -> None:
+    fed = Fed()
+    face = Face(1, 1.0, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5)
+    values: dict[str, object] = {
+        "yes": True,
+        "gone": None,
+        "long": "x" * 1000,
+        "scene": Scene(1.0, 100.0, 20.0),
+        "who": face,
+    }
+    for name, value in values.items():
+        fed.feed(VariableSet(0.0, 1, "1.2", name, value))
+    told = fed.feed.news()["variables"]
+    assert told == {
+        "1.2 yes": "yes",
+        "1.2 gone": None,
+        "1.2 long": "x" * 119 + "…",
+        "1.2 scene": "Scene: stamp 1, brightness 100, contrast 20",
+        "1.2 who": "face 1, 1.5 m, straight ahead",
+    }
+
+
+def test_every_message_is_json() -> None:
+    fed = Fed()
+    fed.feed(NodeChanged(0.0, 1, "1", "wait", "wait", 3, "running", "why"))
+    told = json.loads(json.dumps(fed.feed.news()))
+    assert told["changed"] == {"1": ["running", "why", 0.0]}
+    assert told["parts"][0] == {
+        "part": "base",
+        "level": "OK",
+        "age": 0.5,
+        "values": {"x": 1.0},
+        "detail": "",
+        "hint": "",
+    }
+
+
+def test_parts_are_looked_at_now_and_then_and_a_driver_that_raises_costs_only_that_look() -> None:
+    fed = Fed()
+    seen = []
+    for _ in range(20):
+        seen.append("parts" in fed.feed.news())
+        fed.wall.advance(0.125)
+    assert [place for place, new in enumerate(seen) if new] == [0, 4, 12, 16]
+
+
+def test_in_simulated_time_parts_are_looked_at_by_the_tick_alone() -> None:
+    fed = Fed(in_tick=True)
+    assert "parts" not in fed.feed.news()
+    fed.executive.tick()
+    assert "parts" in fed.feed.news()
+
+
+def test_parts_that_are_being_closed_are_not_looked_at() -> None:
+    fed = Fed()
+    fed.feed(Ticked(1.0, 20, "success"))
+    assert "parts" not in fed.feed.news()
+    stopped = Fed()
+    stopped.executive.stop("enough")
+    assert "parts" not in stopped.feed.news()
+
+
+def test_a_view_stops_the_run_and_nonsense_does_nothing() -> None:
+    fed = Fed()
+    for message in ({}, {"do": 3}, {"do": "fly"}, {"do": "step"}):
+        fed.feed.do(message)
+    assert not fed.executive.stopping
+    fed.feed.do({"do": "stop"})
+    assert fed.feed.news()["stopping"] is True
+    assert fed.executive.loop().reason == "stopped from the view"
+
+
+def test_a_step_is_made_only_while_paused() -> None:
+    fed = Fed()
+    fed.feed.do({"do": "step"})
+    assert fed.executive._steps.empty()
+    fed.feed.do({"do": "pause"})
+    assert fed.feed.news()["paused"] is True
+    fed.feed.do({"do": "step"})
+    assert not fed.executive._steps.empty()
+    fed.feed.do({"do": "resume"})
+    assert fed.feed.news()["paused"] is False
+
+
+def test_an_interrupt_is_a_signal_as_from_the_keyboard() -> None:
+    heard: list[int] = []
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        del frame
+        heard.append(number)
+
+    before = signal.signal(signal.SIGINT, hear)
+    try:
+        Fed().feed.do({"do": "interrupt"})
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert heard == [signal.SIGINT]
+
+
+def test_a_run_that_nobody_could_resume_is_stopped() -> None:
+    fed = Fed()
+    fed.feed.abandoned()
+    assert not fed.executive.stopping
+    fed.feed.do({"do": "pause"})
+    fed.feed.abandoned()
+    assert fed.executive.loop().reason == "the view ended while the mission was paused"

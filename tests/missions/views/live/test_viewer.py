@@ -1,0 +1,156 @@
+"""The process of a view and the thread that talks with it, without any run; and where there can be no view."""
+
+import json
+import os
+import pty
+import select
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from threading import Thread
+
+import pytest
+
+from missions.views.live.terminal import unviewable
+from missions.views.live.viewer import Viewer
+from tests.missions.views.live.messages import Message, first, news, part
+from tests.missions.views.live.test_feed import Fed
+from tests.waiting import wait_until
+
+
+@contextmanager
+def shown(*messages: Message, **surroundings: str) -> Iterator[tuple[socket.socket, "subprocess.Popen[bytes]", int]]:
+    """Show messages by a view of its own; yield the run's end, its process, and the terminal to read from."""
+    master, slave = pty.openpty()
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "missions.views.live", str(theirs.fileno())],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            pass_fds=[theirs.fileno()],
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "80", "LINES": "24", **surroundings},
+        )
+        theirs.close()
+        try:
+            ours.sendall(b"".join(json.dumps(message).encode() + b"\n" for message in messages))
+            yield ours, process, master
+        finally:
+            process.kill()
+            process.wait()
+            os.close(slave)
+            os.close(master)
+
+
+class Text:
+    """What is written to a terminal."""
+
+    def __init__(self, master: int) -> None:
+        self._master = master
+        self._bytes = b""
+
+    def read(self) -> str:
+        while select.select([self._master], [], [], 0.0)[0]:
+            self._bytes += os.read(self._master, 1 << 16)
+        return self._bytes.decode("utf-8", "replace")
+
+
+@pytest.mark.real_time
+def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> None:
+    changed = {"1": ["running", "ünseen", 0.0]}
+    surroundings = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    with shown(first(), news(changed=changed, parts=[part("OK")]), **surroundings) as (ours, process, master):
+        text = Text(master)
+        wait_until(lambda: "+ OK" in text.read(), 90.0)
+        assert "> sequence" in text.read()
+        assert "?nseen" in text.read()
+        os.write(master, b" ")
+        assert select.select([ours], [], [], 90.0)[0]
+        assert json.loads(ours.recv(100)) == {"do": "pause"}
+        ours.close()
+        wait_until(lambda: (text.read(), process.poll() is not None)[1], 90.0)
+        assert process.returncode == 0
+        assert text.read().isascii()
+
+
+@pytest.mark.real_time
+def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_later() -> None:
+    fed = Fed()
+    viewer = Viewer(fed.feed, {"long": "x" * 2_000_000})
+    ours, theirs = socket.socketpair()
+    ours.setblocking(False)
+    thread = Thread(target=viewer._talk, args=(ours,))
+    with ours, theirs:
+        thread.start()
+        for _ in range(1000):
+            fed.executive.tick()
+        theirs.sendall(b'{"do": "pause"}\nnonsense\n[]\n{"do": "pau')
+        wait_until(lambda: fed.feed.news()["paused"])
+        theirs.sendall(b'se"}\n')
+        heard = theirs.makefile("rb")
+        assert len(json.loads(heard.readline())["long"]) == 2_000_000
+        assert json.loads(heard.readline())["tick"] == 1000
+        heard.close()
+        theirs.shutdown(socket.SHUT_RDWR)
+        thread.join(90.0)
+        assert not thread.is_alive()
+
+
+def test_a_view_that_was_never_opened_can_be_closed() -> None:
+    viewer = Viewer(Fed().feed, {})
+    viewer.close()
+    viewer.close()
+    assert not viewer.showing
+
+
+def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "--view needs a terminal\n  try: " in unviewable(StringIO())
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as out, os.fdopen(os.dup(slave)) as keys:
+        monkeypatch.setattr(sys, "stdin", keys)
+        monkeypatch.setenv("TERM", "xterm")
+        assert unviewable(out) == ""
+        monkeypatch.setenv("TERM", "dumb")
+        assert "TERM" in unviewable(out)
+        monkeypatch.setattr("missions.views.live.terminal.find_spec", lambda _: None)
+        assert "pip install 'missiontree[view]'" in unviewable(out)
+    os.close(master)
+
+
+@pytest.mark.real_time
+def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
+    master, slave = pty.openpty()
+    text = Text(master)
+    program = (
+        "import os; from missions.views.live.terminal import hushed\n"
+        "with hushed():\n"
+        "    print('from python')\n"
+        "    os.system('echo from elsewhere')\n"
+        "    os.write(int(os.environ['BESIDE']), b'.')\n"
+        "print('after')"
+    )
+    beside = os.dup(slave)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=slave,
+        stderr=slave,
+        pass_fds=[beside],
+        env={**os.environ, "BESIDE": str(beside)},
+    )
+    assert process.wait(90.0) == 0
+    assert text.read().splitlines() == [".from python", "from elsewhere", "after"]
+    for number in (beside, slave, master):
+        os.close(number)
+
+
+def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
+    heavy = "{'cv2', 'py_trees', 'serial', 'numpy', 'behaviours', 'perception', 'config'}"
+    program = (
+        f"import sys, missions.views.live.__main__; print({heavy} & {{name.partition('.')[0] for name in sys.modules}})"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout == "set()\n"

@@ -1,0 +1,149 @@
+"""Drawings of missions: what the file says of each node, statuses on them, and parts folded away."""
+
+from pathlib import Path
+
+import pytest
+
+from behaviours.catalogue import LEAVES
+from drivers.clock import ManualClock
+from missions.language.nodes import BRANCHES, MISSION
+from missions.library.shipped import load_mission, shipped_missions
+from missions.views.pictures.draw import at, drawing_of, folded, one_line
+from missions.views.pictures.drawing import Box, Drawing, Now
+from missions.views.pictures.symbols import ACTION, CONDITION, legend
+from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
+
+
+def box(drawing: Drawing, kind: str) -> Box:
+    """Return the first box of a kind."""
+    return next(box for box in drawing.root.walk() if box.kind == kind)
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_a_drawing_has_the_keys_and_lines_of_the_nodes_that_run(name: str) -> None:
+    plan = load_mission(name)
+    root, _ = ready(plan, ManualClock())
+    assert keys_and_lines(drawing_of(plan)) == {node.key: node.line for node in downwards(root)}
+
+
+def test_arguments_are_as_the_file_has_them_and_in_its_order() -> None:
+    tree = "  drive: {speed: 20 cm/s, distance: 1.50 m}\n"
+    assert list(box(drawing_of(plan_of(tree)), "drive").arguments.items()) == [
+        ("speed", "20 cm/s"),
+        ("distance", "1.50 m"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("tree", "arguments"),
+    [
+        ("say: Hello", {"text": "Hello"}),
+        ('say: "007"', {"text": "007"}),
+        ("find_face: {pan: [-60 deg, 60 deg]}", {"pan": "[-60 deg, 60 deg]"}),
+        ("move_joints: {to: {elbow: 20 deg, gripper: 0 deg}}", {"to": "{elbow: 20 deg, gripper: 0 deg}"}),
+        ('set: {a: [1, "x y", {b: true}], c: ~}', {"a": "[1, x y, {b: true}]", "c": "~"}),
+        ("track_face:", {}),
+        ("track_face", {}),
+    ],
+)
+def test_each_form_of_an_argument_is_written_back(tree: str, arguments: dict[str, str]) -> None:
+    root = drawing_of(plan_of(f"  {tree}\n")).root
+    assert root.arguments == arguments
+
+
+def test_what_is_written_takes_no_part_in_comparing_plans() -> None:
+    one, other = (plan_of(f"  wait: {time}\n").tree for time in ("2 s", "2.0 s"))
+    assert one.written != other.written
+    assert (one.arguments["duration"].constant, other.arguments["duration"].constant) == (2.0, 2.0)
+
+
+def test_modifiers_are_badges_outermost_first_with_their_own_keys_and_lines() -> None:
+    root = drawing_of(plan_of("  drive: 2 m\n  timeout: 5 s\n  retry: 3\n")).root
+    assert [(badge.key, badge.kind, badge.text, badge.line) for badge in root.badges] == [
+        ("1", "retry", "3", 5),
+        ("1.1", "timeout", "5 s", 4),
+    ]
+    assert (root.key, root.kind, root.line) == ("1.1.1", "drive", 3)
+
+
+def test_children_of_a_switch_say_their_case_as_yaml_has_it() -> None:
+    cases = "cases: {yes: {wait: 1 s}, 2: {wait: 1 s}, 30 deg: {wait: 1 s}}"
+    head = "params: {answer: {default: x, type: text}}\n"
+    root = drawing_of(plan_of(f"  switch: {{on: answer, {cases}, default: {{drive: 2 m, retry: 2}}}}\n", head)).root
+    assert root.arguments == {"on": "answer"}
+    assert [child.case for child in root.children] == ["yes", "2", "30 deg", "else"]
+    root = drawing_of(plan_of("  switch: {on: answer == 'x', cases: {true: {wait: 1 s}}}\n", head)).root
+    assert [child.case for child in root.children] == ["true"]
+
+
+def test_a_submission_says_its_mission_and_what_it_is_given_and_its_nodes_their_own_file() -> None:
+    plan = plan_of("  mission: greet_everybody\n  with: {limit: 2, side: 30 deg}\n  name: meet them\n")
+    root = drawing_of(plan).root
+    assert (root.mission, root.name, root.file) == ("greet_everybody", "meet them", "m.yaml")
+    assert root.title == "mission: meet them"
+    assert root.arguments == {"limit": "2", "side": "30 deg"}
+    assert {each.file for child in root.children for each in child.walk()} == {"greet_everybody.yaml"}
+
+
+def test_shipped_files_are_named_as_they_lie_in_the_package() -> None:
+    assert drawing_of(load_mission("motions/square")).file == "motions/square.yaml"
+
+
+def test_a_file_of_the_users_is_named_as_it_was_given(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text("mission: own\ntree: {wait: 1 s}\n")
+    assert drawing_of(load_mission(str(path))).file == str(path)
+
+
+def test_texts_are_one_line_without_what_would_break_a_picture() -> None:
+    root = drawing_of(plan_of('  say: "a\\n b\\tc\\x1b[31m\\u202e \\u00fc"\n  name: "x\\ny"\n')).root
+    assert root.arguments == {"text": "a b c\ufffd[31m\ufffd ü"}
+    assert root.name == "x y"
+    assert one_line("a\u200db \ud800") == "a\u200db \ufffd"
+
+
+def test_every_kind_of_node_has_a_symbol_of_its_own_in_the_legend() -> None:
+    signs = [sign for sign, _, _ in legend()]
+    assert len(set(signs)) == len(signs) == len(BRANCHES) + 2
+    assert all(word and meaning for _, word, meaning in legend())
+
+
+def test_a_leaf_that_only_asks_is_a_condition() -> None:
+    root = drawing_of(
+        plan_of("  sequence:\n    - bumped\n    - wait: 1 s\n    - set: {a: 1}\n    - turn: 3 deg\n")
+    ).root
+    assert [child.symbol for child in root.children] == [CONDITION, ACTION, ACTION, ACTION]
+    assert {word for word, leaf in LEAVES.items() if leaf.instant} > {"bumped", "set"}
+
+
+def test_statuses_fall_on_boxes_and_badges_by_key_and_the_rest_is_idle() -> None:
+    drawing = drawing_of(plan_of("  sequence:\n    - wait: 5 s\n      timeout: 1 s\n    - wait: 1 s\n"))
+    failed = at(drawing, {"1": Now("running", "a\nb", 0.5), "1.1": Now("failure", "timed out", 1.5)}, 2.0)
+    first, second = failed.root.children
+    assert (failed.time, failed.root.status, failed.root.reason, failed.root.since) == (2.0, "running", "a b", 0.5)
+    assert (first.status, first.badges[0].status, first.badges[0].reason) == ("idle", "failure", "timed out")
+    assert (first.outer, second.outer, second.since) == ("failure", "idle", None)
+    assert at(failed, {}, 0.0) == at(drawing, {}, 0.0)
+
+
+def test_submissions_fold_into_one_box_that_counts_what_it_hides() -> None:
+    drawing = drawing_of(load_mission("patrol"))
+    closed = box(folded(drawing, 0), MISSION)
+    below = [each for child in box(drawing, MISSION).children for each in child.walk()]
+    assert (closed.children, closed.folded) == ((), len(below) + sum(len(each.badges) for each in below))
+    assert folded(drawing, 1) == drawing
+
+
+def test_only_submissions_that_lie_in_too_many_others_fold(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text("mission: inner\ntree: {wait: 1 s}\n")
+    (tmp_path / "middle.yaml").write_text("mission: middle\ntree: {mission: inner.yaml}\n")
+    (tmp_path / "outer.yaml").write_text("mission: outer\ntree: {sequence: [{mission: middle.yaml}, {wait: 1 s}]}\n")
+    drawing = drawing_of(load_mission(str(tmp_path / "outer.yaml")))
+
+    def hidden(depth: int) -> list[tuple[str, int]]:
+        return [(box.mission, box.folded) for box in folded(drawing, depth).root.walk() if box.mission]
+
+    assert hidden(0) == [("middle", 2)]
+    assert hidden(1) == [("middle", 0), ("inner", 1)]
+    assert hidden(2) == [("middle", 0), ("inner", 0)]
+    assert folded(folded(drawing, 1), 0) == folded(drawing, 0), "what is hidden is counted once"

@@ -1,0 +1,51 @@
+"""PNG pictures: as large as they should be, and with text on them, without any font of the machine."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from missions.library.shipped import load_mission
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.layout import lay_out
+from missions.views.pictures.png import MOST_PIXELS, png
+from missions.views.pictures.svg import HEADER, MARGIN, svg
+from perception.api import Image
+
+
+def pixels(data: bytes) -> Image:
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image.astype(np.uint8)
+
+
+def test_text_stands_where_it_was_laid_out() -> None:
+    drawing = drawing_of(load_mission("greet"))
+    image = pixels(png(svg(drawing), zoom=2.0))
+    for placed in lay_out(drawing).placed:
+        for line in placed.lines:
+            x, y = MARGIN + placed.x + line.x, HEADER + placed.y + line.y
+            around = image[2 * (y - 11) : 2 * (y + 4), 2 * x : 2 * (x + line.width)]
+            assert int(around.max()) - int(around.min()) > 60, (placed.box.title, line.text)
+
+
+def test_it_is_as_large_as_it_is_asked_to_be() -> None:
+    picture = svg(drawing_of(load_mission("wave")))
+    height, width = pixels(png(picture, zoom=1.0)).shape[:2]
+    assert f'viewBox="0 0 {width} {height}"' in picture
+    assert pixels(png(picture, zoom=2.0)).shape[:2] == (2 * height, 2 * width)
+
+
+def test_a_huge_picture_is_drawn_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert MOST_PIXELS >= 2000 * 4000
+    monkeypatch.setattr("missions.views.pictures.png.MOST_PIXELS", 90_000)
+    huge = '<svg xmlns="http://www.w3.org/2000/svg" width="1000" height="9000"></svg>'
+    assert pixels(png(huge)).shape[:2] == (900, 100)
+
+
+@pytest.mark.parametrize("missing", ["resvg_py", "matplotlib"])
+def test_without_the_extra_it_is_an_import_error(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(ImportError):
+        png("<svg/>")

@@ -1,0 +1,247 @@
+"""``mission show``: every format, to a file and to the terminal; moments of records; differences; what is wrong."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from missions.executive.events import NodeChanged
+from missions.library.shipped import load_mission
+from missions.records.recording.head import Contents, Head
+from missions.records.recording.items import packed, unpacked
+from missions.records.recording.sink import Sink
+from missions.records.recording.writer import RecordWriter
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES
+from missions.views.pictures.tree_json import to_json
+from tests.missions.command import Outcome, command
+
+HEAD = Head(
+    "greet",
+    "mission/greet.yaml",
+    "turtlebot2",
+    "living_room",
+    {},
+    0,
+    "fast",
+    "truth",
+    20.0,
+    "2026-11-21T14:03:00+00:00",
+    {"missiontree": "0.1.0"},
+    ("mission", "run", "greet"),
+    ("head", "camera"),
+)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def show(capsys: pytest.CaptureFixture[str]) -> "Show":
+    return Show(capsys)
+
+
+class Show:
+    """Runs ``mission show``."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *arguments: str) -> Outcome:
+        return command(self._capsys, "show", *arguments)
+
+
+@pytest.fixture
+def record(folder: Path) -> Path:
+    """A record of greet that looks for a face from 1 s on, and finds none at 4 s."""
+    path = folder / "run.mcap"
+    tree = json.dumps(to_json(drawing_of(load_mission("greet")))).encode()
+    changes = [
+        NodeChanged(1.0, 1, "1", "sequence", "sequence", 10, "running", ""),
+        NodeChanged(1.0, 1, "1.1.1", "find_face", "find_face", 11, "running", "looking"),
+        NodeChanged(4.0, 60, "1.1.1", "find_face", "find_face", 11, "failure", "no face found"),
+        NodeChanged(4.0, 60, "1", "sequence", "sequence", 10, "failure", ""),
+    ]
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, {"mission/greet.yaml": b"mission: greet\n"}, tree))
+        writer.begin()
+        for change in unpacked(packed(changes)):
+            writer.add(change)
+        assert writer.close().counts["/nodes"] == len(changes)
+    return path
+
+
+@pytest.mark.parametrize("suffix", list(SUFFIXES))
+def test_the_name_of_the_file_says_the_format(suffix: str, show: Show) -> None:
+    outcome = show("greet", "-o", f"it{suffix}")
+    assert outcome.code == 0, outcome.err
+    assert outcome.err == f"wrote it{suffix}\n"
+    dumped = FORMS[SUFFIXES[suffix]](drawing_of(load_mission("greet")))
+    assert Path(f"it{suffix}").read_bytes() == (dumped if isinstance(dumped, bytes) else dumped.encode())
+
+
+@pytest.mark.parametrize("form", [form for form in FORMS if form != "png"])
+def test_texts_go_to_stdout(form: str, show: Show) -> None:
+    outcome = show("greet", "--format", form)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "find_face" in outcome.out
+    assert outcome.out.endswith("\n")
+    assert not outcome.out.endswith("\n\n")
+
+
+def test_text_is_what_is_shown_where_nothing_else_is_said(show: Show) -> None:
+    assert show("greet").out == show("greet", "--format", "text").out
+    assert show("greet").out.startswith("→ sequence (line ")
+
+
+def test_the_terminal_says_of_what_and_when_a_moment_is(record: Path, show: Show) -> None:
+    assert show(record.name, "--at", "4 s").out.startswith("greet at 4.00 s\n→ ✗ sequence (line ")
+
+
+def test_the_format_is_stronger_than_the_name_of_the_file(show: Show) -> None:
+    assert show("greet", "--format", "json", "-o", "tree.txt").code == 0
+    assert json.loads(Path("tree.txt").read_text(encoding="utf-8"))["mission"] == "greet"
+
+
+def test_a_terminal_is_not_given_bytes(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(sys.stdout), "isatty", lambda _: True)
+    outcome = show("greet", "--format", "png")
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert "try: -o greet.png" in outcome.err
+
+
+def test_a_record_shows_its_mission_as_it_was(record: Path, show: Show) -> None:
+    assert show(record.name).out == show("greet").out
+
+
+@pytest.mark.parametrize(
+    ("time", "root", "leaf", "reason"),
+    [
+        ("0.5 s", "idle", "idle", ""),
+        ("1s", "running", "running", "looking"),
+        ("3999 ms", "running", "running", "looking"),
+        ("4 s", "failure", "failure", "no face found"),
+    ],
+)
+def test_a_moment_has_all_that_happened_up_to_it(
+    time: str, root: str, leaf: str, reason: str, record: Path, show: Show
+) -> None:
+    outcome = show(record.name, "--at", time, "--format", "json")
+    assert outcome.code == 0, outcome.err
+    tree = json.loads(outcome.out)["tree"]
+    found = tree["children"][0]
+    assert (tree["status"], found["status"], found["reason"]) == (root, leaf, reason)
+
+
+def test_a_time_after_the_end_shows_the_end_and_says_so(record: Path, show: Show) -> None:
+    outcome = show(record.name, "--at", "1 min", "--format", "svg")
+    assert outcome.code == 0
+    assert "run.mcap ends at 4.00 s" in outcome.err
+    assert "at 4.00 s</text>" in outcome.out
+    assert "✗" in outcome.out
+
+
+def test_a_mission_has_no_moments_and_says_how_to_record_them(show: Show) -> None:
+    outcome = show("greet", "--at", "3 s")
+    assert outcome.code == 2
+    assert "mission run greet --record greet.mcap" in outcome.err
+
+
+@pytest.mark.parametrize("time", ["3", "soon", "-1 s", "1 m"])
+def test_a_time_is_a_duration_with_its_unit(time: str, record: Path, show: Show) -> None:
+    outcome = show(record.name, "--at", time)
+    assert outcome.code == 2
+    assert "--at" in outcome.err
+
+
+def test_a_record_that_is_none_is_told_of(show: Show) -> None:
+    Path("broken.mcap").write_bytes(b"mission: greet\n")
+    outcome = show("broken.mcap")
+    assert outcome.code == 2
+    assert "broken.mcap: " in outcome.err
+    assert "no record" in outcome.err
+    assert show("missing.mcap").code == 2
+
+
+@pytest.mark.parametrize("form", list(PAIR_FORMS))
+def test_two_missions_stand_side_by_side(form: str, show: Show) -> None:
+    output = f"diff.{form}"
+    outcome = show("motions/square", "--diff", "motions/triangle", "--format", form, "-o", output)
+    assert outcome.code == 0, outcome.err
+    data = Path(output).read_bytes()
+    assert data.startswith(b"\x89PNG") if form == "png" else b"sides: 4 -" in data
+
+
+def test_a_difference_is_as_wide_as_the_terminal(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    outcome = show("motions/square", "--diff", "square_3m")
+    assert outcome.code == 0
+    assert max(map(len, outcome.out.splitlines())) <= 60
+    assert outcome.out.endswith("3 changed, 3 added\n")
+
+
+def test_a_record_is_compared_with_a_mission_at_that_moment(record: Path, show: Show) -> None:
+    outcome = show(record.name, "--diff", "greet", "--at", "2 s", "--format", "json")
+    data = json.loads(outcome.out)
+    assert (data["left"]["time"], data["right"]["time"], data["summary"]) == (2.0, None, "no difference")
+
+
+def test_two_sides_say_how_nodes_stand_where_they_show_a_moment(record: Path, show: Show) -> None:
+    lines = show(record.name, "--diff", "greet", "--at", "4 s").out.splitlines()
+    assert [half.strip() for half in lines[0].split("  ") if half] == ["greet at 4.00 s", "greet"]
+    assert lines[1].split() == ["✗", "sequence", "=", "sequence"]
+    assert any("✗ find_face -- no face found" in line for line in lines)
+    ascii_lines = show(record.name, "--diff", "greet", "--at", "4 s", "--format", "ascii").out.splitlines()
+    assert ascii_lines[1].split() == ["x", "sequence", "=", "sequence"]
+    assert show(record.name, "--diff", "greet", "--at", "4 s", "-o", "diff.html").code == 0
+    page = Path("diff.html").read_text(encoding="utf-8")
+    assert page.count('<span class="word">failure</span>') == 2
+    assert "greet.yaml at 4.00 s</b>" in page
+
+
+def test_not_every_format_has_two_sides(show: Show) -> None:
+    outcome = show("greet", "--diff", "wave", "--format", "dot")
+    assert outcome.code == 2
+    assert "text, unicode, ascii, svg, png, json, html" in outcome.err
+
+
+def test_sub_missions_fold(show: Show) -> None:
+    whole, folded = (json.loads(show("patrol", "--format", "json", *more).out) for more in ((), ("--fold", "0")))
+    assert "track_face" in json.dumps(whole)
+    assert "track_face" not in json.dumps(folded)
+    assert json.loads(show("patrol", "--format", "json", "--fold", "1").out) == whole
+
+
+def test_a_name_without_a_format_is_told_which_there_are(show: Show) -> None:
+    outcome = show("greet", "-o", "greet.pdf")
+    assert outcome.code == 2
+    assert ".svg" in outcome.err
+    assert "try: -o greet.png" in outcome.err
+    assert not Path("greet.pdf").exists()
+
+
+def test_a_file_that_cannot_be_written_is_told_of(show: Show) -> None:
+    outcome = show("greet", "-o", "nowhere/greet.svg")
+    assert outcome.code == 2
+    assert "nowhere/greet.svg: there is no folder nowhere\n  try: mkdir -p nowhere" in outcome.err
+
+
+def test_without_its_extra_a_png_says_what_to_install(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    outcome = show("greet", "-o", "greet.png")
+    assert outcome.code == 2
+    assert "pip install 'missiontree[plots]', or -o greet.svg" in outcome.err
+    assert show("greet", "-o", "greet.svg").code == 0
+
+
+def test_a_mission_that_does_not_check_is_not_drawn(show: Show) -> None:
+    Path("bad.yaml").write_text("mission: bad\ntree:\n  sequence: [{fly: 1 m}]\n")
+    outcome = show("bad.yaml", "-o", "bad.svg")
+    assert outcome.code == 2
+    assert "bad.yaml:3:15: unknown behaviour 'fly'" in outcome.err
+    assert not Path("bad.svg").exists()

@@ -1,0 +1,228 @@
+"""The dumps that are text: py_trees' own as lines and as DOT, and Mermaid."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pydot
+import pytest
+from hypothesis import given, settings
+from py_trees import display
+
+from drivers.clock import ManualClock
+from missions.library.shipped import load_mission, shipped_missions
+from missions.views.pictures.draw import at, drawing_of, folded
+from missions.views.pictures.drawing import ASCII_SIGNS, SIGNS, Drawing, Now
+from missions.views.pictures.mermaid import mermaid
+from missions.views.pictures.outline import outline
+from missions.views.pictures.text import dot, text_tree
+from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready
+
+TREE = """\
+  sequence:
+    - wait: 1 s
+    - drive: {distance: 1 m}
+      as: way
+      name: on
+    - wait: 9 s
+      timeout: 5 s
+    - say: Hello
+"""
+
+STATES = {
+    "1": Now("running", "", 0.0),
+    "1.1": Now("success", "", 1.0),
+    "1.2": Now("failure", "no base", 1.25),
+    "1.3": Now("failure", "timed out", 6.0),
+}
+
+LINK = re.compile(r'  (\w+) --> (?:\|"[^"|]*"\| )?(\w+)')
+BOX = re.compile(r'  (\w+)\["([^"]*)"\](?::::?(\w+))?')
+
+
+def test_a_line_says_kind_name_arguments_where_they_go_and_the_line_of_the_file() -> None:
+    assert text_tree(plan_of(TREE)) == (
+        "{-} sequence (line 3)\n"
+        "    --> wait: 1 s (line 4)\n"
+        "    --> drive: on {distance: 1 m} as way (line 5)\n"
+        "    -^- timeout: 5 s (line 9)\n"
+        "        --> wait: 9 s (line 8)\n"
+        "    --> say: Hello (line 10)\n"
+    )
+
+
+def test_at_a_moment_of_a_run_signs_and_reasons_say_how_each_node_stands() -> None:
+    assert text_tree(plan_of(TREE), STATES) == (
+        "{-} ▶ sequence (line 3) since 0.00 s\n"
+        "    --> ✓ wait: 1 s (line 4) since 1.00 s\n"
+        "    --> ✗ drive: on {distance: 1 m} as way (line 5) since 1.25 s -- no base\n"
+        "    -^- ✗ timeout: 5 s (line 9) -- timed out\n"
+        "        --> ○ wait: 9 s (line 8)\n"
+        "    --> ○ say: Hello (line 10)\n"
+    )
+
+
+def test_an_outline_has_our_symbols_with_modifiers_above_what_they_modify() -> None:
+    assert outline(drawing_of(plan_of(TREE))) == (
+        "→ sequence (line 3)\n"
+        "├─ ■ wait: 1 s (line 4)\n"
+        "├─ ■ drive: on {distance: 1 m} as way (line 5)\n"
+        "├─ [timeout: 5 s] (line 9)\n"
+        "│  ■ wait: 9 s (line 8)\n"
+        "└─ ■ say: Hello (line 10)\n"
+    )
+
+
+def test_an_outline_of_a_moment_says_when_and_how_each_node_stands() -> None:
+    assert outline(at(drawing_of(plan_of(TREE)), STATES, 6.0)) == (
+        "m at 6.00 s\n"
+        "→ ▶ sequence (line 3) since 0.00 s\n"
+        "├─ ■ ✓ wait: 1 s (line 4) since 1.00 s\n"
+        "├─ ■ ✗ drive: on {distance: 1 m} as way (line 5) since 1.25 s -- no base\n"
+        "├─ [✗ timeout: 5 s] (line 9) -- timed out\n"
+        "│  ■ ○ wait: 9 s (line 8)\n"
+        "└─ ■ ○ say: Hello (line 10)\n"
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(DRAWINGS)
+def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: Drawing) -> None:
+    shown = sum(1 + len(box.badges) for box in drawing.root.walk())
+    assert len(outline(drawing).split("\n")) == shown + (drawing.time is not None) + 1
+    hidden = sum(box.folded for box in drawing.root.walk())
+    assert drawing.root.nodes == shown + hidden
+
+
+def test_ascii_is_ascii_whatever_stands_in_the_mission() -> None:
+    drawn = text_tree(plan_of("  say: Grüß dich ✓\n"), {"1": Now("success", "", 1.0)}, ascii=True)
+    assert drawn == "--> + say: Gr?? dich ? (line 3) since 1.00 s\n"
+
+
+def test_a_drawing_is_dumped_as_its_mission_is() -> None:
+    plan = plan_of(TREE)
+    drawing = at(drawing_of(plan), STATES, 6.0)
+    assert text_tree(drawing) == text_tree(plan, STATES)
+    assert dot(drawing) == dot(plan, STATES)
+
+
+def test_a_folded_submission_says_how_much_it_hides() -> None:
+    dumped = text_tree(folded(drawing_of(load_mission("follow_me")), 0))
+    assert "mission: find_person {patience: ${patience}} (line 14) and 8 more below\n" in dumped
+    assert "find_face" not in dumped
+
+
+def test_the_children_of_a_switch_begin_with_their_case() -> None:
+    head = "params: {answer: {default: x, type: text}}\n"
+    tree = "  switch:\n    on: answer\n    cases:\n      yes: {drive: 1 m, retry: 2}\n    default: {wait: 2 s}\n"
+    plan = plan_of(tree, head)
+    assert outline(drawing_of(plan)).splitlines()[1:] == [
+        "├─ yes: [retry: 2] (line 7)",
+        "│  ■ drive: 1 m (line 7)",
+        "└─ else: ■ wait: 2 s (line 8)",
+    ]
+    assert [line.strip() for line in text_tree(plan).splitlines()][1:] == [
+        "-^- yes: retry: 2 (line 7)",
+        "--> drive: 1 m (line 7)",
+        "--> else: wait: 2 s (line 8)",
+    ]
+    assert '|"yes"| n1_1_1' in mermaid(drawing_of(plan))
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_a_drawing_counts_its_nodes_as_the_checker_does(name: str) -> None:
+    plan = load_mission(name)
+    drawing = drawing_of(plan)
+    assert drawing.root.nodes == folded(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_the_shapes_of_the_lines_are_py_trees_own_for_the_nodes_that_run(name: str) -> None:
+    plan = load_mission(name)
+    root, _ = ready(plan, ManualClock())
+    for node in downwards(root):
+        node.name = "x"
+    shapes = [line.removesuffix(" x") for line in display.unicode_tree(root).splitlines()]
+    lines = text_tree(plan).splitlines()
+    assert len(lines) == len(shapes)
+    assert all(line.startswith(f"{shape} ") for line, shape in zip(lines, shapes, strict=True))
+
+
+def test_dumps_are_the_same_bytes_under_every_encoding_of_the_terminal() -> None:
+    program = (
+        "import sys; from missions.library.shipped import load_mission\n"
+        "from missions.views.pictures.text import dot, text_tree\n"
+        "from missions.views.pictures.states import Now\n"
+        "plan, now = load_mission('patrol'), {'1': Now('running', '', 0.0), '1.1': Now('failure', 'é', 1.0)}\n"
+        "for drawn in (text_tree(plan, now), text_tree(plan, now, ascii=True), dot(plan, now), dot(plan)):\n"
+        "    sys.stdout.buffer.write(drawn.encode('utf-8'))\n"
+    )
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG", "PYTHON"))}
+    outputs = {
+        subprocess.run([sys.executable, "-c", program], env=plain | setting, capture_output=True, check=True).stdout
+        for setting in ({"PYTHONIOENCODING": "utf-8"}, {"PYTHONIOENCODING": "latin-1"}, {"PYTHONIOENCODING": "ascii"})
+    }
+    assert len(outputs) == 1
+    assert "▶".encode() in outputs.pop()
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of pyparsing, in pydot's parser
+def test_dot_names_nodes_by_their_keys_and_keeps_every_text_as_it_is() -> None:
+    quoted = HOSTILE.replace("'", "''")
+    plan = plan_of(f"  sequence:\n    - say: '{quoted}'\n    - say: '{quoted}'\n")
+    (graph,) = pydot.graph_from_dot_data(dot(plan)) or []
+    labels = {node.get_name(): node.get("label") for node in graph.get_nodes() if node.get("label")}
+    written = HOSTILE.replace("\\", "\\\\").replace('"', '\\"')
+    assert labels == {
+        "n1": '"sequence\\n(line 3)"',
+        "n1_1": f'"say: {written}\\n(line 4)"',
+        "n1_2": f'"say: {written}\\n(line 5)"',
+    }
+    assert [(edge.get_source(), edge.get_destination()) for edge in graph.get_edges()] == [
+        ("n1", "n1_1"),
+        ("n1", "n1_2"),
+    ]
+
+
+@settings(deadline=None, max_examples=40)
+@given(DRAWINGS)
+def test_mermaid_has_one_line_for_each_box_and_each_link(drawing: Drawing) -> None:
+    lines = mermaid(at(drawing, {}, 1.0)).splitlines()
+    drawn = list(drawing.root.walk())
+    assert len([line for line in lines if LINK.fullmatch(line)]) == len(drawn) - 1
+    found = [match for line in lines if (match := BOX.fullmatch(line))]
+    assert len({match[1] for match in found}) == len(drawn)
+
+
+def test_mermaid_puts_modifiers_into_the_box_and_colours_it_as_its_parent_sees_it() -> None:
+    drawing = at(drawing_of(plan_of(TREE)), STATES, 6.0)
+    assert mermaid(drawing).splitlines()[5:] == [
+        '  n1["→ ▶ sequence<br/>(line 3)<br/>since 0.00 s"]:::running',
+        '  n1_1["■ ✓ wait: 1 s<br/>(line 4)<br/>since 1.00 s"]:::success',
+        '  n1_2["■ ✗ drive: on<br/>{distance: 1 m}<br/>as way<br/>(line 5)<br/>since 1.25 s<br/>-- no base"]:::failure',
+        '  n1_3_1["✗ timeout: 5 s (line 9) -- timed out<br/>■ ○ wait: 9 s<br/>(line 8)"]:::failure',
+        '  n1_4["■ ○ say: Hello<br/>(line 10)"]:::idle',
+        "  n1 --> n1_1",
+        "  n1 --> n1_2",
+        "  n1 --> n1_3_1",
+        "  n1 --> n1_4",
+    ]
+
+
+def test_mermaid_takes_no_text_for_markup() -> None:
+    quoted = HOSTILE.replace("'", "''")
+    (line,) = [line for line in mermaid(drawing_of(plan_of(f"  say: '{quoted}'\n"))).splitlines() if "say" in line]
+    inside = line.removeprefix('  n1["').removesuffix('"]').replace("<br/>", "")
+    assert not set('"<>&`|\\') & set(inside)
+    assert re.sub(r"#(\d+);", lambda code: chr(int(code[1])), inside) == f"■ say: {HOSTILE}(line 3)"
+
+
+@pytest.mark.parametrize("status", SIGNS)
+def test_no_dump_tells_statuses_apart_by_colour_alone(status: str) -> None:
+    (known,) = [each for each in SIGNS if each == status]
+    plan, now = plan_of("  wait: 1 s\n"), {"1": Now(known, "", 1.0)}
+    drawing = at(drawing_of(plan), now, 1.0)
+    for drawn in (outline(drawing), text_tree(plan, now), dot(plan, now), mermaid(drawing)):
+        assert [sign for sign in SIGNS.values() if sign in drawn.replace("-->", "")] == [SIGNS[known]]
+    assert f"--> {ASCII_SIGNS[known]} wait" in text_tree(plan, now, ascii=True)

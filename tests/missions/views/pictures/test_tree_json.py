@@ -1,0 +1,83 @@
+"""Drawings as JSON: there and back, and as its schema says."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+
+from missions.library.shipped import load_mission, shipped_missions
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.drawing import Drawing
+from missions.views.pictures.tree_json import FORMAT, from_json, schema, to_json
+from tests.missions.command import command
+from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
+
+VALIDATOR = jsonschema.Draft202012Validator(schema())
+
+
+def dump() -> dict[str, Any]:
+    data: dict[str, Any] = to_json(drawing_of(plan_of("  drive: 1 m\n  retry: 2\n")))
+    return data
+
+
+@settings(deadline=None, max_examples=40)
+@given(DRAWINGS)
+def test_what_is_written_is_read_back(drawing: Drawing) -> None:
+    data = json.loads(json.dumps(to_json(drawing)))
+    VALIDATOR.validate(data)
+    assert from_json(data) == drawing
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_every_shipped_mission_is_as_the_schema_says(name: str) -> None:
+    drawing = drawing_of(load_mission(name))
+    VALIDATOR.validate(to_json(drawing))
+    assert from_json(to_json(drawing)) == drawing
+
+
+def test_the_schema_is_one_and_explains_every_member() -> None:
+    jsonschema.Draft202012Validator.check_schema(schema())
+    definitions: Any = schema()["$defs"]
+    for definition in definitions.values():
+        assert all("description" in member for member in definition["properties"].values())
+
+
+def test_the_schema_refuses_what_it_does_not_know() -> None:
+    data = dump()
+    data["tree"]["colour"] = "red"
+    assert not VALIDATOR.is_valid(data)
+    assert not VALIDATOR.is_valid(dump() | {"format": "missiontree-tree/0"})
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "words"),
+    [
+        (("format",), "missiontree-tree/9", f"its format is 'missiontree-tree/9', not '{FORMAT}'"),
+        (("tree",), None, "'tree' must be dict, got None"),
+        (("tree", "line"), "3", "'line' must be int, got '3'"),
+        (("tree", "status"), "done", "'status' must be one of idle, running, success, failure, got 'done'"),
+        (("tree", "since"), "now", "'since' must be seconds or null, got 'now'"),
+        (("tree", "modifiers"), [1], "'modifiers' must be dict, got 1"),
+        (("tree", "arguments"), {"distance": 1}, "'distance' must be str, got 1"),
+    ],
+)
+def test_a_wrong_dump_is_refused_with_what_is_wrong(where: tuple[str, ...], value: object, words: str) -> None:
+    data = part = dump()
+    for name in where[:-1]:
+        part = part[name]
+    part[where[-1]] = value
+    with pytest.raises(ValueError, match="tree dump") as caught:
+        from_json(data)
+    assert words in str(caught.value)
+
+
+def test_the_command_writes_the_schema_of_dumps(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert json.loads(command(capsys, "schema", "--tree").out) == schema()
+    assert command(capsys, "schema", "--tree", "-o", "tree.json").code == 0
+    assert json.loads(Path("tree.json").read_text(encoding="utf-8")) == schema()
