@@ -34,11 +34,10 @@ SHAPES = ("ball", "box")
 _MARKER_SPACE = 0.21  # metres that the side of a robot must have for its marker
 
 
-@keys
-class Placed:
-    """What has a place on the floor."""
+class OnPlan:
+    """What has a place ``at``, whose first two numbers are metres along x and y."""
 
-    at: Place = key("length", wrong=PLACE, help="Where its middle is: [x, y].")
+    at: tuple[float, ...]
 
     @property
     def x(self) -> float:
@@ -52,23 +51,20 @@ class Placed:
 
 
 @keys
-class PlacedPose:
+class Placed(OnPlan):
+    """What has a place on the floor."""
+
+    at: Place = key("length", wrong=PLACE, help="Where its middle is: [x, y].")
+
+
+@keys
+class PlacedPose(OnPlan):
     """What stands on the floor, or on something else."""
 
     name: str = key(help="What it is called.")
     at: Place | Spot = key(
         "length", wrong=PLACE, help="Where its middle is: [x, y], or [x, y, z] for z over the floor."
     )
-
-    @property
-    def x(self) -> float:
-        """Its place along x, in metres."""
-        return self.at[0]
-
-    @property
-    def y(self) -> float:
-        """Its place along y, in metres."""
-        return self.at[1]
 
     @property
     def bottom(self) -> float:

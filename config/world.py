@@ -10,7 +10,7 @@ from config.fields import fields_of
 from config.layout import Layout
 from config.marked import read_source
 from config.people import PersonConfig
-from config.things import PLACE, BoxConfig, DockConfig, EdgeConfig, Place, RoverConfig, ThingConfig, WallConfig
+from config.things import PLACE, BoxConfig, DockConfig, EdgeConfig, OnPlan, Place, RoverConfig, ThingConfig, WallConfig
 from drivers.api.keys import Mistake, key, keys
 
 MOST_LOST = 0.9
@@ -43,21 +43,11 @@ class LightConfig:
 
 
 @keys
-class StartConfig:
+class StartConfig(OnPlan):
     """Where the robot stands at first, and which way it looks."""
 
     at: Place = key("length", default=(0.0, 0.0), wrong=PLACE, help="Where: [x, y].")
     heading: float = key("angle", default=0.0, help="Which way it looks.")
-
-    @property
-    def x(self) -> float:
-        """Its place along x, in metres."""
-        return self.at[0]
-
-    @property
-    def y(self) -> float:
-        """Its place along y, in metres."""
-        return self.at[1]
 
 
 @keys

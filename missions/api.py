@@ -34,7 +34,7 @@ from missions.executive.watchdog import Limits
 from missions.language.claims import Target
 from missions.library.shipped import behaviour_files, load_mission
 from missions.library.vocabulary import vocabulary
-from missions.order import RunRequest, Simulate
+from missions.order import RunRequest, Simulate, contradictions
 from missions.runner import PATIENT, Runner
 
 Params = Mapping[str, object]
@@ -196,7 +196,8 @@ def run(
     Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps from being heard ends the process, with
     the robot at rest. A leaf that hangs without a signal is waited for, with the robot kept still.
 
-    Raises InvalidFileError, UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
+    Raises ValueError for arguments that contradict each other, such as a camera in simulated time; InvalidFileError,
+    UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
     order = RunRequest(
         str(mission),
@@ -211,8 +212,15 @@ def run(
         eyes=eyes,
         speed=speed,
     )
+    if why := "; ".join(contradictions(order, _argument)):
+        raise ValueError(why)
     limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
     return Runner(order, listeners=listeners, limits=limits).run()
+
+
+def _argument(name: str, value: str = "") -> str:
+    """Return how an argument of ``run`` is written."""
+    return f'{name}="{value}"' if value else {"port": "ports"}.get(name, name)
 
 
 def _level(simulate: bool | Simulate) -> Simulate | None:

@@ -1,6 +1,6 @@
 """The request to run a mission, on a robot, in a world, by their names."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from math import inf
 from pathlib import Path
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 from config.library import find
 from config.robot import RobotConfig
+from drivers.api.kinds import WIRED
 from drivers.api.quick import dataclass
 from drivers.api.renamed import renamed
+from drivers.camera.source import Kind, kind_of
 from missions.library.drivers import load_robot
 
 if TYPE_CHECKING:
@@ -61,6 +63,36 @@ class RunRequest:
         if self.world is None or isinstance(self.world, str):
             return load_world(find("worlds", self.world or DEFAULT_WORLD))
         return self.world
+
+
+def contradictions(order: RunRequest, named: Callable[..., str]) -> Iterator[str]:
+    """Yield what of a request contradicts the rest of it, or could only be ignored.
+
+    ``named(name, value)`` returns how the user writes a wish: ``--simulate fast``, or ``simulate="fast"``.
+    """
+    fast, wire = named("simulate", "fast"), named("simulate", "wire")
+    if order.simulation != "fast" and (order.eyes == "truth" or order.speed != inf):
+        yield f"{named('eyes', 'truth')} and {named('speed')} are for simulated time: add {fast}"
+    if order.simulation == "fast":
+        if order.camera is not None:
+            yield f"{named('camera')} gives pictures in real time: it goes with {wire}, not with fast"
+        if order.pad is not None:
+            yield f"{named('pad')} is for hands, in real time: it goes with {wire}, not with fast"
+    if order.ports and order.simulation is not None:
+        yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
+    for part in order.ports:
+        if part not in WIRED:
+            yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join(WIRED)}"
+    if order.world is not None and order.simulation is None:
+        yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
+    if order.camera is not None and not _may_be_camera(order.camera):
+        yield f"{named('camera')}: '{order.camera}': no such file, and no index, device or address of a camera"
+
+
+def _may_be_camera(source: str) -> bool:
+    """Whether there can be a camera: a file that is not there will not be plugged in, as a device may be."""
+    kind = kind_of(source) if source.strip() else None
+    return kind is not None and (kind not in (Kind.VIDEO, Kind.PICTURE) or Path(source).is_file())
 
 
 if not TYPE_CHECKING:

@@ -101,7 +101,7 @@ class ArmKeys:
     @property
     def limits(self) -> Mapping[str, JointLimits]:
         """How far and fast each joint goes, by its name; a driver without it is refused when it is found."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} does not say which joints there are: give it the property `limits`")
 
     @property
     def reaches(self) -> Mapping[str, tuple[float, float]]:

@@ -1,9 +1,11 @@
 """MissionTree from Python, as ``missions`` documents it."""
 
 import doctest
+import re
 import signal
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 from py_trees import display
@@ -137,6 +139,22 @@ def test_a_run_returns_its_result_and_tells_its_events(file: Path) -> None:
     assert (result.mission, result.result, result.reason, result.ticks) == ("m", "failure", "not today", 1)
     assert isinstance(heard[0], Started)
     assert isinstance(heard[-1], Ended)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "told"),
+    [
+        ({"simulate": "fast", "camera": "0"}, 'camera gives pictures in real time: it goes with simulate="wire"'),
+        ({"simulate": "wire", "ports": {"base": "/dev/kobuki"}}, 'ports names real ports: it goes with robot="NAME"'),
+        ({"robot": "turtlebot2", "ports": {"wing": "/dev/wing"}}, "ports: 'wing' is no part with a port"),
+        ({"robot": "turtlebot2", "world": "empty"}, "world is for a simulated robot"),
+        ({"simulate": "wire", "speed": 2.0}, 'are for simulated time: add simulate="fast"'),
+        ({"simulate": "wire", "camera": "no_such.png"}, "camera: 'no_such.png': no such file"),
+    ],
+)
+def test_a_run_is_refused_where_a_wish_could_only_be_ignored(file: Path, wishes: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(told)):
+        missions.run(file, **wishes)
 
 
 def test_a_run_off_the_main_thread_leaves_the_signals_alone(file: Path) -> None:
