@@ -16,10 +16,10 @@ class Kind:
     ``name`` stands in files, missions and events; ``field`` is its field in ``behaviours.robot.Robot`` and its name in
     records, without ``_part``. ``keys`` is what the section of every driver of this kind extends. ``device`` is the
     dotted name of the protocol of its device, ``seen`` of what leaves see of it, where that is another. ``still`` makes
-    it hold still, None for what moves nothing. ``usual`` is the driver of a section that names none; where it is empty,
-    the section must name one. ``wired`` parts have a port, and stand-ins of their own driver. ``after`` are the kinds
-    that are made before it, where the robot has them. ``step`` is its place among the twins of one moment; None for a
-    part that is not stepped.
+    it hold still, None for what does nothing by itself; ``moves`` is False for what is heard and does not move.
+    ``usual`` is the driver of a section that names none; where it is empty, the section must name one. ``wired`` parts
+    have a port, and stand-ins of their own driver. ``after`` are the kinds that are made before it, where the robot has
+    them. ``step`` is its place among the twins of one moment; None for a part that is not stepped.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Kind:
     device: str
     seen: str = ""
     still: Callable[[Any], None] | None = None
+    moves: bool = True
     usual: str = ""
     wired: bool = False
     after: tuple[str, ...] = ()
@@ -74,6 +75,7 @@ KINDS: Mapping[str, Kind] = {
             VoiceKeys,
             "drivers.api:Voice",
             still=lambda it: it.rest(),
+            moves=False,
             usual="auto",
             step=3,
         ),
@@ -100,8 +102,11 @@ KINDS: Mapping[str, Kind] = {
 }
 """The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead."""
 
-MOVING = tuple(kind.name for kind in KINDS.values() if kind.still is not None and kind.name != "voice")
-"""The parts with actuators. A voice can be silenced, but moves nothing."""
+STILLED = tuple(kind.name for kind in KINDS.values() if kind.still is not None)
+"""The parts that a stop reaches: those that move, and a voice, which is silenced."""
+
+MOVING = tuple(name for name in STILLED if KINDS[name].moves)
+"""The parts with actuators."""
 
 WIRED = tuple(kind.name for kind in KINDS.values() if kind.wired)
 """The parts that have a port."""

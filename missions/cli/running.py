@@ -67,13 +67,7 @@ def run(
     ``last_words`` are said where a run that hangs for good ends the process. ``until`` is when a run in simulated time
     is ended at last, in seconds.
     """
-    check_order(order)
-    if until is not None and order.simulation != "fast":
-        raise click.UsageError("--until is for simulated time: add --simulate fast")
-    if outputs.film is not None:
-        check_film(outputs.film, order)
-    if outputs.view and (why := unviewable(out)):
-        raise click.UsageError(why)
+    _check(order, outputs, out, until)
     watcher = Watcher(out)
     shown: Watcher | LiveView = watcher
 
@@ -118,6 +112,17 @@ def run(
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
+
+
+def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None) -> None:
+    """Raise click.UsageError for what could only be ignored, or cannot be shown or written."""
+    check_order(order)
+    if until is not None and order.simulation != "fast":
+        raise click.UsageError("--until is for simulated time: add --simulate fast")
+    if outputs.film is not None:
+        check_film(outputs.film, order)
+    if outputs.view and (why := unviewable(out)):
+        raise click.UsageError(why)
 
 
 def _tell_unreachable(control: ControlSocket) -> None:

@@ -9,6 +9,7 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.run import Run
+from drivers.api.kinds import MOVING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
 from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
@@ -143,7 +144,8 @@ class Executive:
                 self._steps.get()
             elif self._paused:
                 if not held:
-                    self.run.safe_stop(self.root.claims - {"voice"})  # a sentence is not broken off for a pause
+                    # A sentence is not broken off for a pause.
+                    self.run.safe_stop(self.root.claims.intersection(MOVING))
                     held = True
                 self._woken.wait(GLANCE)
                 self._woken.clear()

@@ -4,15 +4,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from drivers.api import Base, Device, Latching
-from drivers.api.kinds import MOVING
+from drivers.api.kinds import STILLED
 from drivers.errors import DeviceFault
 from missions.executive.watchdog import attempt_all
 
 REPLY_TIME = 0.2
 """Seconds for which a stop waits to hear that the actuators were told: a leaf that hangs may hold a driver's lock."""
-
-ACTUATORS = (*MOVING, "voice")
-"""The parts that are stopped, a sentence that is being said too."""
 
 
 class StopLatch:
@@ -45,7 +42,7 @@ class StopLatch:
         """
         self.reason = f"stopped by {by}"
         self.number += 1
-        parts = [part for part in ACTUATORS if part in self._devices]
+        parts = [part for part in STILLED if part in self._devices]
         told: list[str] = []
         self._hold(True)  # which only sets a flag: a tick that goes on is not waited for
         # Each on a thread of its own: a leaf that hangs may hold what it waits for.

@@ -11,9 +11,7 @@ from difflib import SequenceMatcher
 from behaviours.leaf import Leaf
 from config.faults import did_you_mean, one_slip
 from config.synonyms import head_of, in_words, ours_for, plain_word
-
-MOVING = frozenset({"base", "head", "arm"})
-"""The actuators that move."""
+from drivers.api.kinds import MOVING
 
 WORDS: Mapping[str, str] = {
     "wait": "sleep pause wait_for sleep_for delay_for idle timer wait_seconds",
@@ -122,7 +120,7 @@ def _may_be_meant(word: str, known: str, leaves: Mapping[str, type[Leaf]]) -> bo
     """Say whether a word may be proposed for its spelling: what is like it and does not move, or is one slip away."""
     if not known.startswith(word) and SequenceMatcher(None, word, known).ratio() < LIKE:
         return False
-    if known not in leaves or not leaves[known].drives & MOVING:
+    if known not in leaves or not leaves[known].drives.intersection(MOVING):
         return True
     another_letter = len(word) == len(known) and sorted(word) != sorted(known)
     return one_slip(word, known) and not (another_letter and len(word) < LONG)

@@ -13,7 +13,7 @@ from math import inf, isfinite
 from reprlib import Repr
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from config.faults import closest
+from config.faults import did_you_mean
 from drivers.api.quick import dataclass
 
 LONGEST_TEXT = 4096
@@ -84,10 +84,7 @@ def read(data: Mapping[str, object], kind: type[T], key: str) -> T:
     known = {each.name: each for each in members(kind)}
     for name in data:
         if name != key and name not in known:
-            near = closest(str(name), known)
-            raise BadMessage(
-                "bad_field", f"it has no member '{str(name)[:60]}'", f"did you mean '{near}'?" if near else ""
-            )
+            raise BadMessage("bad_field", f"it has no member '{str(name)[:60]}'", did_you_mean(str(name), known))
     found = {}
     for name, member in known.items():
         if name in data:

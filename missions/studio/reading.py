@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from config.faults import closest
+from config.faults import did_you_mean
 from missions.studio.commands import (
     KEY,
     LARGEST,
@@ -63,6 +63,5 @@ def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = COMM
     word = data.get(KEY)
     if not isinstance(word, str) or word not in words:
         said = word[:60] if isinstance(word, str) else shown(word)
-        near = closest(said, words)
-        raise BadMessage("unknown_command", f"unknown command {said!r}", f"did you mean '{near}'?" if near else "")
+        raise BadMessage("unknown_command", f"unknown command {said!r}", did_you_mean(said, words))
     return read(data, words[word], KEY)

@@ -57,6 +57,13 @@ class Room:
         return self.clock.now() - words.started
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine a program starts and answers late; a test that is about that says how late it may be."""
+    for module, name in ((partner, "START"), (partner, "STUCK"), (engines, "THINKING")):
+        monkeypatch.setattr(module, name, 60.0)
+
+
 @pytest.fixture
 def room() -> Iterator[Room]:
     room = Room()

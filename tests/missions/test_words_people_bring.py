@@ -12,13 +12,14 @@ from behaviours.catalogue import LEAVES
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.synonyms import KEYS as FILE_KEYS
 from config.synonyms import head_of
+from drivers.api.kinds import MOVING
 from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
 from missions.language.kinds import FLAG, STATE
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
-from missions.language.synonyms import MOVING, WORDS, word_meant
+from missions.language.synonyms import WORDS, word_meant
 from missions.library.drivers import Table, robot_of
 from missions.library.shipped import find_mission, shipped_missions
 from missions.library.things import THINGS
@@ -262,7 +263,7 @@ def test_only_a_word_that_names_a_motion_leads_to_one() -> None:
         "rotat turn spin forward back move driv go nav cmd_vel twist velocity speed reverse head look joint servo arm"
     )
     motions += " follow track nod dock stop halt brake freeze search look"
-    moving = {word for word, leaf in LEAVES.items() if leaf.drives & MOVING}
+    moving = {word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)}
     leading = [word for ours, words in WORDS.items() if head_of(ours) in moving for word in words.split()]
     assert len(leading) > 50
     assert [word for word in leading if not any(each in word for each in motions.split())] == []
@@ -287,7 +288,7 @@ def meant(word: str) -> str:
 
 
 def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
-    moving = [word for word, leaf in LEAVES.items() if leaf.drives & MOVING]
+    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)]
     strange = (
         "sleep steep sweet loop lock book cook hook took burn torn tune tan clay pray slay "
         "drove dark duck deck knock nodding canned skin error scam scar spoon gestures_off mirage tour plan "

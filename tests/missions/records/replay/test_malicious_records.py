@@ -98,6 +98,13 @@ def raw(topic: str, data: object) -> Message:
 
 def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield what each record is about, and how it is written."""
+    yield from of_code(folder)
+    yield from of_files(folder)
+    yield from of_texts()
+    yield from of_numbers()
+
+
+def of_code(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     code = {"behaviours/mine.py": evil(folder).encode()}
     named = replace(HEAD, behaviours=("behaviours/mine.py",))
     script = folder / "here.py"
@@ -114,6 +121,9 @@ def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     yield "code as a mission", {"head": replace(HEAD, behaviours=("mission/greet.yaml",))}
     yield "code outside", {"head": replace(HEAD, behaviours=(str(script), "../../here.py"))}
     yield "code as the robot", {"head": replace(HEAD, robot=str(script)), "files": {"mission/greet.yaml": MISSION}}
+
+
+def of_files(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     for n, path in enumerate(PATHS):
         place = str(folder / path) if path == "FIFO" else path
         yield f"all files of {place:.20}", {"head": replace(HEAD, paths=dict.fromkeys(FILES, place))}
@@ -137,6 +147,9 @@ def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
         shown = [Seen(second + 0.01, View(float(second), (face(float(second)),))) for second in range(4)]
         pictures = [Picture(float(second), picture(width, height), None) for second in range(4)]
         yield f"pictures of {width} x {height}", {"what": [*moments(), *shown, *pictures]}
+
+
+def of_texts() -> Iterator[tuple[str, dict[str, Any]]]:
     texts = replace(
         HEAD, mission=ESCAPES, file=ESCAPES, robot=ESCAPES, world=ESCAPES, params={ESCAPES: ESCAPES},
         versions={ESCAPES: ESCAPES}, command=(ESCAPES,), paths={"mission/greet.yaml": ESCAPES},
@@ -156,6 +169,9 @@ def made(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
         nested = nested.replace('"children": []', f'"children": [{box}]')
     yield "a tree of 300 levels", {"tree": nested.encode()}
     yield "a tree that is none", {"tree": b'{"root": 7}'}
+
+
+def of_numbers() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "a number of a million digits", {"raw": [raw("/nodes", b"9" * 1_000_000)]}
     stamps: tuple[object, ...] = ("../../evil", 1e308, [], None, -1e18, "9" * 400)
     for stamp in stamps:
