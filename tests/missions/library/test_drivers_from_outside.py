@@ -105,6 +105,7 @@ def test_it_runs_in_simulated_time(site: Path, arguments: tuple[str, ...]) -> No
     assert json.loads(ran.stdout.splitlines()[-1])["result"] == "success"
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("name", ["square_3m", "greet"])
 @pytest.mark.timeout(300)
 def test_it_runs_down_to_the_wire(site: Path, name: str) -> None:
