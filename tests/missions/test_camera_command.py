@@ -1,6 +1,7 @@
 """The ``mission camera`` command."""
 
 from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 
 import cv2
@@ -73,11 +74,12 @@ def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mis
     kept, pasted = load_robot(mine).camera, load_robot(Path("pasted.yaml")).camera
     assert kept is not None
     assert pasted is not None
-    assert (kept.field_of_view, kept.centre, kept.distortion) == (
-        pasted.field_of_view,
-        pasted.centre,
-        pasted.distortion,
-    )
+    # OpenCV adds up in several threads: the last digit of a second calibration may be another one.
+    assert kept.field_of_view == pytest.approx(pasted.field_of_view, abs=1e-4)
+    assert kept.centre == pytest.approx(pasted.centre, abs=1e-4)
+    assert kept.distortion is not None
+    assert pasted.distortion is not None
+    assert astuple(kept.distortion) == pytest.approx(astuple(pasted.distortion), abs=1e-3)
     assert Pinhole(640, 480, kept.field_of_view).focal == pytest.approx(LENS.focal, rel=0.01)
 
 
