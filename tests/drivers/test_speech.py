@@ -184,7 +184,9 @@ def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(roo
 def test_words_whose_synthesiser_dies_are_printed_and_the_next_are_spoken(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     room.signal(room.engine, signal.SIGSTOP)
+    asked = room.engine._number
     words = room.voice.say("one two three")
+    wait_until(lambda: room.engine._number > asked)  # or else the next synthesiser is asked for them
     room.signal(room.engine, signal.SIGKILL)
     wait_until(words.done)
     assert room.printed == ["one two three"]
