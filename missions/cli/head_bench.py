@@ -28,6 +28,7 @@ from missions.cli.keys import interruptible
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
+from missions.studio.holders import holding
 
 PAUSE = 0.02
 """Seconds between two looks at the head."""
@@ -121,7 +122,7 @@ def opened(
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")
     if stay:
         trimmer.stay()
-    with interruptible(), closing(robot):
+    with interruptible(), holding(config.name, simulated=virtual), closing(robot):
         robot.open()
         while not (head.health().online and head.pose().good):
             if clock.now() > CONNECT_TIME:

@@ -106,7 +106,7 @@ def run(
         control = ControlSocket(runner, pictures, simulated=order.simulation or "", world=world_of(order))
         runner.stream.listeners.append(control)
         with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
-            _tell_unreachable(control)
+            tell_unreachable(control)
             result = runner.run()
     for lost in runner.stream.lost if result.reason != GONE else ():
         with suppress(OSError):
@@ -125,7 +125,7 @@ def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None
         raise click.UsageError(why)
 
 
-def _tell_unreachable(control: ControlSocket) -> None:
+def tell_unreachable(control: ControlSocket) -> None:
     """Say where a run has no control socket; it is not refused for that: its terminal, and signals, stop it."""
     if control.trouble:
         click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)

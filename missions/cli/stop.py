@@ -2,8 +2,8 @@
 
 import os
 import signal
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -12,6 +12,7 @@ import click
 
 from missions.cli.root import FAILURE, SUCCESS
 from missions.studio import sockets
+from missions.studio.holders import END_TIME, Holder, holder_of, holders
 from missions.studio.sockets import linked
 
 NOBODY = "no mission runs"
@@ -28,16 +29,21 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
 
     Base, head, arm and voice stand still, latched, and the mission is paused, until `mission stop --release`. It works
     over SSH and beside any run, with or without the studio. A run that does not answer is ended by a signal.
+
+    A command that moves a robot by hand (teleop, head, servo record) has no latch: it is ended, with all at rest.
     """
     if end and (release or resume):
         raise click.UsageError("--end ends the run: nothing is released then")
     asked: Sequence[Mapping[str, object]] = [{"do": "stop"}, *([{"do": "halt"}] if end else [])]
     if release or resume:
         asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
+    # What was ended is not there to be released. Who has no socket is looked for first: a run may get one meanwhile.
+    others = [] if release or resume else [each for each in holders() if not each.is_run and _meant(each, which)]
     found = sockets.sockets()
-    said: dict[Path, tuple[bool, str]] = {}
+    said: dict[object, tuple[bool, str]] = {}
     by = f"mission stop (process {os.getpid()})"
     work = [Thread(target=_ask, args=(path, which, [] if only_list else asked, by, said)) for path in found]
+    work += [Thread(target=_end, args=(each, by, said), kwargs={"only_list": only_list}) for each in others]
     for thread in work:  # all at the same time: one that hangs holds up no other
         thread.start()
     for thread in work:
@@ -56,26 +62,62 @@ def _ask(
     which: Sequence[str],
     commands: Sequence[Mapping[str, object]],
     by: str,
-    said: dict[Path, tuple[bool, str]],
+    said: dict[object, tuple[bool, str]],
 ) -> None:
     """Ask a run, if it is meant, to do something, and note what came of it."""
     run = sockets.run_of(path)
-    with suppress(OSError), linked(path) as link:
+    about = holder_of(int(run)) if run.isdecimal() else None
+    if about is not None and not _meant(about, which):
+        return
+    with suppress(ConnectionRefusedError, FileNotFoundError), _hung(path, about, commands, said), linked(path) as link:
         told = link.told
-        if which and run not in which and told.get("mission") not in which:
+        if about is None and which and run not in which and told.get("mission") not in which:
             return
-        name = f"{run}: {told['mission']} on {told['robot']}" if told else f"{run}: a run that does not answer"
-        simulated = f" (simulated, {told['simulated']})" if told.get("simulated") else ""
-        try:
-            words = [_done(link, command, by) for command in commands]
-        except (OSError, ValueError) as error:
-            if not any(command["do"] == "stop" for command in commands):
-                said[path] = False, f"{name}: {error}"
-                return
-            os.kill(link.process, signal.SIGTERM)  # which its watchdog hears, whatever hangs
-            said[path] = False, f"{name}: does not answer ({error}); SIGTERM was sent, which ends it"
-            return
-        said[path] = all(good for good, _ in words), f"{name}{simulated}" + "".join(f": {each}" for _, each in words)
+        if not told and not commands:
+            raise TimeoutError("it does not answer")
+        words = [_done(link, command, by) for command in commands]
+        if told:
+            about = Holder(link.process, told["mission"], told["robot"], told["simulated"])
+        name = f"{run}: a run" if about is None else about.words
+        said[path] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
+
+
+@contextmanager
+def _hung(
+    path: Path, about: Holder | None, commands: Sequence[Mapping[str, object]], said: dict[object, tuple[bool, str]]
+) -> Iterator[None]:
+    """Note of a run that does not answer meanwhile what it is and what to type next; end it, if it was to stop."""
+    try:
+        yield
+    except (ConnectionRefusedError, FileNotFoundError):
+        raise  # nobody is there any more
+    except (OSError, ValueError) as error:
+        run = sockets.run_of(path)
+        name = f"{run}: a run" if about is None else about.words
+        next_step = f"`mission stop {run}` ends it"
+        if any(command["do"] == "stop" for command in commands):
+            with suppress(ProcessLookupError, ValueError):
+                os.kill(int(run), signal.SIGTERM)  # which its watchdog hears, whatever hangs
+            next_step = "SIGTERM was sent, which ends it"
+        more = f"if process {run} is there still: kill -9 {run}"
+        said[path] = False, f"{name}: hangs ({error}); {next_step}\n  try: {more}"
+
+
+def _meant(holder: Holder, which: Sequence[str]) -> bool:
+    """Say whether one is among those named: by its number, its name, or the first word of that."""
+    names = {str(holder.process), holder.name, *holder.name.split()[:1]}
+    return not which or not names.isdisjoint(which)
+
+
+def _end(holder: Holder, by: str, said: dict[object, tuple[bool, str]], *, only_list: bool) -> None:
+    """End a command that holds a robot, and note what came of it."""
+    if only_list:
+        said[holder] = True, holder.words
+    elif holder.end(by):
+        said[holder] = True, f"{holder.words}: ended, with what it moved at rest"
+    else:
+        more = f"if process {holder.process} is there still: kill -9 {holder.process}"
+        said[holder] = False, f"{holder.words}: hangs (SIGTERM did not end it in {END_TIME:g} s)\n  try: {more}"
 
 
 def _done(link: sockets.RunLink, command: Mapping[str, object], by: str) -> tuple[bool, str]:

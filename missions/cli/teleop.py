@@ -27,6 +27,7 @@ from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.hands.teleop.turns import drive_by_hand
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
+from missions.studio.holders import holding
 
 SHOWN = 0.1
 """Seconds between two changes of that line: a slow line has to keep up with it."""
@@ -115,17 +116,18 @@ def _opened(name: str | None, wishes: Overrides, clock: Clock) -> Iterator[tuple
     audience = Hooks(ignore, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"base", "head"}), clock, wishes, audience)
     base = robot.robot.base
-    try:
-        robot.open()
-        begun = clock.now()
-        while not (health := base.health()).online:
-            if clock.now() - begun > CONNECT_TIME:
-                raise NotConnected(health.detail, hint=health.hint)
-            _pause(0.02)
-        yield base, robot.robot.head_part
-    finally:
-        for problem in robot.close():
-            click.echo(problem, err=True)
+    with holding(config.name, simulated=wishes.world is not None):
+        try:
+            robot.open()
+            begun = clock.now()
+            while not (health := base.health()).online:
+                if clock.now() - begun > CONNECT_TIME:
+                    raise NotConnected(health.detail, hint=health.hint)
+                _pause(0.02)
+            yield base, robot.robot.head_part
+        finally:
+            for problem in robot.close():
+                click.echo(problem, err=True)
 
 
 def _pause(seconds: float) -> str:

@@ -9,7 +9,7 @@ import os
 import selectors
 import socket
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from threading import Thread
 from types import TracebackType
@@ -25,6 +25,7 @@ from missions.studio.client import NOTHING, Client
 from missions.studio.commands import Command, Drive, Look, Release, Seen, Stop, Watch
 from missions.studio.doing import Doing
 from missions.studio.form import BadMessage
+from missions.studio.holders import noted
 from missions.studio.messages import Answer, Over, Run
 from missions.studio.outlet import Outlet
 from missions.studio.pictures import Pictures
@@ -80,6 +81,7 @@ class ControlSocket:
         self._ending = False
         self._selector = selectors.DefaultSelector()
         self._thread: Thread | None = None
+        self._note = ExitStack()
 
     def __call__(self, event: Event) -> None:
         """Keep an event of the run."""
@@ -90,6 +92,7 @@ class ControlSocket:
             end.setblocking(False)
         try:
             self._listener = sockets.listen(sockets.path_of(self._name))
+            self._note.enter_context(noted(self._of_run.mission, self._of_run.robot, self._of_run.simulated))
         except OSError as error:
             self.trouble = f"no control socket: {error.strerror or error}"
             self._hang_up()
@@ -110,11 +113,13 @@ class ControlSocket:
             self._wake()
             self._thread.join()
             self._thread = None
+            self._note.close()  # before the socket: without that it would be taken for a command
             with suppress(OSError):
                 sockets.path_of(self._name).unlink(missing_ok=True)
             self._hang_up()
 
     def _hang_up(self) -> None:
+        self._note.close()
         self._selector.close()
         for end in (self._waker, self._wake_end, *([] if self._listener is None else [self._listener])):
             end.close()

@@ -30,6 +30,7 @@ from missions.assembly.simulation import Simulation
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
 from missions.cli.servo.target import Target
+from missions.studio.holders import holding
 
 REPLY_TIMEOUT = 0.004
 """Seconds that a servo's reply may be late."""
@@ -170,7 +171,7 @@ def opened_arm(target: Target) -> Iterator[Arm]:
     audience = Hooks(tell, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"arm"}), clock, wishes, audience)
     joints = robot.robot.arm
-    with interruptible(), closing(robot):
+    with interruptible(), holding(config.name, simulated=target.virtual), closing(robot):
         robot.open()
         while not (joints.health().online and any(reading.good for reading in joints.states().values())):
             if clock.now() > CONNECT_TIME:

@@ -11,11 +11,14 @@ from config.robot import RobotConfig
 from missions.assembly.target import target_of
 from missions.cli.live import Watcher
 from missions.cli.run import EXIT_CODES
+from missions.cli.running import tell_unreachable
 from missions.cli.servo.target import Target
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
 from missions.order import RunRequest
 from missions.runner import Runner
+from missions.studio.control import ControlSocket
+from missions.studio.pictures import Pictures
 
 NOTHING: Mapping[str, Lookup] = MappingProxyType({})
 
@@ -39,6 +42,9 @@ def run_leaf(
     runner = Runner(order, listeners=[watcher], plan=plan)
     watcher.watch(runner.root)
     target.tell_if_simulated()
-    with watcher:
+    control = ControlSocket(runner, Pictures(), simulated=order.simulation or "")
+    runner.stream.listeners.append(control)
+    with watcher, control:
+        tell_unreachable(control)
         result = runner.run()
     return EXIT_CODES[result.result], next(node for node in runner.root.iterate() if isinstance(node, kind))

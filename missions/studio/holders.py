@@ -1,0 +1,139 @@
+"""Who holds a robot: a note of each run, and of each command that moves one, beside the sockets of the runs.
+
+A note tells what its process is without that being asked, so that one that hangs has a name too. It is locked while its
+process lives: the kernel takes the lock away with it, so that no other that gets its number is taken for it.
+"""
+
+import fcntl
+import json
+import os
+import select
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from drivers.api.quick import dataclass
+from missions.studio import sockets
+
+ENDING = ".note"
+
+END_TIME = 5.0
+"""Seconds that a command has to bring to rest what it moves, and to end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """A process that holds a robot: ``name`` is its mission or its command."""
+
+    process: int
+    name: str
+    robot: str
+    simulated: str
+
+    @property
+    def words(self) -> str:
+        """What it is, as people are told."""
+        return f"{self.process}: {self.name} on {self.robot}" + (
+            f" (simulated, {self.simulated})" * bool(self.simulated)
+        )
+
+    @property
+    def is_run(self) -> bool:
+        """Whether it has a control socket, as runs of missions have: that stops it."""
+        return sockets.path_of(str(self.process)).exists()
+
+    def end(self, by: str) -> bool:
+        """Have a command end, for ``by``, with its actuators at rest; say whether it has, within ``END_TIME``."""
+        try:
+            number = os.pidfd_open(self.process)
+        except ProcessLookupError:
+            return True
+        try:
+            if holder_of(self.process) is None:  # another process has its number by now
+                return True
+            with _note_of(self.process).open("a", encoding="utf-8") as note:
+                note.write(f"{by}\n")
+            signal.pidfd_send_signal(number, signal.SIGTERM)
+            return bool(select.select([number], [], [], END_TIME)[0])
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+        finally:
+            os.close(number)
+
+
+@contextmanager
+def noted(name: str, robot: str, simulated: str = "") -> Iterator[Path]:
+    """Have a note of this process while this is entered. Raises OSError.
+
+    It is locked before it is there: one that is not locked is of a process that was killed.
+    """
+    path = _note_of(os.getpid())
+    begun = path.with_suffix(".noting")
+    with closing(os.fdopen(os.open(begun, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8")) as note:
+        fcntl.flock(note, fcntl.LOCK_EX)
+        note.write(json.dumps({"name": name, "robot": robot, "simulated": simulated}) + "\n")
+        note.flush()
+        begun.replace(path)
+        try:
+            yield path
+        finally:
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def holding(robot: str, *, simulated: bool) -> Iterator[None]:
+    """Let ``mission stop`` end the command that is being done, by a SIGTERM, while it holds a robot.
+
+    Enter it where that signal ends the command, and open the robot within: it is closed before the stop is told.
+    """
+    name = _command()
+    by: list[str] = []
+    try:
+        with noted(name, robot, "wire" if simulated else "") as path:
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    by = path.read_text(encoding="utf-8").splitlines()[1:]
+    finally:
+        if by:
+            click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)
+
+
+def _command() -> str:
+    """Return the command that is being done, such as "head look"."""
+    context, words = click.get_current_context(), list[str]()
+    while context.parent is not None:
+        words.insert(0, context.info_name or "")
+        context = context.parent
+    return " ".join(words)
+
+
+def holder_of(process: int) -> Holder | None:
+    """Return what a process holds, as its note says; None where it has none. A note that was left is taken away."""
+    path = _note_of(process)
+    with suppress(OSError, ValueError, KeyError), path.open(encoding="utf-8") as note:
+        try:
+            fcntl.flock(note, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            told: Mapping[str, Any] = json.loads(note.readline())
+            return Holder(process, told["name"], told["robot"], told["simulated"])
+        path.unlink()
+    return None
+
+
+def holders() -> list[Holder]:
+    """Return all that there are, in no order."""
+    found: list[Holder | None] = []
+    with suppress(OSError):
+        names = [each.name.removesuffix(ENDING) for each in sockets.socket_folder().glob(f"*{ENDING}")]
+        found = [holder_of(int(name)) for name in names if name.isdecimal()]
+    return [each for each in found if each is not None]
+
+
+def _note_of(process: int) -> Path:
+    return sockets.socket_folder() / f"{process}{ENDING}"

@@ -1,0 +1,149 @@
+"""Commands that move a robot, and runs that hang: ``mission stop`` reaches them, and says what they are."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from missions.studio import holders, sockets
+from tests.missions.command import Process, command
+from tests.missions.hands.teleop.test_teleop_command import driving
+from tests.missions.lone_limbs import LoneLimbs, lone_limbs
+from tests.missions.studio.running import REST, run_of, seconds_to_rest
+from tests.waiting import wait_until
+
+HEAD = """robot: slow_head
+head:
+  driver: arduino
+  port: /dev/none
+  boot: 0 s
+  speed: 20 deg/s
+  pan: {servo: 0, limits: [-80 deg, 80 deg]}
+  tilt: {servo: 1, limits: [-60 deg, 20 deg], flip: true}
+"""
+
+ARM = """robot: slow_arm
+arm:
+  driver: dynamixel
+  port: /dev/none
+  joints:
+    shoulder: {id: 1, model: AX-12A, limits: [-100 deg, 100 deg], speed: 20 deg/s}
+"""
+
+
+@pytest.mark.real_time
+def test_mission_stop_ends_teleop_with_the_base_at_rest(capsys: pytest.CaptureFixture[str]) -> None:
+    with driving() as (terminal, base):
+        name = f"{terminal.process.pid}: teleop on turtlebot2"
+        assert command(capsys, "stop", "--list").out == f"{name}\n"
+        wait_until(lambda: terminal.hold() and base.seen().moving)
+        since = base.seen().heard_at
+        stopped = command(capsys, "stop", "teleop")
+        assert (stopped.code, stopped.out) == (0, f"{name}: ended, with what it moved at rest\n")
+        assert terminal.process.wait(20.0) == 130
+        assert seconds_to_rest(base, since) < REST
+        assert terminal.shows("mission teleop: stopped by mission stop (process")
+    assert command(capsys, "stop").out == "no mission runs\n"
+
+
+@contextmanager
+def moving(folder: Path, part: str, text: str, *words: str) -> Iterator[tuple[Process, LoneLimbs]]:
+    """A command that moves limbs."""
+    robot = folder / "robot.yaml"
+    robot.write_text(text, encoding="utf-8")
+    with lone_limbs(part) as limbs:
+        process = Process(*words, "--robot", str(robot), "--port", limbs.port)
+        try:
+            wait_until(lambda: limbs.seen().moving or process.process.poll() is not None)
+            assert process.process.poll() is None, process.errors
+            yield process, limbs
+        finally:
+            process.process.kill()
+            process.end()
+
+
+@pytest.mark.real_time
+def test_mission_stop_ends_a_command_that_turns_the_head(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with moving(tmp_path, "head", HEAD, "head", "look", "--pan", "80") as (process, limbs):
+        since = limbs.seen().now
+        stopped = command(capsys, "stop")
+        assert (stopped.code, "head look on slow_head: ended" in stopped.out) == (0, True)
+        assert process.process.wait(20.0) == 130
+        wait_until(lambda: not limbs.seen().moving)
+        assert limbs.seen().moved_at - since < REST
+        wait_until(lambda: any("mission head look: stopped by mission stop" in line for line in process.errors), 5.0)
+
+
+@pytest.mark.real_time
+def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with moving(tmp_path, "arm", ARM, "servo", "move", "shoulder", "90 deg") as (process, limbs):
+        since = limbs.seen().now
+        stopped = command(capsys, "stop", "move_joints")
+        assert (stopped.code, "stopped (arm)" in stopped.out) == (0, True)
+        wait_until(lambda: not limbs.seen().moving)
+        assert limbs.seen().moved_at - since < REST
+        assert process.process.poll() is None
+        assert command(capsys, "stop", "--end").code == 0
+        assert process.process.wait(20.0) == 130
+
+
+@pytest.mark.real_time
+def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with run_of(tmp_path) as (process, _):
+        number = process.process.pid
+        process.process.send_signal(signal.SIGSTOP)
+        listed = command(capsys, "stop", "--list")
+        assert (listed.code, f"{number}: waiting on turtlebot2: hangs" in listed.out) == (1, True)
+        assert command(capsys, "stop", "another").err.startswith("no run another")
+        told = command(capsys, "stop", "waiting")
+        assert (told.code, f"{number}: waiting on turtlebot2: hangs" in told.out) == (1, True)
+        assert (
+            f"SIGTERM was sent, which ends it\n  try: if process {number} is there still: kill -9 {number}" in told.out
+        )
+        process.process.send_signal(signal.SIGCONT)
+        assert process.process.wait(20.0) == 130
+
+
+@contextmanager
+def deaf() -> Iterator[int]:
+    """A process that holds a robot, and hears no SIGTERM."""
+    program = (
+        "import signal, sys\nfrom missions.studio.holders import noted\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "with noted('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        try:
+            yield process.pid
+        finally:
+            process.kill()
+
+
+def test_a_command_that_does_not_end_is_told_with_what_to_type(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(holders, "END_TIME", 0.05)
+    with deaf() as number:
+        told = command(capsys, "stop")
+        assert told.code == 1
+        assert told.out.startswith(f"{number}: teleop on turtlebot2: hangs (SIGTERM did not end it")
+        assert f"kill -9 {number}" in told.out
+
+
+def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
+    with deaf():
+        pass
+    assert list(sockets.socket_folder().glob("*.note"))
+    mine = sockets.socket_folder() / f"{os.getpid()}.note"
+    mine.write_text(json.dumps({"name": "teleop", "robot": "turtlebot2", "simulated": ""}), encoding="utf-8")
+    assert holders.holders() == []
+    assert list(sockets.socket_folder().glob("*.note")) == []
