@@ -10,10 +10,7 @@ from missions.cli.outputs import check_folder, writing
 from missions.records.recording.outputs import write_private
 from missions.records.recording.read import open_record
 from missions.records.report.page import page
-from missions.records.report.study import Study, study
-
-MOST_PICTURES = 60
-"""Pictures of 320 pixels: about a megabyte."""
+from missions.records.report.study import MOST_PICTURES, Study, study
 
 PAGES = (".html", ".htm")
 """What the name of a report may end in."""

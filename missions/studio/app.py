@@ -1,17 +1,19 @@
-"""The routes of the studio, behind its gate: the page, the websocket, and records to be fetched."""
+"""The routes of the studio, behind its gate: the page, the websocket, and records, as files and as reports."""
 
 from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
 from missions.studio.access import Access
+from missions.studio.form import BadMessage
 from missions.studio.gate import Gate
 from missions.studio.ring import records_folder, records_in
 from missions.studio.session import Session
@@ -28,6 +30,10 @@ KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", 
 
 VERSION_MARK = 'name="version" content=""'
 """Where in the page its version is put in."""
+
+REPORT_POLICY = "sandbox allow-scripts; frame-ancestors 'none'"
+"""What a report may do: it runs its own script, which its own policy names, as a page of nobody's. The studio, its
+cookie and its websocket are those of another site to it, whatever the record has in it."""
 
 Opened = Callable[[], Studio]
 
@@ -50,6 +56,7 @@ def routes() -> list[BaseRoute]:
         WebSocketRoute("/ws", websocket),
         Route("/", page),
         Route("/records/{name}", fetched),
+        Route("/reports/{name}", reported),
         Route("/{name}", asset),
     ]
 
@@ -86,14 +93,38 @@ async def asset(request: Request) -> Response:
 
 
 async def fetched(request: Request) -> Response:
-    """Serve a record, as a file to be kept: it holds pictures, so that an operator alone gets it."""
+    """Serve a record, as a file to be kept."""
+    found = _record(request)
+    _tell(request, "download", "ok")
+    return FileResponse(found, media_type="application/octet-stream", filename=found.name)
+
+
+async def reported(request: Request) -> Response:
+    """Serve the report of a record, as `mission report` writes it."""
+    studio: Studio = request.app.state.studio
+    try:
+        text = await studio.report(_record(request).name)
+    except BadMessage as error:
+        _tell(request, "report", error.error)
+        return PlainTextResponse(f"{error}\n" + (f"  try: {error.hint}\n" if error.hint else ""), 422)
+    _tell(request, "report", "ok")
+    return HTMLResponse(text, headers={"Content-Security-Policy": REPORT_POLICY})
+
+
+def _record(request: Request) -> Path:
+    """Return the record that is asked for: its pictures may be taken away, and an operator alone gets it."""
     if request.scope["role"] != "operator":
         raise HTTPException(403)
-    name = request.path_params["name"]
-    found = next((path for path in records_in(records_folder()) if path.name == name), None)
+    found = next((path for path in records_in(records_folder()) if path.name == request.path_params["name"]), None)
     if found is None:
         raise HTTPException(404)
-    return FileResponse(found, media_type="application/octet-stream", filename=found.name)
+    return found
+
+
+def _tell(request: Request, word: str, outcome: str) -> None:
+    """Write into the log which record has left the studio."""
+    role, name = request.scope["role"], request.path_params["name"]
+    request.app.state.studio.audit.tell(role, role, {"do": word, "name": name}, outcome)
 
 
 def _again() -> dict[str, str]:

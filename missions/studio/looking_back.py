@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from drivers.clock import SystemClock
@@ -17,6 +18,8 @@ from missions.records.recording.codec import from_json
 from missions.records.recording.faults import InvalidRecordError, message_in, understanding
 from missions.records.recording.read import Record, began_at, open_record
 from missions.records.replay.frames import SAME
+from missions.records.report.page import page
+from missions.records.report.study import MOST_PICTURES, study
 from missions.studio import wishes
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
@@ -37,6 +40,9 @@ BEFORE = 16_000_000
 
 MOST_PLACES = 2000
 """Places of the base's way in one piece."""
+
+LARGEST_REPORT = 200_000_000
+"""Bytes of a record that is made a report of: that reads it whole."""
 
 TAIL = 4
 """Chunks at the end of a record in which its end is looked for."""
@@ -140,6 +146,17 @@ def moment(command: Command) -> Json:
         "pose": places[-1][1:] if places else None,
         "picture": _picture(opened, time, spans),
     }
+
+
+def report(name: str) -> str:
+    """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
+    path = _path(name)
+    if (size := path.stat().st_size) > LARGEST_REPORT:
+        told = (
+            f"{path}: {size / 1e6:.0f} MB are too much for a report in the studio (at most {LARGEST_REPORT / 1e6:.0f})"
+        )
+        raise BadMessage("bad_record", told, f"mission report {quote(str(path))}")
+    return page(study(open_record(path), most_pictures=MOST_PICTURES))
 
 
 DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record, "moment": moment}

@@ -2,12 +2,13 @@
 
 import asyncio
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from threading import Thread
+from typing import TypeVar
 
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
@@ -43,6 +44,9 @@ ERRORS: Mapping[type[Exception], str] = {
 }
 """What the errors of others are called in answers."""
 
+Given = TypeVar("Given")
+Found = TypeVar("Found")
+
 
 class Reader:
     """Does what commands ask for that only read files, or that change the queue of tasks."""
@@ -58,11 +62,15 @@ class Reader:
         """Raise BadMessage for a mission, robot or world that is none of those that there are."""
         await self._work(checked, command)
 
-    async def _work(self, work: Callable[[Command], dict[str, object]], command: Command) -> Mapping[str, object]:
+    async def report(self, name: str) -> str:
+        """Return the report of a record, as a page. Raises BadMessage."""
+        return await self._work(reported, name)
+
+    async def _work(self, work: Callable[[Given], Found], given: Given) -> Found:
         pool = self._pool
         try:
             async with asyncio.timeout(PATIENCE):
-                return await asyncio.get_running_loop().run_in_executor(pool, work, command)
+                return await asyncio.get_running_loop().run_in_executor(pool, work, given)
         except BrokenProcessPool as error:
             if self._pool is pool:
                 self._pool = _pool()
@@ -106,16 +114,27 @@ def _begin() -> None:
 
 def read(command: Command) -> dict[str, object]:
     """Do a command, in a reader's process. Raises BadMessage."""
-    try:
+    with _by_name():
         return DOES[command.word](command)
+
+
+def reported(name: str) -> str:
+    """Return the report of a record, in a reader's process. Raises BadMessage."""
+    with _by_name():
+        return looking_back.report(name)
+
+
+@contextmanager
+def _by_name() -> Iterator[None]:
+    """Name the errors of others as answers do."""
+    try:
+        yield
     except tuple(ERRORS) as error:
         name = next(name for kind, name in ERRORS.items() if isinstance(error, kind))
         hint = getattr(error, "hint", "")
         raise BadMessage(name, str(error)[:4000], hint if isinstance(hint, str) else "") from None
 
 
-def checked(command: Command) -> dict[str, object]:
+def checked(command: Start) -> None:
     """Check what a run is to be started with. Raises BadMessage."""
-    if isinstance(command, Start):
-        queueing.check_wanted(command)
-    return {}
+    queueing.check_wanted(command)

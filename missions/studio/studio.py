@@ -87,6 +87,10 @@ class Studio:
             return {"run": run}
         return await self._reader.do(command)
 
+    async def report(self, name: str) -> str:
+        """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""
+        return await self._reader.report(name)
+
     def _tell_runs(self) -> None:
         told = Runs(runs=self.hub.runs())
         for client in self._clients:

@@ -12,6 +12,9 @@ from missions.records.report.timeline import Lane, lanes_of
 from missions.records.report.traces import Chart, Route, charts_of, route_of
 from missions.views.pictures.drawing import Drawing
 
+MOST_PICTURES = 60
+"""Pictures of the camera in a report, where nobody says how many."""
+
 
 @dataclass(frozen=True, slots=True)
 class Study:

@@ -99,14 +99,15 @@ export class Record {
     });
     const told = `${failures || "no"} ${failures === 1 ? "failure" : "failures"}`;
     const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began), told];
-    const file = this.#link.welcome?.role === "operator" && `records/${encodeURIComponent(this.#name)}`;
+    const name = this.#link.welcome?.role === "operator" && encodeURIComponent(this.#name);
     this.node.replaceChildren(
       el("h2", null, plain(record.mission)),
       el("p", { class: "facts" }, facts.filter(Boolean).join(" · ")),
       el("p", { class: `result ${record.result}` }, ending(record.result, record.reason)),
       el("div", { class: "timeline" }, this.#marks, this.#slider,
         el("div", { class: "controls" }, this.#play, skip(true), skip(false), this.#clock,
-          file && el("a", { class: "button", href: file, download: true }, "Download"))),
+          name && el("a", { class: "button", href: `reports/${name}`, target: "_blank", rel: "noopener" }, "Report"),
+          name && el("a", { class: "button", href: `records/${name}`, download: true }, "Download"))),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", this.#tree)),
         el("div", null, panel("Camera", "camera", this.#canvas, this.#seen), panel("Plan", "plan", this.#plan)),

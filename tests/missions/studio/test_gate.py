@@ -30,7 +30,13 @@ from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 
-ROUTES = {"/ws": "/ws", "/": "/", "/records/{name}": "/records/none.mcap", "/{name}": "/none.js"}
+ROUTES = {
+    "/ws": "/ws",
+    "/": "/",
+    "/records/{name}": "/records/none.mcap",
+    "/reports/{name}": "/reports/none.mcap",
+    "/{name}": "/none.js",
+}
 """Every route, and a path of it."""
 
 NEEDS: Mapping[str, dict[str, object]] = {
@@ -137,8 +143,9 @@ def test_a_viewer_sees_and_stops_and_nothing_else(served: Served) -> None:
             jsonschema.validate(answer, schema)
             assert (answer.get("error") == "not_allowed") == (kind.role == "operator"), word
     cookie = served.cookie(served.viewer)
-    assert served.get("/records/none.mcap", Cookie=cookie)[0] == 403
-    assert served.get("/records/none.mcap", Cookie=served.cookie(served.operator))[0] == 404
+    for path in ("/records/none.mcap", "/reports/none.mcap"):
+        assert served.get(path, Cookie=cookie)[0] == 403
+        assert served.get(path, Cookie=served.cookie(served.operator))[0] == 404
 
 
 def test_before_hello_no_command_is_done(served: Served) -> None:

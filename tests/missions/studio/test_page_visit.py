@@ -1,12 +1,18 @@
 """A first visit to the studio, as a person makes it: by the link, a mission from its form, and its record."""
 
+import json
 from collections.abc import Iterator
 
 import pytest
 
+from missions.studio import looking_back
+from missions.studio.form import BadMessage
+from missions.studio.ring import records_folder
 from tests.browser import Browser
+from tests.missions.records.report.told_record import items, write
 from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page
 from tests.missions.studio.serving import Served, studio
+from tests.missions.views.pictures.drawn import HOSTILE
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
@@ -55,6 +61,46 @@ def test_greet_is_run_from_its_form_watched_and_looked_at_again(
     wait_until(lambda: any(each.name.startswith("sequence: success") for each in tab.all("treeitem")))
     assert tab.errors == []
     assert {url.split("/")[2] for url in tab.requests} == {served.host}
+
+
+def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(browser: Browser) -> None:
+    records = records_folder()
+    records.mkdir(parents=True, exist_ok=True)
+    stranger = write(records / "stranger.mcap", items())
+    (records / "broken.mcap").write_bytes(b"no record")
+    with studio() as served:
+        cookie = served.cookie(served.operator)
+        refused, _, words = served.get("/reports/broken.mcap", Cookie=cookie)
+        assert (refused, b"broken.mcap" in words) == (422, True)
+        assert served.get("/reports/stranger.mcap", Cookie=cookie)[1]["content-security-policy"].startswith("sandbox ")
+        tab = Page(browser, served, view=f"#records/{stranger.name}").tab
+        wait_until(lambda: any(each.name == "Report" for each in tab.all("link")))
+        assert tab.evaluate("document.querySelector('a[href^=reports]').target") == "_blank"
+        tab.evaluate("document.querySelector('a[href^=reports]').target = ''")  # here, and not in a tab of its own
+        tab.find("link", "Report").click()
+        wait_until(lambda: tab.evaluate("document.querySelector('.tools')?.hidden === false"))  # its script runs
+        assert tab.text().count(HOSTILE.strip()) >= 6
+        assert tab.evaluate("document.querySelectorAll('img[onerror]').length") == 0
+        assert tab.evaluate("self.origin") == "null"
+        assert (
+            tab.evaluate("(() => { try { return document.cookie } catch (error) { return error.name } })()")
+            == "SecurityError"
+        )
+        log = (records.parent / "studio.log").read_text(encoding="utf-8").splitlines()
+    told = [each for each in map(json.loads, log) if each.get("do") == "report"]
+    assert [(each["name"], each["outcome"]) for each in told[-3:]] == [
+        ("broken.mcap", "bad_record"), ("stranger.mcap", "ok"), ("stranger.mcap", "ok"),
+    ]  # fmt: skip
+
+
+def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    records = records_folder()
+    records.mkdir(parents=True, exist_ok=True)
+    write(records / "long.mcap", items())
+    monkeypatch.setattr(looking_back, "LARGEST_REPORT", 100)
+    with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for a report") as refused:
+        looking_back.report("long.mcap")
+    assert refused.value.hint.startswith("mission report ")
 
 
 def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None:
