@@ -4,6 +4,7 @@ It is served by a thread of its own: what the tick does, and what clients do or 
 does it to them. A stop goes from here straight to the drivers.
 """
 
+import errno
 import json
 import os
 import selectors
@@ -11,6 +12,8 @@ import socket
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from functools import partial
+from math import inf
 from threading import Thread
 from types import TracebackType
 from typing import Literal, Self
@@ -37,6 +40,9 @@ FAREWELL = 0.5
 
 MOST_CLIENTS = 64
 """Connections at once; for one more, one that is idle is hung up on."""
+
+BREATH = 0.1
+"""Seconds for which nobody is let in where the process has no descriptor left for one more."""
 
 OF_RUN: Mapping[str, type[Command]] = {word: kind for word, kind in COMMANDS.items() if kind.of_run}
 
@@ -82,6 +88,7 @@ class ControlSocket:
         self._selector = selectors.DefaultSelector()
         self._thread: Thread | None = None
         self._note = ExitStack()
+        self._listens_at = inf  # again, where it does not now
 
     def __call__(self, event: Event) -> None:
         """Keep an event of the run."""
@@ -132,9 +139,8 @@ class ControlSocket:
 
     def _serve(self) -> None:
         while not self._ending:
-            self._guarded(
-                lambda: self._turn(max(0.0, min(self._audience.due, self._doing.kill_at) - self._clock.now()))
-            )
+            due = min(self._audience.due, self._doing.kill_at, self._listens_at)
+            self._guarded(partial(self._turn, max(0.0, due - self._clock.now())))
         self._wheels.stop()
         self._guarded(self._audience.tell)
         end = self.outlet.end
@@ -167,6 +173,9 @@ class ControlSocket:
             if mask & selectors.EVENT_READ and isinstance(key.data, Client):
                 self._hear(key.data)
         now = self._clock.now()
+        if now >= self._listens_at and self._listener is not None:
+            self._listens_at = inf
+            self._selector.register(self._listener, selectors.EVENT_READ)
         if now >= self._audience.due:
             self._audience.tell()
         self._audience.show(now)
@@ -191,17 +200,22 @@ class ControlSocket:
         self._audience.hurry()
 
     def _accept(self) -> None:
-        with suppress(OSError):
-            connection, _ = self._listener.accept() if self._listener is not None else (None, None)
-            if connection is None:
-                return
-            if len(self._clients) >= MOST_CLIENTS and not self._make_room():
-                connection.close()
-                return
-            client = Client(connection, self._name, self._audience.encoded)
-            self._clients.append(client)
-            self._selector.register(connection, selectors.EVENT_READ, client)
-            client.say(self._about())
+        if self._listener is None:
+            return
+        try:
+            connection, _ = self._listener.accept()
+        except OSError as error:
+            if error.errno in (errno.EMFILE, errno.ENFILE) and not self._make_room():
+                self._selector.unregister(self._listener)  # it would be ready again and again
+                self._listens_at = self._clock.now() + BREATH
+            return
+        if len(self._clients) >= MOST_CLIENTS and not self._make_room():
+            connection.close()
+            return
+        client = Client(connection, self._name, self._audience.encoded)
+        self._clients.append(client)
+        self._selector.register(connection, selectors.EVENT_READ, client)
+        client.say(self._about())
 
     def _make_room(self) -> bool:
         """Hang up on the oldest client that neither watches nor drives: the next one may be somebody with a stop."""

@@ -1,6 +1,7 @@
 """The control socket of a run: real runs, in processes of their own, on a virtual base that times itself."""
 
 import os
+import resource
 import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
@@ -201,3 +202,22 @@ def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: p
         stopped = command(capsys, "stop")
         assert (stopped.code, "SIGTERM was sent" in stopped.out) == (1, True)
         assert process.process.wait(PATIENCE) != 0
+
+
+def test_a_run_without_descriptors_lets_nobody_in_and_does_not_spin_until_it_has_some_again(
+    run: tuple[Process, LoneBase],
+) -> None:
+    number = run[0].process.pid
+    before = resource.prlimit(number, resource.RLIMIT_NOFILE, (3, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    used = processor_time(number)
+    with sockets.linked(sockets.path_of(str(number))) as link:
+        assert not link.told  # for all of the second for which it is waited
+        assert processor_time(number) - used < 0.5 * sockets.PATIENCE
+        resource.prlimit(number, resource.RLIMIT_NOFILE, before)
+        assert link.hear()["pid"] == number
+
+
+def processor_time(process: int) -> float:
+    """Return the seconds of processor time that a process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

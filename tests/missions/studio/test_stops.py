@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import pytest
 
+from drivers.clock import ManualClock
 from missions.studio import sockets
 from missions.studio.audit import Audit
 from missions.studio.form import BadMessage
@@ -138,6 +139,21 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
         asyncio.run(asyncio.wait_for(work(), 2 * PATIENCE))
     finally:
         reader.close()
+
+
+def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) -> None:
+    clock = ManualClock()
+    audit = Audit(tmp_path / "log", clock=clock)
+    audit.tell("operator 1", "operator", {"do": "start"}, "ok")
+    for _ in range(100_000):
+        audit.tell("viewer 1", "viewer", {"do": "start"}, "not_allowed")
+    audit.tell("viewer 2", "viewer", {"do": "stop"}, "ok")  # which what is refused does not crowd out
+    clock.advance(60.0)
+    audit.tell("viewer 1", "viewer", {"do": "start"}, "not_allowed")
+    lines = [json.loads(line) for line in audit.path.read_text().splitlines()]
+    assert len(lines) == 1 + 20 + 1 + 1
+    assert [lines[number]["who"] for number in (0, -2)] == ["operator 1", "viewer 2"]
+    assert lines[-1]["unwritten"] == 99_980
 
 
 def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
