@@ -1,0 +1,95 @@
+"""What comes between a driver and the studio: the base is at rest soon, and nothing that was held up moves it again."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+from websockets.sync.client import connect
+
+from drivers.clock import SystemClock
+from tests.missions.studio.running import REST, run_of, seconds_to_rest
+from tests.missions.studio.serving import Client, Served, studio
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+class Proxy:
+    """Passes on what a driver sends to the studio, and what comes back, while it is let; then holds it."""
+
+    def __init__(self, port: int) -> None:
+        self.flows = Event()
+        self.flows.set()
+        self.driver, self._here = socket.socketpair()
+        self._studio = socket.create_connection(("127.0.0.1", port))
+        self._threads = [
+            Thread(target=self._pass, args=ends, daemon=True)
+            for ends in ((self._here, self._studio), (self._studio, self._here))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _pass(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self.flows.wait()
+                sink.sendall(data)
+
+    def close(self) -> None:
+        self.flows.set()
+        for end in (self._here, self._studio):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join()
+        for end in (self._here, self._studio, self.driver):
+            end.close()
+
+
+@contextmanager
+def driver(served: Served, proxy: Proxy) -> Iterator[Client]:
+    """Somebody who speaks to the studio by way of a proxy."""
+    headers = {"Authorization": f"Bearer {served.operator}"}
+    with connect(
+        f"ws://{served.host}/ws", sock=proxy.driver, additional_headers=headers, compression=None, close_timeout=0.1
+    ) as opened:
+        client = Client(opened)
+        client.send(do="hello", version="1")
+        yield client
+
+
+@pytest.mark.parametrize("gone", [False, True], ids=["a proxy that stalls", "a half-open socket"])
+def test_the_base_rests_when_nothing_of_its_driver_comes_through(tmp_path: Path, gone: bool) -> None:
+    with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as ends:
+        proxy = ends.enter_context(closing(Proxy(served.port)))
+        client, clock, run = ends.enter_context(driver(served, proxy)), SystemClock(), str(process.process.pid)
+        client.hear(lambda told: told["say"] == "runs" and told["runs"])
+        assert client.ask("take", run=run)["result"]["yours"]
+        number = 0
+
+        def push() -> None:
+            nonlocal number
+            number += 1
+            client.send(do="drive", run=run, n=number, t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
+
+        def pushed_on() -> bool:
+            push()
+            return base.seen().moving
+
+        wait_until(pushed_on)
+        proxy.flows.clear()
+        since = base.seen().heard_at
+        if gone:
+            proxy.driver.shutdown(socket.SHUT_RDWR)  # of which the studio hears nothing
+        else:
+            wait_until(lambda: not pushed_on())  # it goes on to push all the while
+        rest = seconds_to_rest(base, since)
+        assert rest < REST
+        wait_until(lambda: base.seen().heard_at > since + rest + REST)  # by then all that is held up is too old
+        base.seen(forget=True)
+        proxy.flows.set()
+        wait_until(lambda: base.seen().heard_at > since + rest + 2 * REST)
+        assert base.seen().top == 0.0
