@@ -34,6 +34,7 @@ class Webhook:
         headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
         headers |= {name: secret(value, self._environment) for name, value in self._config.headers.items()}
         request = Request(url, notice.as_json().encode(), headers, method="POST")  # noqa: S310 - http(s), as read
+        late = f"did not answer within {self._timeout:g} s"
         with Deadline(self._timeout) as deadline:
             try:
                 opener = build_opener(_Stay, _Http(deadline), _Https(deadline))
@@ -45,13 +46,16 @@ class Webhook:
                 error.close()
                 problem = f"the server says {error.code} {error.reason}"
             except URLError as error:
-                problem = f"cannot be reached: {error.reason}"
+                # The connection's own limit may be heard before the deadline's, which is on another thread.
+                problem = late if isinstance(error.reason, TimeoutError) else f"cannot be reached: {error.reason}"
             except ValueError:  # whose text has what it is about
                 problem = "a value of its headers has a letter that none may have"
+            except TimeoutError:
+                problem = late
             except (HTTPException, OSError) as error:
                 problem = str(error) or type(error).__name__
             if deadline.over:
-                problem = f"did not answer within {self._timeout:g} s"
+                problem = late
         path = url.removeprefix(site)
         raise NotTaken(f"{site}: {problem.replace(path, '...') if len(path) > 1 else problem}")
 

@@ -182,7 +182,7 @@ def test_a_web_server_that_complains_has_not_taken_it(code: int) -> None:
 def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         url = f"http://127.0.0.1:{listening.getsockname()[1]}/"
-        with pytest.raises(NotTaken, match=r"timed out|did not answer within 0.3 s"):
+        with pytest.raises(NotTaken, match=r"did not answer within 0.3 s$"):
             Webhook(WebhookNotice(url), {}, timeout=0.3)(NOTICE)
     with pytest.raises(NotTaken, match=r"cannot be reached: .*refused"):
         Webhook(WebhookNotice(url), {})(NOTICE)
