@@ -9,8 +9,8 @@ import json
 import os
 import select
 import signal
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -92,16 +92,25 @@ def holding(robot: str, *, simulated: bool) -> Iterator[None]:
     """
     name = _command()
     by: list[str] = []
-    try:
-        with noted(name, robot, "wire" if simulated else "") as path:
-            try:
-                yield
-            finally:
-                with suppress(OSError):
-                    by = path.read_text(encoding="utf-8").splitlines()[1:]
-    finally:
-        if by:
-            click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)
+    with ExitStack() as keeping:
+        keeping.callback(_tell_stop, name, robot, by)
+        try:
+            path = keeping.enter_context(noted(name, robot, "wire" if simulated else ""))
+        except OSError as error:  # such as a full disk: its terminal, and signals, stop it
+            click.echo(f"mission: {error}: `mission stop` cannot reach this command", err=True)
+            yield
+            return
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                by += path.read_text(encoding="utf-8").splitlines()[1:]
+
+
+def _tell_stop(name: str, robot: str, by: Sequence[str]) -> None:
+    """Say who stopped a command, if somebody did, once its robot is closed and its note is gone."""
+    if by:
+        click.echo(f"mission {name}: stopped by {by[0]}; {robot} was brought to rest", err=True)
 
 
 def _command() -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import click
 import pytest
 
 from missions.studio import holders, sockets
@@ -147,3 +148,21 @@ def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
     mine.write_text(json.dumps({"name": "teleop", "robot": "turtlebot2", "simulated": ""}), encoding="utf-8")
     assert holders.holders() == []
     assert list(sockets.socket_folder().glob("*.note")) == []
+
+
+def test_a_command_whose_note_cannot_be_written_goes_on_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "a file"
+    place.write_text("", encoding="utf-8")
+    monkeypatch.setattr(sockets, "socket_folder", lambda: place)
+    done = []
+
+    @click.command()
+    def look() -> None:
+        with holders.holding("turtlebot2", simulated=False):
+            done.append("looked")
+
+    look.main([], standalone_mode=False)
+    assert done == ["looked"]
+    assert "`mission stop` cannot reach this command" in capsys.readouterr().err
