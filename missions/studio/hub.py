@@ -4,14 +4,19 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Self
 
 from missions.studio import sockets
 from missions.studio.form import BadMessage
+from missions.studio.holders import Holder, holders
 from missions.studio.link import Link
 
 PERIOD = 0.25
 """Seconds from one look for new runs to the next."""
+
+ENDING = 0.7
+"""Seconds for which the answer to a stop waits for commands to end, which a page waits for a second for."""
 
 
 class Hub:
@@ -27,6 +32,7 @@ class Hub:
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = asyncio.Lock()
         self._following: dict[Link, asyncio.Task[Mapping[str, object]]] = {}
+        self._ending: dict[Holder, asyncio.Task[bool]] = {}
 
     async def __aenter__(self) -> Self:
         self._begin(self._look_on())
@@ -64,17 +70,21 @@ class Hub:
                 self._changed()
 
     async def stop(self, run: str, by: str) -> Mapping[str, object]:
-        """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there."""
+        """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there.
+
+        Who stops all ends the commands that hold a robot and have no control socket, too: teleop, and those of heads.
+        """
         if run and run not in self._links:
             await self.look()
             self.known(run)
         if run:
             return await self._stop_these({run: self._links[run]}, by)
         links = dict(self._links)
+        ended = asyncio.ensure_future(self._end_commands(by))
         told = await self._stop_these(links, by)
         await self.look()  # one that has come meanwhile, too
         new = {run: link for run, link in self._links.items() if links.get(run) is not link}
-        return {**told, **await self._stop_these(new, by)}
+        return {**told, **await self._stop_these(new, by), **await ended}
 
     async def _stop_these(self, links: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
         told = await asyncio.gather(*(self._stop(link, by) for link in links.values()))
@@ -91,6 +101,21 @@ class Hub:
         async with link.stopping:
             del self._following[link]
             return await _stop(link, by)
+
+    async def _end_commands(self, by: str) -> dict[str, Mapping[str, object]]:
+        """End them, each once, however many ask for it; return what became of each, by its process."""
+        held = [each for each in holders() if not each.is_run]
+        for each in held:
+            if each not in self._ending:
+                self._ending[each] = task = asyncio.ensure_future(asyncio.to_thread(each.end, by))
+                task.add_done_callback(partial(self._ended, each))
+        ending = {each: self._ending[each] for each in held}
+        if ending:
+            await asyncio.wait(ending.values(), timeout=ENDING)
+        return {str(each.process): _end_of(each, task) for each, task in ending.items()}
+
+    def _ended(self, holder: Holder, _: asyncio.Task[bool]) -> None:
+        del self._ending[holder]
 
     def known(self, run: str) -> Mapping[str, object]:
         """Return what is known of a run. Raises BadMessage for one that is not there."""
@@ -123,6 +148,15 @@ class Hub:
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+
+def _end_of(holder: Holder, task: asyncio.Task[bool]) -> Mapping[str, object]:
+    """Return what is told of a command that was to end."""
+    if task.done() and not task.exception() and task.result():
+        return {"ended": holder.words}
+    return {
+        "trouble": f"{holder.words}: SIGTERM was sent, and it has not ended yet; `kill -9 {holder.process}` ends it"
+    }
 
 
 async def _stop(link: Link, by: str) -> Mapping[str, object]:

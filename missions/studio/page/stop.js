@@ -90,9 +90,10 @@ export class Stop extends HTMLElement {
     clearTimeout(this.#timer);
     for (const [run, found] of Object.entries(stopped)) {
       if (found.trouble) tell(new StudioError({ message: `Run ${run} did not answer the stop: ${found.trouble}`, hint: "the robot's own switch" }));
-      else this.#latch(run, "stopped from this page", found.stops, true);
+      else if (!found.ended) this.#latch(run, "stopped from this page", found.stops, true);
     }
-    this.#show(Object.keys(stopped).length ? "" : "Nothing runs: there was nothing to stop.");
+    const ended = Object.values(stopped).flatMap((found) => found.ended ?? []);
+    this.#show(ended.length ? `Ended: ${ended.join("; ")}` : Object.keys(stopped).length ? "" : "Nothing runs: there was nothing to stop.");
   }
 
   #failed(error) {

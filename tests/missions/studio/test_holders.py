@@ -1,11 +1,12 @@
 """Commands that move a robot, and runs that hang: ``mission stop`` reaches them, and says what they are."""
 
+import asyncio
 import json
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import click
 import pytest
 
 from missions.studio import holders, sockets
+from missions.studio.hub import Hub
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
@@ -114,10 +116,11 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
 
 
 @contextmanager
-def deaf() -> Iterator[int]:
-    """A process that holds a robot, and hears no SIGTERM."""
+def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
+    """A process that holds a robot, and hears no SIGTERM, unless it ``heeds`` it."""
     program = (
-        "import signal, sys\nfrom missions.studio.holders import noted\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "import signal, sys\nfrom missions.studio.holders import noted\n"
+        f"signal.signal(signal.SIGTERM, signal.{heeds})\n"
         "with noted('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
@@ -138,6 +141,29 @@ def test_a_command_that_does_not_end_is_told_with_what_to_type(
         assert told.code == 1
         assert told.out.startswith(f"{number}: teleop on turtlebot2: hangs (SIGTERM did not end it")
         assert f"kill -9 {number}" in told.out
+
+
+def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[str] = []
+    end = holders.Holder.end
+
+    def counted(self: holders.Holder, by: str) -> bool:
+        begun.append(by)
+        return end(self, by)
+
+    async def stops() -> list[Mapping[str, object]]:
+        hub = Hub(lambda: None)
+        return list(await asyncio.gather(*(hub.stop("", f"viewer {n}") for n in range(50))))
+
+    monkeypatch.setattr(holders.Holder, "end", counted)
+    monkeypatch.setattr("missions.studio.hub.ENDING", 20.0)
+    with deaf(heeds="SIG_DFL") as number:
+        told = asyncio.run(stops())
+    assert told == [{str(number): {"ended": f"{number}: teleop on turtlebot2"}}] * 50
+    assert begun == ["viewer 0"]
+    monkeypatch.setattr(holders, "END_TIME", 0.05)
+    with deaf() as number:
+        assert all("has not ended yet" in str(each[str(number)]) for each in asyncio.run(stops()))
 
 
 def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
