@@ -7,8 +7,8 @@ process lives: the kernel takes the lock away with it, so that no other that get
 import fcntl
 import json
 import os
-import select
 import signal
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
@@ -22,7 +22,10 @@ from missions.studio import sockets
 ENDING = ".note"
 
 END_TIME = 5.0
-"""Seconds that a command has to bring to rest what it moves, and to end."""
+"""Seconds that a command has to bring to rest what it moves, and to let go of it."""
+
+GLANCE = 0.02
+"""Seconds from one look whether it has, to the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +51,19 @@ class Holder:
 
     def end(self, by: str) -> bool:
         """Have a command end, for ``by``, with its actuators at rest; say whether it has, within ``END_TIME``."""
-        try:
-            number = os.pidfd_open(self.process)
-        except ProcessLookupError:
+        if holder_of(self.process) != self:  # it has ended, and another one may have its number by now
             return True
-        try:
-            if holder_of(self.process) is None:  # another process has its number by now
-                return True
-            with _note_of(self.process).open("a", encoding="utf-8") as note:
-                note.write(f"{by}\n")
-            signal.pidfd_send_signal(number, signal.SIGTERM)
-            return bool(select.select([number], [], [], END_TIME)[0])
-        except (FileNotFoundError, ProcessLookupError):
-            return True
-        finally:
-            os.close(number)
+        with suppress(OSError), _note_of(self.process).open("r+", encoding="utf-8") as note:
+            note.seek(0, os.SEEK_END)
+            note.write(f"{by}\n")
+        with suppress(ProcessLookupError):
+            os.kill(self.process, signal.SIGTERM)
+        last = time.monotonic() + END_TIME
+        while holder_of(self.process) == self:
+            if time.monotonic() > last:
+                return False
+            time.sleep(GLANCE)
+        return True
 
 
 @contextmanager
