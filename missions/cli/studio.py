@@ -55,14 +55,14 @@ def command(
     stop. Runs go on when the studio ends, and those of other terminals are in it too.
     """
     try:
+        from missions.studio import tokens  # noqa: PLC0415
         from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
         from missions.studio.serving import Place, listening, serve  # noqa: PLC0415
-        from missions.studio.tokens import kept_tokens  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
         raise click.UsageError("--key goes with --certificate FILE")
-    access = Access(*kept_tokens()) if keep_tokens else Access()
+    access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
     try:
         socket = listening(Place(host, port))
     except OSError as error:

@@ -4,6 +4,7 @@ import hashlib
 import hmac
 import secrets
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock, SystemClock
@@ -18,11 +19,16 @@ MOST_COOKIES, MOST_ADDRESSES = 1000, 1000
 
 @dataclass(slots=True)
 class Access:
-    """Knows tokens and cookies by their digests, for as long as the process lives."""
+    """Knows tokens and cookies by their digests, for as long as the process lives, or until they are made anew.
+
+    ``keep`` writes new tokens where they outlive the studio; ``epoch`` counts how often they were made anew.
+    """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     viewer: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     clock: Clock = field(default_factory=SystemClock)
+    keep: Callable[[str, str], None] | None = None
+    epoch: int = 0
     _once: bytes = b""
     _cookies: dict[bytes, Role] = field(default_factory=dict)
     _wrong: dict[str, deque[float]] = field(default_factory=dict)
@@ -47,6 +53,14 @@ class Access:
         token = secrets.token_urlsafe(24)
         self._once = _digest(token)
         return token
+
+    def renew(self) -> None:
+        """Make both tokens anew; no former one, and no cookie, lets anybody in. Raises OSError where none is kept."""
+        self.operator, self.viewer = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self._once, self.epoch = b"", self.epoch + 1
+        self._cookies.clear()
+        if self.keep is not None:
+            self.keep(self.operator, self.viewer)
 
     def shut(self, address: str) -> bool:
         """Say whether too many wrong tokens came from an address lately."""

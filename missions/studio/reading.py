@@ -33,6 +33,7 @@ from missions.studio.wishes import (
     MoveTask,
     Record,
     Records,
+    Revoke,
     Start,
     Tasks,
     World,
@@ -41,7 +42,7 @@ from missions.studio.wishes import (
 COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Start,
+        Hello, Library, Mission, World, Start, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, MoveTask, CancelTask,

@@ -162,7 +162,9 @@ def serve(place: Place, sockets: Sequence[socket.socket], begun: Any) -> list[in
     """Serve until a signal ends it; call ``begun`` once it does. Return the runs that were started and go on."""
     launcher = Launcher(records_folder() if place.record else None)
     reader = Reader()
-    server = Server(config_of(place, lambda: Studio(Audit(state_folder() / "studio.log"), launcher, reader)))
+    server = Server(
+        config_of(place, lambda: Studio(Audit(state_folder() / "studio.log"), launcher, reader, place.access))
+    )
 
     async def work() -> None:
         task = asyncio.create_task(server.serve(list(sockets)))

@@ -47,16 +47,19 @@ class Session:
         self._waiting: asyncio.Queue[OfRun] = asyncio.Queue(MOST_WAITING)
         self._tasks: set[asyncio.Task[None]] = set()
         self._over: set[str] = set()
+        self._epoch, self._out = studio.access.epoch, False
+        self._served: asyncio.Task[Any] | None = None
         self._runs: Runs | None = None
         self._news = asyncio.Event()
 
     async def run(self) -> None:
         """Serve."""
+        self._served = asyncio.current_task()
         await self._socket.accept()
         try:
             async with asyncio.timeout(HELLO_TIME):
                 greeted = await self._hello(await self._socket.receive_text())
-            if not greeted:
+            if not greeted or self._epoch != self._studio.access.epoch:
                 await self._socket.close(REFUSED)
                 return
             self._begin(self._relay())
@@ -65,6 +68,9 @@ class Session:
                 self.tell(Runs(runs=self._studio.hub.runs()))
                 while True:
                     await self._hear(await self._socket.receive_text())
+        except asyncio.CancelledError:
+            if not self._out:
+                raise
         except (WebSocketDisconnect, TimeoutError, KeyError, RuntimeError):
             pass  # it has gone, or says nothing, or sends what is no text
         finally:
@@ -73,6 +79,15 @@ class Session:
             for task in list(self._tasks):
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._out:
+            with suppress(WebSocketDisconnect, RuntimeError):
+                await self._socket.close(REFUSED)
+
+    def shut_out(self) -> None:
+        """See Client."""
+        self._out = True
+        if self._served is not None:
+            self._served.cancel()
 
     def tell(self, runs: Runs) -> None:
         """Send what runs there are, when this client can take it; of several, the newest."""
@@ -131,7 +146,7 @@ class Session:
             elif len(self._tasks) > MOST_WAITING:
                 raise asyncio.QueueFull
             else:
-                self._begin(self._answered(command, self._studio.do(command)))
+                self._begin(self._answered(command, self._studio.do(command, self)))
         except asyncio.QueueFull:
             await self.say(_refused(number, BadMessage("too_many", "more commands than can be done")))
         except BadMessage as error:

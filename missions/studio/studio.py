@@ -8,13 +8,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
+from missions.studio.access import Access
 from missions.studio.audit import Audit
 from missions.studio.commands import Command, Role
+from missions.studio.form import BadMessage
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import Start
+from missions.studio.wishes import Revoke, Start
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
@@ -25,6 +27,10 @@ class Client(Protocol):
 
     def tell(self, runs: Runs) -> None:
         """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
+        ...
+
+    def shut_out(self) -> None:
+        """Hear nothing of this client any more, and let go of what it drives; returns at once."""
         ...
 
 
@@ -38,10 +44,10 @@ def edition() -> str:
 
 
 class Studio:
-    """One studio. Its ``hub`` knows the runs, its ``audit`` who did what; its ``reader`` reads files."""
+    """One studio. Its ``hub`` knows the runs, ``audit`` who did what, ``access`` who may; the ``reader`` reads."""
 
-    def __init__(self, audit: Audit, launcher: Launcher, reader: Reader) -> None:
-        self.audit, self._reader = audit, reader
+    def __init__(self, audit: Audit, launcher: Launcher, reader: Reader, access: Access) -> None:
+        self.audit, self._reader, self.access = audit, reader, access
         self.hub = Hub(self._tell_runs)
         self._launcher = launcher
         self._clients: set[Client] = set()
@@ -77,8 +83,10 @@ class Studio:
             self._launcher.stop()
         return await self.hub.stop(run, by)
 
-    async def do(self, command: Command) -> Mapping[str, object]:
+    async def do(self, command: Command, by: Client) -> Mapping[str, object]:
         """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
+        if isinstance(command, Revoke):
+            return self._revoke(by)
         if isinstance(command, Start):
             stops = self._launcher.stops
             await self._reader.check(command)
@@ -86,6 +94,18 @@ class Studio:
             await self.hub.look()
             return {"run": run}
         return await self._reader.do(command)
+
+    def _revoke(self, by: Client) -> Mapping[str, object]:
+        """Make both tokens anew, and shut all out but who asks. Raises BadMessage where the kept ones stay."""
+        try:
+            self.access.renew()
+        except OSError as error:
+            why = f"the former tokens are still kept for the next time: {error}"
+            raise BadMessage("bad_file", why, "delete their file before the studio is started again") from error
+        finally:
+            for client in self._clients - {by}:
+                client.shut_out()
+        return {"operator": self.access.operator, "viewer": self.access.viewer}
 
     async def report(self, name: str) -> str:
         """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""

@@ -61,6 +61,16 @@ class Start(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Revoke(Command):
+    """Make both links anew, and shut out whoever came by the former ones, but for who asks; what they drove stands.
+
+    The answer has the new tokens. Who asks has no cookie any more either: it opens the new link.
+    """
+
+    word: ClassVar[str] = "revoke"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Records(Command):
     """Answer with the `records` that are kept, the newest first."""
 

@@ -1,6 +1,6 @@
 // Elements, made by script. Whatever comes over the link is a stranger's text: it becomes text nodes, and nothing else.
 
-const FOLDED = ["later", "preview"]; // panels that nobody needs at first
+const FOLDED = ["later", "preview", "who"]; // panels that nobody needs at first
 const BREATH = 3; // times that it takes to draw something, until it is drawn again
 const SVG = "http://www.w3.org/2000/svg";
 

@@ -2,6 +2,7 @@
 
 import { button, el, field, panel, put, tell } from "./dom.js";
 import { Params, Target } from "./form.js";
+import { links } from "./links.js";
 import { plain } from "./words.js";
 import "./tree.js";
 
@@ -18,6 +19,7 @@ export class Run {
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
   #form = el("div", { class: "chosen" });
+  #links = el("div", { hidden: true });
   #go = button("Run", () => this.#start(), { class: "main" });
   #when = {
     at: el("input", { type: "text", placeholder: "at once" }),
@@ -29,14 +31,16 @@ export class Run {
   constructor({ link, watcher }) {
     this.#link = link;
     this.#watcher = watcher;
+    this.#links.append(links(link));
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people)),
+      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people), this.#links),
       this.#form);
   }
 
   async show(name) {
+    this.#links.hidden = this.#link.welcome?.role !== "operator";
     try {
       this.#library ??= await this.#fetch();
     } catch (error) {

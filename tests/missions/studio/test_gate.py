@@ -7,6 +7,7 @@ import ssl
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from functools import partial
 from http.client import HTTPSConnection
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from missions.studio.commands import LARGEST
 from missions.studio.messages import protocol
 from missions.studio.reading import COMMANDS
 from missions.studio.serving import MOST_CONNECTIONS, Place
-from missions.studio.tokens import kept_tokens
+from missions.studio.tokens import keep_tokens, kept_tokens
 from tests.missions.command import command
 from tests.missions.studio.serving import PATIENCE, Served, studio
 from tests.waiting import wait_until
@@ -130,6 +131,22 @@ def test_who_tries_many_wrong_tokens_has_to_wait_and_who_is_in_stays_in() -> Non
         assert tried == [403] * 9 + [429] * 3
         assert served.get(f"/?token={served.operator}")[0] == 429
         assert served.get("/none.js", Cookie=cookie)[0] == 404
+
+
+def test_new_links_shut_out_whoever_came_by_the_former_ones() -> None:
+    with studio() as served, served.client(served.operator) as asks, served.client(served.viewer) as viewer:
+        former, cookie = (served.operator, served.viewer), served.cookie(served.operator)
+        answer = asks.ask("revoke")
+        jsonschema.validate(answer, protocol())
+        new = answer["result"]
+        with pytest.raises(ConnectionClosed):
+            viewer.hear(lambda told: told["say"] == "answer")
+        assert served.get("/", Cookie=cookie)[0] == 401
+        assert [served.get(f"/?token={token}")[0] for token in former] == [403, 403]
+        assert asks.ask("tasks")["ok"]
+        assert [served.get("/", Cookie=served.cookie(new[role]))[0] for role in ("operator", "viewer")] == [200, 200]
+        with served.client(new["viewer"]) as again:
+            assert again.ask("revoke")["error"] == "not_allowed"
 
 
 def test_a_viewer_sees_and_stops_and_nothing_else(served: Served) -> None:
@@ -327,6 +344,9 @@ def test_tokens_are_kept_where_the_user_wishes_that(tmp_path: Path) -> None:
     assert kept_tokens(path) == tokens
     path.chmod(0o644)  # somebody may have read them
     assert set(kept_tokens(path)).isdisjoint(tokens)
+    access = Access(*kept_tokens(path), keep=partial(keep_tokens, path=path))
+    access.renew()
+    assert kept_tokens(path) == (access.operator, access.viewer)
     path.write_text("[]", encoding="utf-8")
     assert set(kept_tokens(path)).isdisjoint(tokens)
     assert path.stat().st_mode & 0o077 == 0

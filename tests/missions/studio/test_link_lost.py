@@ -61,6 +61,26 @@ def driver(served: Served, proxy: Proxy) -> Iterator[Client]:
         yield client
 
 
+def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
+    with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as clients:
+        other, client = (clients.enter_context(served.client(served.operator)) for _ in range(2))
+        clock, run = SystemClock(), str(process.process.pid)
+        client.hear(lambda told: told["say"] == "runs" and told["runs"])
+        assert client.ask("take", run=run)["result"]["yours"]
+        number = 0
+
+        def pushed_on() -> bool:
+            nonlocal number
+            number += 1
+            client.send(do="drive", run=run, n=number, t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
+            return base.seen().moving
+
+        wait_until(pushed_on)
+        since = base.seen().heard_at
+        assert other.ask("revoke")["ok"]
+        assert seconds_to_rest(base, since) < REST
+
+
 @pytest.mark.parametrize("gone", [False, True], ids=["a proxy that stalls", "a half-open socket"])
 def test_the_base_rests_when_nothing_of_its_driver_comes_through(tmp_path: Path, gone: bool) -> None:
     with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as ends:

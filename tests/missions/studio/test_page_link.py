@@ -47,6 +47,18 @@ def sent(page: Page, *words: str) -> list[dict[str, Any]]:
     return [each for each in told if each["do"] in words]
 
 
+def test_who_makes_new_links_stays_in_and_sees_them(browser: Browser) -> None:
+    with studio() as served:
+        page = Page(browser, served, view="#run")
+        page.press("Who may")
+        page.press("New links")
+        page.press("Shut all others out?")
+        page.wait_for("For operators:", "To look and stop only:")
+        assert served.operator not in page.tab.text()
+        page.tab.ask("Page.reload")
+        wait_until(lambda: "operator" in page.link)
+
+
 def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
     page = overheard(browser, served, "#run")
     wait_until(lambda: sent(page, "library"))

@@ -15,6 +15,7 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.studio import sockets
+from missions.studio.access import Access
 from missions.studio.audit import Audit
 from missions.studio.form import BadMessage
 from missions.studio.launch import Launcher
@@ -66,7 +67,7 @@ class Deaf:
 
 
 def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
-    return Studio(Audit(folder / "log"), launcher or Launcher(None), cast("Any", None))
+    return Studio(Audit(folder / "log"), launcher or Launcher(None), cast("Any", None), Access())
 
 
 def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path) -> None:

@@ -1,0 +1,30 @@
+// New links: who came by the former ones is shut out.
+
+import { button, el, panel, put, tell } from "./dom.js";
+
+const ARMED = 4000; // milliseconds for the second press
+
+/** Return the panel by which an operator makes both links anew. */
+export function links(link) {
+  const found = el("div", { role: "status" });
+  let armed = 0;
+  const press = button("New links", async () => {
+    clearTimeout(armed);
+    if (press.textContent === "New links") {
+      put(press, "Shut all others out?");
+      armed = setTimeout(() => put(press, "New links"), ARMED);
+      return;
+    }
+    put(press, "New links");
+    try {
+      const { operator, viewer } = await link.ask({ do: "revoke" });
+      await fetch(`/?token=${operator}`, { cache: "no-store" }); // which gives this page its new cookie
+      const row = (title, token) => el("p", null, `${title}: `, el("code", null, `${location.origin}/?token=${token}`));
+      found.replaceChildren(row("For operators", operator), row("To look and stop only", viewer));
+    } catch (error) {
+      tell(error);
+    }
+  });
+  const about = el("p", { class: "hint" }, "Whoever came by the former links is shut out, and what they drive stands.");
+  return panel("Who may", "who", about, press, found);
+}
