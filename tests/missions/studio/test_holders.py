@@ -103,6 +103,7 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
     with run_of(tmp_path) as (process, _):
         number = process.process.pid
         process.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, number, os.WSTOPPED | os.WNOWAIT)  # until then it may answer
         listed = command(capsys, "stop", "--list")
         assert (listed.code, f"{number}: waiting on turtlebot2: hangs" in listed.out) == (1, True)
         assert command(capsys, "stop", "another").err.startswith("no run another")
