@@ -441,7 +441,7 @@ def test_a_run_whose_leaf_ignores_the_signals_is_ended_by_them_all_the_same(tmp_
         held.wait_for_event("a behaviour had taken SIGINT, SIGTERM, SIGHUP")
         assert held.process.end(signal.SIGTERM) == 130
         assert held.summary == ("interrupted", "SIGTERM")
-        assert held.speed == 0.0
+        wait_until(lambda: held.speed == 0.0)  # it was told to stop, and its wheels roll out
     finally:
         held.close()
 
@@ -458,7 +458,7 @@ def test_a_process_that_a_leaf_forks_ends_and_drives_nothing(tree: str, tmp_path
         assert held.process.process.poll() is None
         assert held.process.end(signal.SIGTERM) == 130
         assert held.summary == ("interrupted", "SIGTERM")
-        assert held.speed == 0.0
+        wait_until(lambda: held.speed == 0.0)  # it was told to stop, and its wheels roll out
     finally:
         held.close()
 
