@@ -8,15 +8,16 @@ import fcntl
 import json
 import os
 import signal
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import click
 
 from drivers.api.quick import dataclass
+from drivers.clock import SystemClock
 from missions.studio import sockets
 
 ENDING = ".note"
@@ -58,11 +59,11 @@ class Holder:
             note.write(f"{by}\n")
         with suppress(ProcessLookupError):
             os.kill(self.process, signal.SIGTERM)
-        last = time.monotonic() + END_TIME
+        clock, pause = SystemClock(), Event()
         while holder_of(self.process) == self:
-            if time.monotonic() > last:
+            if clock.now() > END_TIME:
                 return False
-            time.sleep(GLANCE)
+            pause.wait(GLANCE)
         return True
 
 
