@@ -20,7 +20,7 @@ from missions.library.catalogue import shown_default, summary, terms
 from missions.library.vocabulary import vocabulary
 
 
-@click.command()
+@click.command(epilog="Example: mission behaviours find_face")
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
 @behaviours_option

@@ -28,12 +28,12 @@ COARSE = 1.0
 """Pixels by which a board may miss a good lens."""
 
 
-@click.group()
+@click.group(epilog="Example: mission camera list")
 def command() -> None:
     """List cameras, and calibrate them."""
 
 
-@command.command(name="list")
+@command.command(name="list", epilog="Example: mission camera list")
 def list_command() -> int:
     """List the cameras that are plugged in, with the sizes of their pictures."""
     devices = list_devices()
@@ -65,7 +65,7 @@ def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
         raise click.BadParameter(f"{error}", ctx=ctx, param=option) from error
 
 
-@command.command(name="calibrate")
+@command.command(name="calibrate", epilog="Example: mission camera calibrate 0 --board 9x6 --square '25 mm'")
 @click.argument("source", metavar="SOURCE")
 @click.option("--board", required=True, metavar="9x6", callback=_board, help="Its inner corners, where squares meet.")
 @click.option("--square", required=True, metavar='"25 mm"', callback=_length, help="The side of a square.")

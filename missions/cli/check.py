@@ -15,7 +15,7 @@ from missions.language.phrases import confusions
 from missions.library.shipped import TESTS, shipped_missions
 
 
-@click.command()
+@click.command(epilog="Example: mission check greet patrol")
 @click.argument("names", nargs=-1, metavar="[MISSION]...")
 @robot_option
 @click.option("--json", "as_json", is_flag=True, help="Write the mistakes as JSON, for editors and other programs.")

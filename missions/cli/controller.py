@@ -30,19 +30,19 @@ picture_option = click.option(
 )
 
 
-@click.group()
+@click.group(epilog="Example: mission controller list")
 def command() -> None:
     """Show and compare the controllers by which behaviours track."""
 
 
-@command.command(name="list")
+@command.command(name="list", epilog="Example: mission controller list")
 def list_() -> None:
     """List the controllers that ship with MissionTree."""
     for name, path in shipped("controllers").items():
         click.echo(f"{name:<12} {load_controller(path).summary}")
 
 
-@command.command()
+@command.command(epilog="Example: mission controller show face -o face.png")
 @click.argument("name", metavar="CONTROLLER")
 @picture_option
 def show(name: str, output: Path | None) -> None:
@@ -58,7 +58,7 @@ def show(name: str, output: Path | None) -> None:
         _drawn(output, lambda: draw_controller(output, config))
 
 
-@command.command(name="bench")
+@command.command(name="bench", epilog="Example: mission controller bench face pd --delays --seeds 1")
 @click.argument("names", metavar="[CONTROLLER]...", nargs=-1)
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
@@ -69,8 +69,7 @@ def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int
     """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
 
     In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
-    head has: with the head alone, with the base alone that carries the camera, and with both. --delays takes minutes;
-    an example: mission controller bench face pd --delays --seeds 1
+    head has: with the head alone, with the base alone that carries the camera, and with both. --delays takes minutes.
     """
     chosen = names or (COMPARED if delays else CONTROLLERS)
     rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in chosen}

@@ -38,7 +38,7 @@ SWING, PACE = radians(15), 2.5
 """How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
 
 
-@click.group()
+@click.group(epilog="Example: mission head where --robot turtlebot2_arm")
 def command() -> None:
     """The head by hand. Opening the port resets most boards: a Rodney head then stands where its sketch puts it.
 
@@ -46,7 +46,7 @@ def command() -> None:
     """
 
 
-@command.command()
+@command.command(epilog="Example: mission head look --pan 30 --tilt -10")
 @robot_options
 @click.option("--pan", type=Real(), default=0.0, metavar="DEG", help="Positive is to the left.")
 @click.option("--tilt", type=Real(), default=0.0, metavar="DEG", help="Positive is down.")
@@ -56,7 +56,7 @@ def look(robot: str | None, simulate: bool, port: str | None, pan: float, tilt: 
         return bench.look(HeadPose(radians(pan), radians(tilt)))
 
 
-@command.command()
+@command.command(epilog="Example: mission head center --robot turtlebot2_arm")
 @robot_options
 def center(robot: str | None, simulate: bool, port: str | None) -> int:
     """Look straight ahead: the time to see whether the head is mounted askew."""
@@ -64,7 +64,7 @@ def center(robot: str | None, simulate: bool, port: str | None) -> int:
         return bench.look(AHEAD)
 
 
-@command.command()
+@command.command(epilog="Example: mission head where --json")
 @robot_options
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
 def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) -> int:
@@ -86,7 +86,7 @@ def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) ->
     return SUCCESS
 
 
-@command.command()
+@command.command(epilog="Example: mission head trim --robot my_robot.yaml --pan 4 --tilt -2 --keep")
 @robot_options
 @click.option("--pan", type=Real(), metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
 @click.option("--tilt", type=Real(), metavar="DEG", help="The trim of the tilt servo.")
@@ -117,7 +117,7 @@ def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None,
     return SUCCESS
 
 
-@command.command()
+@command.command(epilog="Example: mission head calibrate --robot turtlebot2_arm")
 @robot_options
 @click.option("--seconds", type=Real(2, 60), default=6.0, show_default=True, help="How long it looks about.")
 def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:

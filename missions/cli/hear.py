@@ -53,7 +53,7 @@ def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> f
     return value
 
 
-@click.command()
+@click.command(epilog="Example: mission hear --for 'yes, no, stop'")
 @click.argument("mission", required=False)
 @click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
 @click.option("--robot", metavar="NAME", help="Whose microphone and pronunciations; else the system's microphone.")

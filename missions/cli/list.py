@@ -18,7 +18,7 @@ from missions.library.shipped import load_mission, shipped_missions
 KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "drivers")
 
 
-@click.command()
+@click.command(epilog="Example: mission list gestures")
 @click.argument("kind", required=False, type=click.Choice(KINDS))
 def command(kind: str | None) -> None:
     """List what ships with MissionTree, by name, with a line on each; and the drivers, whoever they are of."""

@@ -8,7 +8,7 @@ from missions.assembly.models import MODELS, FetchError, fetch, folder, is_there
 from missions.cli.root import FAILURE, SUCCESS
 
 
-@click.group(invoke_without_command=True)
+@click.group(invoke_without_command=True, epilog="Example: mission models")
 @click.pass_context
 def command(ctx: click.Context) -> None:
     """List trained models that can be fetched, and fetch them. Nothing that is shipped needs one."""
@@ -16,7 +16,7 @@ def command(ctx: click.Context) -> None:
         list_models()
 
 
-@command.command(name="list")
+@command.command(name="list", epilog="Example: mission models list")
 def list_command() -> None:
     """List the models, and which are there."""
     list_models()
@@ -30,7 +30,7 @@ def list_models() -> None:
         click.echo(f"{model.name:<8} {model.size / 1e6:.2f} MB  {model.summary}\n{'':<8} {state}")
 
 
-@command.command(name="fetch")
+@command.command(name="fetch", epilog="Example: mission models fetch yunet")
 @click.argument("name", type=click.Choice(list(MODELS)), metavar="NAME")
 @click.option("--from", "url", metavar="URL", help="Another place to fetch it from; its sum is checked all the same.")
 @click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")

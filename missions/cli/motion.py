@@ -40,5 +40,6 @@ command = run.RunCommand(
     ],
     help="Run one of the eight motions of the TurtleBot course, by number or name; without one, list them.\n\n"
     "Params, robots and all else are as in `mission run`.",
+    epilog="Example: mission motion 1 --param distance='20 cm'",
 )
 """``mission run`` itself, but for how its mission is named."""

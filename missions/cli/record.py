@@ -22,7 +22,7 @@ RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path
 FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
 
 
-@click.group()
+@click.group(epilog="Example: mission record info monday.mcap")
 def command() -> None:
     """Look into records of runs, mend them, and take things out of them.
 
@@ -43,7 +43,7 @@ def _in_words() -> Iterator[None]:
         raise click.ClickException(f"{error.filename or 'the file'}: {error.strerror or error}") from error
 
 
-@command.command(name="list")
+@command.command(name="list", epilog="Example: mission record list")
 @click.argument("folder", required=False, type=click.Path(exists=True, file_okay=False, path_type=Path))
 def list_command(folder: Path | None) -> None:
     """List the records in a folder, the newest first; else those that are kept by default, of runs on robots.
@@ -84,7 +84,7 @@ def _row(found: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-@command.command()
+@command.command(epilog="Example: mission record info monday.mcap")
 @RECORD
 def info(path: Path) -> None:
     """Say what a record is of, what is in it, what is missing, and what can be done with it."""
@@ -93,7 +93,7 @@ def info(path: Path) -> None:
             click.echo(line)
 
 
-@command.command()
+@command.command(epilog="Example: mission record mend monday.mcap")
 @RECORD
 def mend(path: Path) -> None:
     """Close a record whose run was killed, in place, so that every program opens it.
@@ -113,7 +113,7 @@ def mend(path: Path) -> None:
     click.echo(f"mended {path}: it is whole up to {until:.2f} s{skipped}\n  try: mission record info {path}")
 
 
-@command.command()
+@command.command(epilog="Example: mission record export monday.mcap --csv tables")
 @RECORD
 @click.option(
     "--csv", "tables", type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER", help="A table per topic."
@@ -146,7 +146,7 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
             click.echo(f"wrote {pictures} pictures, {files} files and {made} tables to {folder}")
 
 
-@command.command()
+@command.command(epilog="Example: mission record cut monday.mcap 10s 20s -o piece.mcap")
 @RECORD
 @click.argument("start", metavar="FROM", type=SECONDS)
 @click.argument("end", metavar="TO", type=SECONDS)

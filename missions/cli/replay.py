@@ -31,7 +31,7 @@ REFRESH = 0.1
 """Seconds between two drawings of the player's screen."""
 
 
-@click.command()
+@click.command(epilog="Example: mission replay monday.mcap --rerun")
 @click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
 @click.option(

@@ -16,7 +16,7 @@ PAGES = (".html", ".htm")
 """What the name of a report may end in."""
 
 
-@click.command()
+@click.command(epilog="Example: mission report monday.mcap -o monday.html")
 @click.argument("file", metavar="RECORD", type=click.Path(path_type=Path))
 @click.option(
     "-o",

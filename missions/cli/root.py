@@ -15,40 +15,54 @@ SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
 a fault of our own, Ctrl-C or SIGTERM."""
 
-COMMANDS = {
-    "run": "Run a mission: simulated, unless a robot is named.",
-    "studio": "See, start, drive and stop robots on a page in the browser.",
-    "stop": "Stop what runs on this machine, at once; release it again.",
-    "motion": "Run one of the eight motions of the TurtleBot course, by number.",
-    "check": "Check missions without running them.",
-    "test": "Play the tests of missions, in simulated time.",
-    "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
-    "verify": "Prove that missions can end, stop cleanly and keep their promises.",
-    "show": "Draw a mission's tree, or a record of a run at a moment.",
-    "record": "Look into records of runs: info, mend, cut, export.",
-    "replay": "Play a record; decide it again, or see it again, with today's files.",
-    "report": "Write a report of a record: one page with a slider for time, and plots for papers.",
-    "stats": "Say how often, how long and how late, over any number of records.",
-    "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",
-    "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
-    "behaviours": "Say what a mission can be made of.",
-    "schema": "Write the JSON Schema of missions, for editors.",
-    "simulate": "Run a robot's virtual devices alone, for other programs to use.",
-    "teleop": "Drive a robot by hand: with keys, also over SSH, or with a game pad.",
-    "head": "Move the head by hand: look, center, where, and trim it straight.",
-    "servo": "Find, set up, move and record Dynamixel servos.",
-    "controller": "Show how behaviours track, and compare controllers side by side.",
-    "tune": "Find better numbers for a controller, in simulation.",
-    "task": "Queue missions, to be run in turn, at a time, or again and again.",
-    "serve": "Do the tasks of the queue, one after another, as they are due.",
-    "person": "Let the robot know people by their faces, list them, and forget them.",
-    "hear": "Say what is heard: each phrase, and whether it is sure enough.",
-    "see": "Look for faces, things and markers in pictures, folders and videos.",
-    "camera": "List cameras, and calibrate them.",
-    "udev": "Print the udev rules that name a TurtleBot's serial ports.",
-    "models": "List trained models that can be fetched, and fetch them.",
+GROUPS = {
+    "Run missions": {
+        "run": "Run a mission: simulated, unless a robot is named.",
+        "motion": "Run one of the eight motions of the TurtleBot course, by number.",
+        "studio": "See, start, drive and stop robots on a page in the browser.",
+        "stop": "Stop what runs on this machine, at once; release it again.",
+        "task": "Queue missions, to be run in turn, at a time, or again and again.",
+        "serve": "Do the tasks of the queue, one after another, as they are due.",
+    },
+    "Look into them": {
+        "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",
+        "check": "Check missions without running them.",
+        "show": "Draw a mission's tree, or a record of a run at a moment.",
+        "behaviours": "Say what a mission can be made of.",
+        "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
+        "schema": "Write the JSON Schema of missions, for editors.",
+    },
+    "Try them in simulated time": {
+        "test": "Play the tests of missions, in simulated time.",
+        "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
+        "verify": "Prove that missions can end, stop cleanly and keep their promises.",
+        "controller": "Show how behaviours track, and compare controllers side by side.",
+        "tune": "Find better numbers for a controller, in simulation.",
+    },
+    "See what happened": {
+        "record": "Look into records of runs: info, mend, cut, export.",
+        "replay": "Play a record; decide it again, or see it again, with today's files.",
+        "report": "Write a report of a record: one page with a slider for time, and plots for papers.",
+        "stats": "Say how often, how long and how late, over any number of records.",
+    },
+    "Set up a robot": {
+        "camera": "List cameras, and calibrate them.",
+        "person": "Let the robot know people by their faces, list them, and forget them.",
+        "models": "List trained models that can be fetched, and fetch them.",
+        "udev": "Print the udev rules that name a TurtleBot's serial ports.",
+        "simulate": "Run a robot's virtual devices alone, for other programs to use.",
+    },
+    "Use it by hand": {
+        "teleop": "Drive a robot by hand: with keys, also over SSH, or with a game pad.",
+        "head": "Move the head by hand: look, center, where, and trim it straight.",
+        "servo": "Find, set up, move and record Dynamixel servos.",
+        "see": "Look for faces, things and markers in pictures, folders and videos.",
+        "hear": "Say what is heard: each phrase, and whether it is sure enough.",
+    },
 }
-"""The subcommands: each is ``command`` in a module of its name, imported only when it is used."""
+"""The subcommands as ``--help`` groups them: each is ``command`` in a module of its name, imported when it is used."""
+
+COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 
 
 class Commands(click.Group):
@@ -80,19 +94,20 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list for ``--help``."""
+        """Write the lists for ``--help``, with the second columns of all below each other."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        widest = max(map(len, COMMANDS))
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(widest), words) for name, words in commands.items()])
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog="Example: mission run greet"
+)
 @click.version_option(package_name="missiontree", prog_name="mission")
 def mission() -> None:
-    """Missions for robots, as readable behaviour trees.
-
-    Begin with: mission run greet
-    """
+    """Missions for robots, as readable behaviour trees."""
 
 
 def main() -> None:

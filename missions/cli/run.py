@@ -55,7 +55,7 @@ class RunCommand(MissionCommand):
         return super().too_much(words, args)
 
 
-@click.command(cls=RunCommand)
+@click.command(cls=RunCommand, epilog="Example: mission run greet --robot turtlebot2_arm --simulate --view")
 @click.argument("name", metavar="MISSION")
 @params_option
 @behaviours_option

@@ -23,7 +23,7 @@ def _flags(function: Callable[..., None]) -> Callable[..., None]:
     return function
 
 
-@click.command()
+@click.command(epilog="Example: mission schema -o mission.schema.json")
 @click.argument("kind", type=click.Choice(["missions", *KINDS]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")

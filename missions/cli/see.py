@@ -32,7 +32,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
         raise click.BadParameter(str(error.args[0]), ctx=ctx, param=option) from error
 
 
-@click.command()
+@click.command(epilog="Example: mission see photo.jpg --annotate drawn")
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @click.option(
     "--things", multiple=True, metavar='"red ball"', callback=_objects, help="Look for an object too. Repeat for more."

@@ -29,7 +29,7 @@ FLUSH = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
 
 
-@click.command()
+@click.command(epilog="Example: mission serve --once")
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
 @studio_option
 def command(once: bool, studio: bool) -> int:

@@ -27,7 +27,7 @@ NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
 
 
-@click.command()
+@click.command(epilog="Example: mission show greet -o greet.svg")
 @click.argument("name", metavar="MISSION|RECORD")
 @click.option(
     "--format",

@@ -44,7 +44,7 @@ class Lines:
         yield from (line.decode(errors="replace").strip() for line in lines)
 
 
-@click.command()
+@click.command(epilog="Example: mission simulate --robot turtlebot2")
 @click.option("--robot", metavar="NAME", default=DEFAULT_ROBOT, show_default=True, help="A name or a file.")
 @click.option(
     "--state", "period", type=Real(), metavar="SECONDS", help="Print what the devices do, as JSON, that often."

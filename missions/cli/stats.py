@@ -14,7 +14,7 @@ from missions.records.statistics.gather import gather
 from missions.records.statistics.table import as_csv, as_json, lines_of
 
 
-@click.command()
+@click.command(epilog="Example: mission stats monday.mcap tuesday.mcap")
 @click.argument(
     "paths",
     metavar="RECORD...",

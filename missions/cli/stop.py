@@ -18,7 +18,7 @@ from missions.studio.sockets import linked
 NOBODY = "no mission runs"
 
 
-@click.command()
+@click.command(epilog="Example: mission stop --release")
 @click.argument("which", metavar="[RUN]...", nargs=-1)
 @click.option("--list", "only_list", is_flag=True, help="List the runs, and do nothing.")
 @click.option("--release", is_flag=True, help="Release what is stopped; the mission stays paused.")

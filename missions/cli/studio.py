@@ -15,7 +15,7 @@ from missions.cli.root import SUCCESS
 PORT = 8642
 
 
-@click.command()
+@click.command(epilog="Example: mission studio --open")
 @click.option(
     "--port", type=Whole(min=0, max=65535), default=PORT, show_default=True, help="Where; 0 for any free one."
 )

@@ -43,7 +43,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     return read
 
 
-@click.command()
+@click.command(epilog="Example: mission sweep greet --runs 20 --vary person.distance='0.6..2.5 m'")
 @click.argument("name", metavar="MISSION")
 @click.option("--runs", type=Whole(min=1), default=100, show_default=True, help="How many runs.")
 @click.option(

@@ -43,7 +43,7 @@ DOUBT = 60.0
 """Seconds that a task may have been added ahead of the clock, which is put right by as much now and then."""
 
 
-@click.group()
+@click.group(epilog="Example: mission task list")
 def command() -> None:
     """Queue missions, to be run in turn, at a time, or again and again; `mission serve` runs them.
 
@@ -63,7 +63,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
         raise click.ClickException(f"{error}{hint}") from error
 
 
-@command.command(cls=MissionCommand)
+@command.command(cls=MissionCommand, epilog="Example: mission task add greet --at 18:00 --every day --simulate fast")
 @click.argument("mission")
 @params_option
 @behaviours_option
@@ -178,7 +178,7 @@ def _kept(name: str, library: dict[str, Path], path: Path) -> str:
     return name if path in library.values() else str(path.resolve())
 
 
-@command.command(name="list")
+@command.command(name="list", epilog="Example: mission task list --all")
 @click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
 @AS_JSON
 def list_command(everything: bool, as_json: bool) -> None:
@@ -216,7 +216,7 @@ def _row(task: Task) -> Mapping[str, str]:
     }
 
 
-@command.command()
+@command.command(epilog="Example: mission task cancel 3")
 @NUMBER
 def cancel(number: int) -> None:
     """Cancel a task, and its repetition; one that runs is stopped safely."""
@@ -227,7 +227,7 @@ def cancel(number: int) -> None:
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
 
 
-@command.command()
+@command.command(epilog="Example: mission task move 3 --priority 5")
 @NUMBER
 @click.option("--priority", type=Whole(*PRIORITIES), required=True, metavar="NUMBER", help="-100 to 100.")
 def move(number: int, priority: int) -> None:
@@ -237,7 +237,7 @@ def move(number: int, priority: int) -> None:
     click.echo(f"task {number} has priority {priority}")
 
 
-@command.command()
+@command.command(epilog="Example: mission task log 3")
 @NUMBER
 @AS_JSON
 def log(number: int, as_json: bool) -> None:

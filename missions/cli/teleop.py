@@ -44,7 +44,7 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     return share
 
 
-@click.command()
+@click.command(epilog="Example: mission teleop --robot turtlebot2 --speed 30%")
 @click.option("--robot", metavar="NAME", help="The robot to drive (a name or a file); it moves. Else simulated.")
 @click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
 @click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")

@@ -27,7 +27,7 @@ from missions.testing.play import Verdict
 from missions.testing.suite import Case, load_suite
 
 
-@click.command()
+@click.command(epilog="Example: mission test greet --coverage")
 @click.argument("names", nargs=-1, metavar="[PATH]...")
 @click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
 @click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes at a time; one for each core.")

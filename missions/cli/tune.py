@@ -26,12 +26,12 @@ RULES = ("pan", "turn")
 """The rule bases that can be tuned."""
 
 
-@click.group()
+@click.group(epilog="Example: mission tune tracker --evaluations 50")
 def command() -> None:
     """Let the robot learn: find better numbers by trying them in simulation."""
 
 
-@command.command()
+@command.command(epilog="Example: mission tune tracker --controller face --evaluations 50")
 @click.option("--controller", "name", default="face", show_default=True, metavar="NAME", help="Where to start from.")
 @click.option(
     "--rules",

@@ -10,7 +10,7 @@ INSTALL = """to install them:
 then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names"""
 
 
-@click.command()
+@click.command(epilog="Example: mission udev")
 def command() -> None:
     """Print the udev rules for a TurtleBot: names, rights and speed of its serial ports; and how to install them."""
     click.echo((files("drivers") / "99-missiontree.rules").read_text(encoding="utf-8"), nl=False)

@@ -19,7 +19,7 @@ from missions.testing.verify.verdicts import PROVED, Report
 from missions.testing.verify.verify import BOUND, LIMIT, verify
 
 
-@click.command()
+@click.command(epilog="Example: mission verify greet")
 @click.argument("names", nargs=-1, metavar="[MISSION]...")
 @click.option(
     "--bound",

@@ -39,12 +39,12 @@ class Worlds(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=Worlds)
+@click.group(cls=Worlds, epilog="Example: mission world show party")
 def command() -> None:
     """Show simulated worlds."""
 
 
-@command.command()
+@command.command(epilog="Example: mission world show party -o party.svg")
 @click.argument("name", metavar="WORLD")
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Draw it, into FILE.svg or .png.")
 @click.option("--camera", is_flag=True, help="Draw what the robot's camera sees at the start, into FILE.png.")

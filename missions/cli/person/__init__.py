@@ -7,7 +7,7 @@ from missions.cli.person.list import list_people
 from missions.cli.person.remove import remove
 
 
-@click.group()
+@click.group(epilog="Example: mission person list")
 def command() -> None:
     """Let a robot know people by their faces, list them, and forget them.
 

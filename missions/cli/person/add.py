@@ -31,7 +31,7 @@ LIMIT = 200
 """Pictures that are taken in at a time."""
 
 
-@click.command()
+@click.command(epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")
 @click.argument("name")
 @click.argument("files", nargs=-1, metavar="[PICTURES...]")
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")

@@ -13,7 +13,7 @@ from perception.elastic import Calibration
 from perception.people import KnownPeople
 
 
-@click.command("list")
+@click.command("list", epilog="Example: mission person list --robot turtlebot2_arm")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
 @robot_option
 @saying_why

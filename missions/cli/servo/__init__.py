@@ -13,7 +13,7 @@ from missions.cli.servo.recording import record
 from missions.cli.servo.scan import scan
 
 
-@click.group()
+@click.group(epilog="Example: mission servo scan --port /dev/ttyUSB0")
 def command() -> None:
     """Dynamixel servos by hand, from the first scan to a recorded movement.
 

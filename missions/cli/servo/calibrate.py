@@ -48,7 +48,7 @@ class Turned:
         return Range(max(0, self.lowest + short), min(self.joint.model.last, self.highest - short), self.zero)
 
 
-@click.command()
+@click.command(epilog="Example: mission servo calibrate elbow --robot my_robot.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")

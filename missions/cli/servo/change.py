@@ -18,7 +18,11 @@ from missions.cli.servo.target import Target, target_options
 yes_option = click.option("--yes", is_flag=True, help="Do not ask before the EEPROM is written.")
 
 
-@click.command("set", context_settings={"ignore_unknown_options": True})  # so that a value may be below zero
+@click.command(
+    "set",
+    context_settings={"ignore_unknown_options": True},
+    epilog="Example: mission servo set 3 return_delay 0 --port /dev/ttyUSB0",
+)  # so that a value may be below zero
 @target_options
 @click.argument("servo", metavar="ID|JOINT|GROUP|all")
 @click.argument("register", metavar="REGISTER")
@@ -27,9 +31,8 @@ yes_option = click.option("--yes", is_flag=True, help="Do not ask before the EEP
 def set_register(target: Target, servo: str, register: str, value: int, yes: bool) -> int:
     """Set a register by its name.
 
-    Such as: set 3 return_delay 0. `mission servo info` lists them. Nothing is written where it holds the value
-    already. What is kept through a power cut (EEPROM) is written with the
-    torque off, and the servo is limp afterwards.
+    `mission servo info` lists them. Nothing is written where it holds the value already. What is kept through a power
+    cut (EEPROM) is written with the torque off, and the servo is limp afterwards.
     """
     with opened_bus(target) as bench:
         servos = bench.servos(servo)
@@ -38,7 +41,7 @@ def set_register(target: Target, servo: str, register: str, value: int, yes: boo
         return _set(bench, {at: (model, {register: value}) for at, model in servos}, yes=yes)
 
 
-@click.command("set-id")
+@click.command("set-id", epilog="Example: mission servo set-id 1 4 --port /dev/ttyUSB0")
 @target_options
 @click.argument("servo", metavar="ID|JOINT")
 @click.argument("new", type=Whole(0, 253), metavar="NEW_ID")
@@ -50,7 +53,7 @@ def set_id(target: Target, servo: str, new: int, yes: bool) -> int:
         return _set(bench, {at: (model, {"id": new})}, yes=yes)
 
 
-@click.command("set-baud")
+@click.command("set-baud", epilog="Example: mission servo set-baud all 1000000 --port /dev/ttyUSB0")
 @target_options
 @click.argument("servo", metavar="ID|JOINT|GROUP|all")
 @click.argument("rate", type=Whole(min=1))

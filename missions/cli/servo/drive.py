@@ -30,7 +30,7 @@ BOOT = 1.0
 """Seconds after which a servo that was restarted answers."""
 
 
-@click.command()
+@click.command(epilog="Example: mission servo torque off --robot turtlebot2_arm")
 @target_options
 @click.argument("state", type=click.Choice(["on", "off"]))
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
@@ -75,7 +75,10 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
         raise DeviceFault("its torque does not stay on", hint=f"mission servo monitor --once{bench.options}")
 
 
-@click.command(context_settings={"ignore_unknown_options": True})  # so that an angle may be below zero
+@click.command(
+    context_settings={"ignore_unknown_options": True},
+    epilog="Example: mission servo move elbow 30 deg --speed '45 deg/s'",
+)  # so that an angle may be below zero
 @partial(target_options, baud=False)
 @click.argument("joint")
 @click.argument("angle", nargs=-1, required=True)
@@ -83,8 +86,7 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
 def move(target: Target, joint: str, angle: tuple[str, ...], speed: str | None) -> int:
     """Move a joint, and wait for it.
 
-    Such as: move elbow 30 deg. Then the arm comes to the rest that its file asks for. Exit code 1 where the joint
-    does not arrive.
+    Then the arm comes to the rest that its file asks for. Exit code 1 where the joint does not arrive.
     """
     try:
         goal = in_dimension(" ".join(angle), "angle")
@@ -116,7 +118,7 @@ def _move(
     return code
 
 
-@click.command()
+@click.command(epilog="Example: mission servo reboot 3 --port /dev/ttyUSB0")
 @target_options
 @click.argument("servo", metavar="ID|JOINT")
 def reboot(target: Target, servo: str) -> int:
@@ -138,7 +140,7 @@ def reboot(target: Target, servo: str) -> int:
     return SUCCESS
 
 
-@click.command()
+@click.command(epilog="Example: mission servo recover --robot turtlebot2_arm")
 @target_options
 def recover(target: Target) -> int:
     """Revive servos that have shut down.

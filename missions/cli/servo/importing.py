@@ -17,7 +17,7 @@ from missions.cli.servo.writing import robot_text
 from missions.library.drivers import robot_of
 
 
-@click.command("import")
+@click.command("import", epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--model", default="AX-12A", show_default=True, help="What its servos are: the file does not say.")
 @click.option("--port", default="/dev/u2d2", show_default=True, metavar="PATH", help="Where they are plugged in.")

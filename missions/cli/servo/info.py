@@ -21,7 +21,7 @@ _STEP = re.compile(r"([0-9.]+) (\S+)")
 """What one step of a register is worth, as ``0.1 V``."""
 
 
-@click.command()
+@click.command(epilog="Example: mission servo info elbow")
 @target_options
 @click.argument("servo", metavar="ID|JOINT")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON: the registers by name.")

@@ -15,7 +15,7 @@ from missions.cli.servo.reading import Felt, feel, table_of
 from missions.cli.servo.target import Target, target_options
 
 
-@click.command()
+@click.command(epilog="Example: mission servo monitor elbow --once")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--once", is_flag=True, help="Print one table, and end.")

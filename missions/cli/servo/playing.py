@@ -30,7 +30,7 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Times (s) and angles (rad) by joint."""
 
 
-@click.command()
+@click.command(epilog="Example: mission servo play greeting --dry-run")
 @partial(target_options, baud=False)
 @click.argument("name", metavar="NAME|FILE")
 @click.option("--speed", type=Real(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")

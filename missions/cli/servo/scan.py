@@ -41,7 +41,7 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
     return list(found)
 
 
-@click.command()
+@click.command(epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
 @target_options
 @click.option("--ids", default="0-252", show_default=True, callback=_ids, metavar="1-20,30", help="Which to look for.")
 @click.option("--protocol", type=click.Choice(["1", "2"]), help="Look for this one alone.")
