@@ -52,6 +52,10 @@ class Driver:
     ``drivers.sim.stage.Stage``. They are empty where the kind has a stand-in that does for every driver: cameras,
     microphones, voices and screens. ``needs`` are the kinds of the parts that it is made of, ``extra`` the optional
     dependency that it wants. ``check`` yields what is wrong together with other sections, given by kind.
+
+    ``probe`` is the dotted name of a ``drivers.api.probing.Probe``, by which the device is found on a serial port; and
+    ``usb`` are the adapters that it may be behind, as ``0403:6014``, or with the serial number of one that is in no
+    other device, ``0403:6001:kobuki_*``. Without any it is looked for behind every adapter.
     """
 
     name: str
@@ -64,6 +68,8 @@ class Driver:
     needs: tuple[str, ...] = ()
     check: Callable[[Any, Mapping[str, Any]], Iterable[Mistake]] | None = None
     extra: str = ""
+    probe: str = ""
+    usb: tuple[str, ...] = ()
 
 
 class Drivers(Protocol):

@@ -73,4 +73,6 @@ ARDUINO = Driver(
     make="drivers.arduino.make:make",
     twin="drivers.sim.twins.making:head",
     virtual="drivers.virtual.making:rodney",
+    probe="drivers.arduino.probe:probe",
+    usb=("16c0:0483", "1a86:7523", "2341:*", "2a03:*"),
 )

@@ -21,4 +21,6 @@ KOBUKI = Driver(
     make="drivers.kobuki.make:make",
     twin="drivers.sim.twins.making:base",
     virtual="drivers.virtual.making:kobuki",
+    probe="drivers.kobuki.probe:probe",
+    usb=("0403:6001:kobuki_*",),
 )

@@ -21,4 +21,6 @@ RPLIDAR = Driver(
     make="drivers.rplidar.make:make",
     twin="drivers.sim.twins.making:ranger",
     virtual="drivers.virtual.making:lidar",
+    probe="drivers.rplidar.probe:probe",
+    usb=("10c4:ea60",),
 )

@@ -46,6 +46,7 @@ GROUPS = {
         "stats": "Say how often, how long and how late, over any number of records.",
     },
     "Set up a robot": {
+        "ports": "Say what is plugged in, what answers there, and what is in the way.",
         "camera": "List cameras, and calibrate them.",
         "person": "Let the robot know people by their faces, list them, and forget them.",
         "models": "List trained models that can be fetched, and fetch them.",

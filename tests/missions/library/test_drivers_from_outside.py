@@ -5,11 +5,16 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import jsonschema
 import pytest
 import yaml
+
+from drivers.clock import SystemClock
+from drivers.virtual.terminal import Terminal
+from tests.drivers.desks import RecordedMachine
 
 SAMPLE = Path(__file__).parents[2] / "sample_distribution"
 PAGE = Path(__file__).parents[3] / "docs" / "drivers.md"
@@ -48,7 +53,7 @@ def mission(site: Path, *arguments: str, folder: Path = SAMPLE) -> subprocess.Co
 def test_what_the_page_shows_is_what_the_sample_is_made_of() -> None:
     sources = "\n".join(path.read_text(encoding="utf-8") for path in [*SAMPLE.rglob("*.py"), SAMPLE / "pyproject.toml"])
     blocks = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     for block in blocks:
         for piece in filter(None, (piece.strip("\n") for piece in re.split(r"\n{3,}", block))):
             lines = [line for line in piece.splitlines() if not line.startswith(("from ", "import "))]
@@ -113,6 +118,31 @@ def test_it_runs_down_to_the_wire(site: Path, name: str) -> None:
     ran = mission(site, "run", name, "--robot", "sample.yaml", "--simulate", "wire", *here, "--json")
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout.splitlines()[-1])["result"] == "success"
+
+
+class Reporting:
+    """What the rover says on its wire, at rest."""
+
+    baud = 38_400
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        assert not data, "it is asked for nothing"
+        return self.poll(now)
+
+    def poll(self, now: float) -> bytes:
+        del now
+        return b"o 0 0 0 0 0\n"
+
+
+@pytest.mark.real_time
+def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
+    desk = RecordedMachine(tmp_path / "machine")
+    with closing(Terminal("rover", Reporting(), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6015", serial="R1", behind=terminal.path)
+        told = mission(site, "ports", "--root", str(desk.root), "--json")
+    (port,) = json.loads(told.stdout)["ports"]
+    assert port["answers"] == {"driver": "base.rover", "about": "a rover", "keys": {"baud": 38_400}, "units": []}
 
 
 def test_a_broken_declaration_is_told_in_one_line_and_breaks_nothing_else(site: Path, tmp_path: Path) -> None:

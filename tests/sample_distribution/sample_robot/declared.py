@@ -42,6 +42,7 @@ ROVER = Driver(
     make="sample_robot.rover:make",
     twin="sample_robot.twins:rover",
     virtual="sample_robot.virtual:rover",
+    probe="sample_robot.probe:rover",
 )
 
 PERISCOPE = Driver(

@@ -1,0 +1,55 @@
+"""How a device is recognised on a serial port: what it is asked, and what of its answers proves that it is there.
+
+A driver declares its probe by a dotted name. A probe is pure: it yields what is to be asked, is sent the bytes that
+came back, and returns what they prove. It asks for nothing that could move or change a device.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import field
+
+from drivers.api.quick import dataclass
+
+
+def _never(heard: bytes) -> bool:
+    del heard
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """A question: ``send`` these bytes at ``baud``, and listen for ``wait`` seconds, or until what came is ``enough``.
+
+    Without bytes it is only listened.
+    """
+
+    baud: int
+    send: bytes = b""
+    wait: float = 0.01
+    enough: Callable[[bytes], object] = _never
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One of several devices on a wire, such as a servo: its number there, its model, and what is wrong with it."""
+
+    id: int
+    model: str
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What answered: ``about`` says it in words; ``keys`` are what its section of a robot file has of it.
+
+    ``trouble`` says what is wrong with it, and ``hint`` what to try.
+    """
+
+    about: str
+    keys: Mapping[str, object] = field(default_factory=dict)
+    units: tuple[Unit, ...] = ()
+    trouble: str = ""
+    hint: str = ""
+
+
+Probe = Callable[[], Generator[Ask, bytes, Answer | None]]
+"""Asks a port for one kind of device; returns None where nothing proves that it is there."""

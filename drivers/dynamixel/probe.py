@@ -1,0 +1,140 @@
+"""Servos are recognised by a ping and what their tables say: nothing is written, nobody moves.
+
+In protocol 2.0 one ping calls all; in protocol 1.0 they are called one by one, of which the first thirty IDs are tried
+here. `mission servo scan` tries all. Feetech's STS have the frames of protocol 1.0, and another table.
+"""
+
+from collections.abc import Generator, Sequence
+from struct import unpack_from
+
+from drivers.api.probing import Answer, Ask, Unit
+from drivers.dynamixel.codec import CODECS, Codec, Reply
+from drivers.dynamixel.models import model_of
+from drivers.dynamixel.register import Block
+from drivers.dynamixel.wire import BROADCAST, LASTING
+
+DELIVERED = (1_000_000, 57_600)
+"""The rates at which servos are delivered."""
+
+OTHERS = (
+    *(115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 250_000, 200_000, 400_000, 19_200, 9600),
+    *(128_000, 76_800, 38_400),  # of Feetech's alone
+)
+"""The rates that are asked where nobody answers at those."""
+
+IDS = range(31)
+
+REPLY = 0.003
+"""Seconds that a servo has to answer, beyond what its bytes take: return delay and a little."""
+
+LISTEN = 0.03
+"""Seconds in which a device that talks by itself is heard, as a Kobuki is."""
+
+IDENTITY = {1: Block(0, 6), 2: Block(0, 8)}
+"""Model, firmware, ID... of a servo, by protocol."""
+
+STATE = {1: Block(36, 8), 2: Block(124, 23)}
+"""What changes all the time, so that two servos with one ID cannot say the same."""
+
+STS_STATE = Block(56, 15)
+"""The same of Feetech's."""
+
+TWO = "damaged replies: there may be two with this ID"
+
+Servos = Generator[Ask, bytes, list[Unit]]
+
+
+def probe() -> Generator[Ask, bytes, Answer | None]:
+    """Ask for servos of both protocols, at the rates at which they are delivered, else at all others."""
+    for rates in (DELIVERED, OTHERS):
+        found: dict[int, list[Unit]] = {}
+        for baud in rates:
+            if (yield Ask(baud, wait=LISTEN, enough=bool)):
+                continue  # somebody talks here without being asked, which no servo does
+            units = (yield from _called(baud)) + (yield from _pinged(baud, 1, IDS))
+            if units:
+                found[baud] = units
+        if found:
+            return _told(found)
+    return None
+
+
+def _told(found: dict[int, list[Unit]]) -> Answer:
+    """Return what was found; the rate that most servos have is that of the wire."""
+    baud = max(found, key=lambda rate: len(found[rate]))
+    units = tuple(unit for rate in found for unit in found[rate])
+    words = [f"{', '.join(f'{unit.id} {unit.model}' for unit in found[rate])} at {rate} baud" for rate in found]
+    doubled = ", ".join(str(unit.id) for unit in units if unit.trouble == TWO)
+    trouble, hint = "", ""
+    if doubled:
+        trouble = f"ID {doubled}: damaged replies; two servos may have it"
+        hint = "unplug all but one of them, then: mission servo set-id 1 NEW --port PORT"
+    elif len(found) > 1:
+        others = next(rate for rate in found if rate != baud)
+        number = found[others][0].id
+        trouble = f"servos at {len(found)} rates on one wire"
+        hint = f"mission servo set-baud {number} {baud} --baud {others} --port PORT"
+    return Answer(f"servos: {'; '.join(words)}", {"baud": baud}, units, trouble, hint)
+
+
+def _called(baud: int) -> Servos:
+    """Call all servos of protocol 2.0; where replies are damaged, ask one by one."""
+    codec = CODECS[2]
+    each = (codec.overhead + 3) * 10 / baud + REPLY
+    heard = yield Ask(baud, codec.frame(BROADCAST, codec.ping(BROADCAST).code, b""), 0.02 + 12 * each)
+    replies, damaged = _replies(codec, heard)
+    there = [reply.id for reply in replies]
+    return (yield from _pinged(baud, 2, IDS if damaged else there)) if there or damaged else []
+
+
+def _pinged(baud: int, protocol: int, ids: Sequence[int]) -> Servos:
+    """Ask servos one by one."""
+    codec, found = CODECS[protocol], list[Unit]()
+    for number in ids:
+        heard = yield _question(codec, baud, number, None)
+        if heard and (unit := (yield from _asked(codec, baud, number, heard))):
+            found.append(unit)
+    return found
+
+
+def _asked(codec: Codec, baud: int, number: int, heard: bytes) -> Generator[Ask, bytes, Unit | None]:
+    """Ask one that has answered a ping, or has made a noise, who it is; None for one that is none of these."""
+    identity = yield from _read(codec, baud, number, IDENTITY[codec.protocol])
+    if identity is None:
+        replies, damaged = _replies(codec, heard)
+        return Unit(number, "?", TWO) if replies or damaged else None
+    feetech = codec.protocol == 1 and identity.data[5] == number and identity.data[3] != number
+    own = identity.data[7 if codec.protocol == 2 else 5 if feetech else 3]
+    if own != number:
+        return None  # another make, which has its own table
+    kind = unpack_from("<H", identity.data, 3 if feetech else 0)[0]
+    state = yield from _read(codec, baud, number, STS_STATE if feetech else STATE[codec.protocol])
+    model = model_of(kind)
+    name = f"{'Feetech ' * feetech}number {kind}" if model is None else model.name
+    return Unit(number, name, TWO if state is None else (identity.faults & LASTING).words)
+
+
+def _read(codec: Codec, baud: int, number: int, block: Block) -> Generator[Ask, bytes, Reply | None]:
+    """Read a block of a table, twice where the reply is damaged."""
+    for _ in range(2):
+        heard = yield _question(codec, baud, number, block)
+        for reply in _replies(codec, heard)[0]:
+            if reply.id == number and len(reply.data) == block.size:
+                return reply
+    return None
+
+
+def _question(codec: Codec, baud: int, number: int, block: Block | None) -> Ask:
+    request = codec.ping(number) if block is None else codec.read(number, block)
+    size = codec.overhead + (3 if block is None else block.size)
+    frame = codec.frame(request.id, request.code, request.parameters)
+    wait = (len(frame) + size) * 10 / baud + REPLY
+    return Ask(baud, frame, wait, lambda heard: any(reply.id == number for reply in _replies(codec, heard)[0]))
+
+
+def _replies(codec: Codec, heard: bytes) -> tuple[list[Reply], bool]:
+    """Return the replies in what was heard, and whether some of it was damaged."""
+    parser = codec.parser()
+    replies = [codec.reply(packet) for packet in parser.feed(heard) if packet.intact]
+    parser.reset()
+    return [reply for reply in replies if reply is not None], bool(parser.skipped or parser.broken)

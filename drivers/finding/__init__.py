@@ -1,0 +1,1 @@
+"""What is plugged in: ports, cameras, sound and game pads, who holds them, and which device answers on a port."""

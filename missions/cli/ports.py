@@ -1,0 +1,200 @@
+"""``mission ports``: what is plugged in, what answers there, and what is in the way."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from threading import Event
+
+import click
+
+from drivers.clock import SystemClock
+from drivers.finding.asking import Heard, drivers_that_probe
+from drivers.finding.machine import Machine
+from drivers.finding.serial_ports import SerialPort, Trouble
+from drivers.finding.survey import Desk, Plug, asker, survey
+from missions.cli.keys import interruptible
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.drivers import Table
+
+LOOK_EVERY = 0.3
+"""Seconds between two looks while somebody plugs."""
+
+Pause = Callable[[], object]
+
+
+@click.command(epilog="Example: mission ports --find")
+@click.option("--no-ask", is_flag=True, help="Say what is plugged in, and open no port.")
+@click.option("--ask", "consented", multiple=True, metavar="PORT", help="Ask this port too, which else is left alone: "
+              "an Arduino starts anew by it, and may move.")  # fmt: skip
+@click.option("--find", is_flag=True, help="Find out which is which: unplug it, and plug it in again.")
+@click.option("--watch", is_flag=True, help="Go on, and say what is plugged in and out, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="As one line of JSON; with --watch a line at each change.")
+@click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
+              help="The files of a recorded machine instead of this one's.")  # fmt: skip
+def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, as_json: bool, root: Path) -> int:
+    """Say what is plugged in: serial ports, cameras, sound, game pads; and which device answers on a port.
+
+    Ports are asked politely: a Kobuki is only listened to, servos are pinged; nothing moves, nothing is written. A port
+    that another program has open is left alone. Exit code 1 where something is in the way.
+    """
+    machine = Machine(root)
+    if find:
+        return find_out(machine, lambda: Event().wait(LOOK_EVERY))
+    ask = None if no_ask else asker(machine, drivers_that_probe(Table().all()), SystemClock(), consented=consented)
+    with interruptible():
+        desk = survey(machine, ask)
+        for consent in consented:
+            if not any(consent in _names(plug.port) for plug in desk.plugs):
+                raise click.UsageError(f"--ask {consent}: no such serial port; `mission ports --no-ask` lists them")
+        click.echo(json.dumps(as_data(desk)) if as_json else "\n".join(lines(desk)))
+        if watch:
+            _watch(machine, desk, lambda: survey(machine, ask), as_json=as_json)
+    return FAILURE if any(in_the_way(desk)) else SUCCESS
+
+
+def lines(desk: Desk) -> Iterator[str]:
+    """Yield what is plugged in, in words."""
+    for plug in desk.plugs:
+        yield from port_lines(plug)
+    for usb, trouble in desk.lost:
+        yield f"{usb.title}, {usb.ids}, in socket {usb.socket}"
+        yield from _trouble(trouble)
+    if not desk.plugs and not desk.lost:
+        yield "no serial port: no adapter is plugged in, as far as this system tells"
+        yield "  try: lsusb  (is it there at all?); another cable: some carry power alone"
+    for camera in desk.cameras:
+        sizes = " ".join(f"{width}x{height}" for width, height in camera.sizes)
+        yield f"{camera.path}  camera: {camera.name}  {sizes}".rstrip()
+        yield from _trouble(camera.trouble)
+    for card in desk.sounds:
+        what = " and ".join(["microphone"] * card.hears + ["loudspeaker"] * card.speaks) or "sound card"
+        yield f"card {card.number}  {what}: {card.name}"
+    for pad in desk.pads:
+        yield f"{pad.path}  game pad: {pad.name}"
+        yield from _trouble(pad.trouble)
+    for what, there in (("camera", desk.cameras), ("sound card", desk.sounds), ("game pad", desk.pads)):
+        if not there:
+            yield f"no {what}"
+
+
+def port_lines(plug: Plug) -> Iterator[str]:
+    """Yield what is known of a serial port, in words."""
+    port, heard = plug.port, plug.heard
+    yield f"{port.path}  {port.title}"
+    if port.call != port.path:
+        yield f"  call it {port.call}"
+    if heard is not None and heard.found is not None:
+        yield f"  {heard.found.title}: {heard.found.answer.about}"
+    for trouble in _told(plug):
+        yield from _trouble(trouble)
+
+
+def as_data(desk: Desk) -> dict[str, object]:
+    """Return the same for programs."""
+    return {
+        "ports": [_port_data(plug) for plug in desk.plugs],
+        "lost": [{**asdict(usb), **asdict(trouble)} for usb, trouble in desk.lost],
+        "cameras": [asdict(camera) for camera in desk.cameras],
+        "sound": [asdict(card) for card in desk.sounds],
+        "pads": [asdict(pad) for pad in desk.pads],
+    }
+
+
+def find_out(machine: Machine, pause: Pause) -> int:
+    """Say which device it is that somebody unplugs and plugs in again; ``pause`` waits a moment."""
+    with interruptible():
+        before = survey(machine)
+        if not before.paths:
+            click.echo("nothing is plugged in that could be unplugged", err=True)
+            return FAILURE
+        click.echo(f"{len(before.paths)} devices; now unplug the one that you look for", err=True)
+        while not (gone := before.paths - (after := survey(machine)).paths):
+            pause()
+            before = after if after.paths > before.paths else before
+        click.echo(f"it was {', '.join(sorted(gone))}; now plug it in again", err=True)
+        while not (back := (again := survey(machine)).paths - after.paths):
+            pause()
+    for plug in again.plugs:
+        if plug.port.path in back:
+            click.echo("\n".join(port_lines(plug)))
+            click.echo(f"in a robot file:  port: {plug.port.call}")
+    for camera in again.cameras:
+        if camera.path in back:
+            click.echo(f"{camera.path}  camera: {camera.name}\nin a robot file:  source: {camera.path}")
+    for pad in again.pads:
+        if pad.path in back:
+            click.echo(f"{pad.path}  game pad: {pad.name}")
+    return SUCCESS
+
+
+def _watch(machine: Machine, desk: Desk, look: Callable[[], Desk], *, as_json: bool) -> None:
+    """Say what comes and goes, until Ctrl-C."""
+    pause = Event()
+    try:
+        while True:
+            pause.wait(LOOK_EVERY)
+            if survey(machine).paths == desk.paths:
+                continue
+            before, desk = desk, look()
+            if as_json:
+                click.echo(json.dumps(as_data(desk)))
+                continue
+            for path in sorted(before.paths - desk.paths):
+                click.echo(f"- {path}")
+            for line in changed_lines(desk, desk.paths - before.paths):
+                click.echo(f"+ {line}")
+    except KeyboardInterrupt:
+        return
+
+
+def changed_lines(desk: Desk, paths: frozenset[str]) -> Iterator[str]:
+    """Yield what is known of some devices of a desk."""
+    for plug in desk.plugs:
+        if plug.port.path in paths:
+            yield from port_lines(plug)
+    yield from (f"{path}  {name}" for path, name in desk.named if path in paths)
+
+
+def _names(port: SerialPort) -> set[str]:
+    return {port.path, port.call, *port.names}
+
+
+def _told(plug: Plug) -> list[Trouble]:
+    """Return what is wrong with a port, or why it was left alone."""
+    heard = plug.heard or Heard()
+    said = [trouble for trouble in (plug.port.shut or heard.unasked, heard.trouble) if trouble is not None]
+    return [*said, *plug.port.troubles]
+
+
+def in_the_way(desk: Desk) -> Iterator[Trouble]:
+    """Yield all that is wrong; that a port was left alone is not."""
+    for plug in desk.plugs:
+        consent = None if plug.heard is None else plug.heard.unasked
+        yield from (trouble for trouble in _told(plug) if trouble is not consent or trouble is plug.port.shut)
+    yield from (trouble for _, trouble in desk.lost)
+    others = [*(camera.trouble for camera in desk.cameras), *(pad.trouble for pad in desk.pads)]
+    yield from (trouble for trouble in others if trouble is not None)
+
+
+def _trouble(trouble: Trouble | None) -> Iterator[str]:
+    if trouble is not None:
+        yield f"  {trouble.what}"
+        if trouble.cure:
+            yield f"    try: {trouble.cure}"
+
+
+def _port_data(plug: Plug) -> dict[str, object]:
+    heard = plug.heard or Heard()
+    found = heard.found
+    told: dict[str, object] = (
+        {}
+        if found is None
+        else {
+            "driver": found.title,
+            "about": found.answer.about,
+            "keys": dict(found.answer.keys),
+            "units": [asdict(unit) for unit in found.answer.units],
+        }
+    )
+    return {**asdict(plug.port), "troubles": [asdict(each) for each in _told(plug)], "answers": told or None}

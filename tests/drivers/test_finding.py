@@ -1,0 +1,310 @@
+"""Ten desks: what is said of each is right, nothing that could move is sent, and nobody is disturbed."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from drivers.arduino import wire as rosserial
+from drivers.clock import SystemClock
+from drivers.dynamixel.units import baud_code
+from drivers.dynamixel.wire import Instruction
+from drivers.finding.asking import Heard, certain, drivers_that_probe, who_answers
+from drivers.finding.others import cameras, pads, sound_cards
+from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
+from drivers.finding.survey import asker, survey
+from drivers.finding.usb import Usb
+from drivers.rplidar.wire import Command
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.rplidar import VirtualLidar
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal, WireDevice
+from missions.library.drivers import Table
+from tests.drivers.desks import HandAsked, RecordedMachine, gives_pictures, sent_instructions
+
+DRIVERS = drivers_that_probe(Table().all())
+READS = {Instruction.PING, Instruction.READ}
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> RecordedMachine:
+    return RecordedMachine(tmp_path / "machine")
+
+
+def adapter(ids: str, serial: str = "", path: str = "/dev/ttyUSB0") -> SerialPort:
+    vendor, _, product = ids.partition(":")
+    return SerialPort(path, path, usb=Usb(vendor, product, serial))
+
+
+def asked(port: SerialPort, device: WireDevice | None, *, consent: bool = False) -> tuple[Heard, HandAsked]:
+    wire = HandAsked(device)
+    return who_answers(port, DRIVERS, wire, consent=consent), wire
+
+
+# --- desk 1: two adapters alike ---------------------------------------------------------------------------------------
+
+
+def test_of_two_adapters_alike_each_is_called_by_its_socket(desk: RecordedMachine) -> None:
+    for name in ("ttyUSB0", "ttyUSB1"):
+        desk.port(name, "1a86:55d3", by_id="usb-1a86_USB_Single_Serial-if00")
+    one, other = serial_ports(desk.machine)
+    assert [one.call, other.call] == [f"/dev/serial/by-path/pci0-usb-0:{number}:1.0-port0" for number in (1, 2)]
+    for port, socket in ((one, "1-1"), (other, "1-2")):
+        (trouble,) = port.troubles
+        assert f"only socket {socket} tells them apart" in trouble.what
+        assert "mission ports --find" in trouble.cure
+
+
+def test_one_alone_is_called_by_its_serial_number_and_a_rule_goes_before_that(desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1", by_id="usb-FTDI_FT1-if00-port0")
+    desk.port("ttyUSB1", "0403:6001", serial="kobuki_A", by_id="usb-kobuki_A", rule="kobuki")
+    arm, base = serial_ports(desk.machine)
+    assert arm.call == "/dev/serial/by-id/usb-FTDI_FT1-if00-port0"
+    assert base.call == "/dev/kobuki"
+    assert not arm.troubles
+    assert not base.troubles
+
+
+# --- desk 2: a port in use --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("program", "cure"),
+    [("ModemManager", "disable --now ModemManager"), ("brltty", "mask --now brltty"), ("python3", "fuser -v")],
+)
+def test_a_port_in_use_is_left_alone_and_says_who_has_it(desk: RecordedMachine, program: str, cure: str) -> None:
+    path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
+    desk.process(812, program, path, "/dev/null")
+    (port,) = serial_ports(desk.machine)
+    assert port.shut is not None
+    assert port.shut.what == f"in use by {program} (812)"
+    assert cure in port.shut.cure
+    heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]), consent=True)
+    assert heard.unasked == port.shut
+    assert wire.sent == []
+
+
+# --- desk 3: no rights ------------------------------------------------------------------------------------------------
+
+
+def test_without_the_right_the_group_is_named(desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1")
+    group = (desk.root / "dev/ttyUSB0").group()
+    (port,) = serial_ports(desk.stranger())
+    assert port.shut is not None
+    if group == "root":
+        assert "belongs to root alone" in port.shut.what
+    else:
+        assert f"usermod -a -G {group} $USER" in port.shut.cure
+    (allowed,) = serial_ports(desk.stranger((desk.root / "dev/ttyUSB0").stat().st_gid))
+    assert allowed.shut is None
+
+
+# --- desk 4: the wrong rate -------------------------------------------------------------------------------------------
+
+
+def test_a_servo_at_an_unusual_rate_is_found_there_and_nothing_is_written() -> None:
+    chain = VirtualServoBus([VirtualServo(3, model="AX-12A"), VirtualServo(4, model="AX-12A")], 250_000)
+    heard, wire = asked(adapter("0403:6014"), chain)
+    assert heard.found is not None
+    assert heard.found.title == "arm.dynamixel"
+    assert heard.found.answer.keys == {"baud": 250_000}
+    assert [(unit.id, unit.model) for unit in heard.found.answer.units] == [(3, "AX-12A"), (4, "AX-12A")]
+    assert sent_instructions(wire.sent) == READS
+
+
+def test_a_new_servo_among_others_is_found_at_its_own_rate_with_the_cure() -> None:
+    new = VirtualServo(1, model="MX-28")
+    chain = VirtualServoBus([VirtualServo(2), VirtualServo(3), new])
+    new.set("baud", baud_code(57_600, 1))
+    chain.poll(0.0)
+    chain.poll(1e-6)
+    heard, _ = asked(adapter("0403:6014"), chain)
+    assert heard.trouble is not None
+    assert heard.trouble.what == "servos at 2 rates on one wire"
+    assert heard.trouble.cure == "mission servo set-baud 1 1000000 --baud 57600 --port /dev/ttyUSB0"
+
+
+# --- desk 5: a silent servo -------------------------------------------------------------------------------------------
+
+
+def test_servos_without_power_are_silence_and_the_power_is_named_first() -> None:
+    silent = VirtualServo(1)
+    silent.present = False
+    heard, wire = asked(adapter("0403:6014"), VirtualServoBus([silent]))
+    assert heard.found is None
+    assert heard.trouble is not None
+    assert "nothing answers; asked were: arm.dynamixel" in heard.trouble.what
+    assert heard.trouble.cure.startswith("switch on the power")
+    assert "mission servo scan --all-bauds --port /dev/ttyUSB0" in heard.trouble.cure
+    assert sent_instructions(wire.sent) == {Instruction.PING}
+    assert len({baud for baud, _ in wire.sent}) == 15
+
+
+# --- desk 6: two servos of one ID -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("model", "other"), [("AX-12A", "AX-12A"), ("XL430-W250", "XL430-W250")])
+def test_two_servos_of_one_id_are_told_with_the_way_out(model: str, other: str) -> None:
+    chain = VirtualServoBus([VirtualServo(1, model=model, angle=0.3), VirtualServo(1, model=other, angle=-1.1)])
+    heard, wire = asked(adapter("0403:6014"), chain)
+    assert heard.trouble is not None
+    assert heard.trouble.what == "ID 1: damaged replies; two servos may have it"
+    assert "unplug all but one" in heard.trouble.cure
+    assert sent_instructions(wire.sent) == READS
+
+
+# --- desk 7: a camera, of which no picture is taken here --------------------------------------------------------------
+
+
+def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
+    path = desk.camera("Black Box")
+    (camera,) = cameras(desk.machine, gives_pictures)
+    assert (camera.path, camera.name, camera.trouble) == (path, "Black Box", None)
+    assert camera.usb is not None
+    desk.process(99, "cheese", path)
+    (camera,) = cameras(desk.machine, gives_pictures)
+    assert camera.trouble is not None
+    assert camera.trouble.what == "in use by cheese (99)"
+
+
+# --- desk 8: a Kobuki, on and off -------------------------------------------------------------------------------------
+
+
+def test_a_kobuki_is_only_listened_to() -> None:
+    heard, wire = asked(adapter("0403:6001", "kobuki_AH02"), VirtualKobuki())
+    assert heard.found is not None
+    assert heard.found.title == "base.kobuki"
+    assert "battery at 16" in heard.found.answer.about
+    assert wire.bytes_sent == b""
+
+
+def test_a_kobuki_that_is_switched_off_is_known_by_its_adapter() -> None:
+    heard, wire = asked(adapter("0403:6001", "kobuki_AH02"), None)
+    assert heard.trouble is not None
+    assert heard.trouble.what == "a Kobuki, by its adapter, but it is silent"
+    assert "switch it on" in heard.trouble.cure
+    assert wire.bytes_sent == b""
+    kobuki = certain(adapter("0403:6001", "kobuki_AH02"), DRIVERS)
+    assert kobuki is not None
+    assert certain(adapter("0403:6001", "A50285BI"), DRIVERS) is None
+
+
+# --- desk 9: a Teensy, and an Arduino that would start anew -----------------------------------------------------------
+
+
+def test_a_teensy_is_asked_for_its_topics_and_its_servos_get_no_angle() -> None:
+    teensy = VirtualRodney(baud=500_000, tacho=True, keeps=True)
+    heard, wire = asked(adapter("16c0:0483", path="/dev/ttyACM0"), teensy)
+    assert heard.found is not None
+    assert heard.found.title == "head.arduino"
+    assert heard.found.answer.keys == {"baud": 500_000}
+    assert "servo" in heard.found.answer.about
+    assert teensy.commands == []
+    assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE}
+
+
+def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consent() -> None:
+    nano = VirtualRodney()
+    port = adapter("1a86:7523")
+    heard, wire = asked(port, nano)
+    assert heard.unasked is not None
+    assert "starts an Arduino anew, which may move its servos" in heard.unasked.what
+    assert "mission ports --ask /dev/ttyUSB0" in heard.unasked.cure
+    assert wire.sent == []
+    heard, wire = asked(port, nano, consent=True)
+    assert heard.found is not None
+    assert heard.found.title == "head.arduino"
+    assert nano.commands == []
+
+
+def test_a_board_that_is_still_starting_is_asked_again() -> None:
+    heard, _ = asked(adapter("2341:0043"), VirtualRodney(boot_delay=2.5), consent=True)
+    assert heard.found is not None
+    assert heard.found.answer.keys == {"baud": 57_600}
+
+
+def test_a_printer_or_a_port_of_the_computer_is_not_asked_without_consent() -> None:
+    for port in (adapter("1d50:6029"), SerialPort("/dev/ttyS0", "/dev/ttyS0")):
+        heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]))
+        assert heard.unasked is not None
+        assert f"mission ports --ask {port.path}" in heard.unasked.cure
+        assert wire.sent == []
+
+
+def test_a_lidar_that_was_left_scanning_is_silenced_and_says_what_it_is() -> None:
+    lidar = VirtualLidar(lambda bearings, _: bearings * 0 + 2.0, model="a2", streaming=True)
+    heard, wire = asked(adapter("10c4:ea60"), lidar)
+    assert heard.found is not None
+    assert heard.found.title == "range.rplidar"
+    assert heard.found.answer.keys == {"baud": 115_200, "model": "a2"}
+    assert {data[1] for _, data in wire.sent if data} == {Command.STOP, Command.INFO}
+
+
+# --- desk 10: nothing at all ------------------------------------------------------------------------------------------
+
+
+def test_an_empty_desk_is_empty(desk: RecordedMachine) -> None:
+    found = survey(desk.machine)
+    assert (found.plugs, found.lost, found.cameras, found.sounds, found.pads) == ((), (), (), (), ())
+
+
+# --- what else there is -----------------------------------------------------------------------------------------------
+
+
+def test_an_adapter_that_brltty_has_taken_has_no_port_and_is_told(desk: RecordedMachine) -> None:
+    desk.usb("1a86:7523")
+    desk.process(300, "brltty")
+    ((usb, trouble),) = lost_adapters(desk.machine)
+    assert usb.ids == "1a86:7523"
+    assert trouble.what == "it has no port: brltty has taken it"
+
+
+def test_an_adapter_that_holds_bytes_back_is_told_with_its_cure(desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
+    (port,) = serial_ports(desk.machine)
+    (trouble,) = port.troubles
+    assert "holds bytes back for 16 ms" in trouble.what
+    assert "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in trouble.cure
+
+
+def test_the_empty_uarts_of_a_computer_are_no_ports(desk: RecordedMachine) -> None:
+    for name, kind in (("ttyS0", "4"), ("ttyS1", "0")):
+        desk.write(f"sys/class/tty/{name}/type", kind)
+        (desk.root / f"sys/class/tty/{name}/device").mkdir()
+        desk.write(f"dev/{name}", "")
+    assert [port.path for port in serial_ports(desk.machine)] == ["/dev/ttyS0"]
+
+
+def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:
+    desk.write("proc/asound/cards", " 1 [C920           ]: USB-Audio - HD Pro Webcam C920\n      Webcam at usb-1")
+    desk.write("proc/asound/pcm", "01-00: USB Audio : USB Audio : capture 1")
+    desk.write(
+        "proc/bus/input/devices",
+        'N: Name="AT Keyboard"\nH: Handlers=kbd event0\n\nN: Name="Xbox Pad"\nH: Handlers=event7 js0\n',
+    )
+    desk.write("dev/input/event7", "")
+    (card,) = sound_cards(desk.machine)
+    assert (card.number, card.name, card.hears, card.speaks) == (1, "HD Pro Webcam C920", True, False)
+    (pad,) = pads(desk.machine)
+    assert (pad.path, pad.name) == ("/dev/input/event7", "Xbox Pad")
+
+
+@pytest.fixture
+def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[Terminal]:
+    with closing(Terminal("kobuki", VirtualKobuki(), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6001", serial="kobuki_1", behind=terminal.path)
+        yield terminal
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("kobuki_at_the_port")
+def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
+    found = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock(), patience=2.0))
+    ((port, heard),) = found.found
+    assert heard.found is not None
+    assert (port.path, heard.found.title) == ("/dev/ttyUSB0", "base.kobuki")

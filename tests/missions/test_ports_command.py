@@ -1,0 +1,109 @@
+"""``mission ports``: what it prints of a desk, for people and for programs, and how it finds which is which."""
+
+import json
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from drivers.finding.survey import survey
+from missions.cli.ports import changed_lines, find_out
+from tests.drivers.desks import RecordedMachine
+from tests.missions.command import Outcome, command
+
+Mission = Callable[..., Outcome]
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> RecordedMachine:
+    return RecordedMachine(tmp_path / "machine")
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], desk: RecordedMachine) -> Mission:
+    return lambda *arguments: command(capsys, "ports", "--root", str(desk.root), *arguments)
+
+
+def test_an_empty_desk_says_what_to_look_at(mission: Mission) -> None:
+    told = mission()
+    assert told.code == 0
+    assert told.out.startswith("no serial port: no adapter is plugged in")
+    assert "lsusb" in told.out
+    assert "no camera\nno sound card\nno game pad\n" in told.out
+
+
+def test_each_port_says_what_it_is_how_to_call_it_and_what_is_in_the_way(
+    mission: Mission, desk: RecordedMachine
+) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1", by_id="usb-FTDI_FT1-if00-port0", latency=16)
+    desk.process(812, "ModemManager", "/dev/ttyUSB0")
+    desk.port("ttyACM0", "2341:0043", serial="A1")
+    told = mission()
+    assert told.code == 1
+    wanted = (
+        "/dev/ttyUSB0  FTDI FT232H (U2D2), 0403:6014\n"
+        "  call it /dev/serial/by-id/usb-FTDI_FT1-if00-port0\n"
+        "  in use by ModemManager (812)\n"
+        "    try: sudo systemctl disable --now ModemManager  (it takes robots for modems)\n"
+    )
+    assert wanted in told.out
+    assert told.out.startswith("/dev/ttyACM0  an Arduino, 2341:0043\n")
+    assert "  not asked: opening it starts an Arduino anew, which may move its servos\n" in told.out
+    assert "    try: mission ports --ask /dev/ttyACM0  (hands off the robot)\n" in told.out
+
+
+def test_that_a_port_was_left_alone_is_nothing_wrong(mission: Mission, desk: RecordedMachine) -> None:
+    desk.port("ttyACM0", "2341:0043", serial="A1")
+    assert mission().code == 0
+    assert mission("--no-ask").code == 0
+
+
+def test_programs_get_the_same_as_json(mission: Mission, desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "1a86:7523")
+    desk.camera()
+    told = json.loads(mission("--json").out)
+    (port,) = told["ports"]
+    assert (port["path"], port["answers"], port["usb"]["vendor"]) == ("/dev/ttyUSB0", None, "1a86")
+    assert [trouble["cure"] for trouble in port["troubles"]] == [
+        "mission ports --ask /dev/ttyUSB0  (hands off the robot)"
+    ]
+    assert told["cameras"][0]["name"] == "HD Webcam"
+
+
+def test_a_port_that_is_not_there_cannot_be_asked(mission: Mission) -> None:
+    told = mission("--ask", "/dev/ttyUSB7")
+    assert told.code == 2
+    assert "--ask /dev/ttyUSB7: no such serial port" in told.err
+
+
+def _step(steps: Iterator[Callable[[], object]]) -> None:
+    next(steps, bool)()
+
+
+def test_what_is_unplugged_and_plugged_in_again_is_found(
+    capsys: pytest.CaptureFixture[str], desk: RecordedMachine
+) -> None:
+    desk.port("ttyUSB0", "1a86:55d3")
+    desk.port("ttyUSB1", "1a86:55d3")
+    steps = iter((lambda: desk.unplug("ttyUSB1"), lambda: None, lambda: desk.port("ttyUSB1", "1a86:55d3")))
+    assert find_out(desk.machine, partial(_step, steps)) == 0
+    told = capsys.readouterr()
+    assert "2 devices; now unplug the one that you look for" in told.err
+    assert "it was /dev/ttyUSB1; now plug it in again" in told.err
+    assert "in a robot file:  port: /dev/serial/by-path/pci0-usb-0:3:1.0-port0" in told.out
+
+
+def test_where_nothing_is_plugged_in_nothing_can_be_found(
+    capsys: pytest.CaptureFixture[str], desk: RecordedMachine
+) -> None:
+    assert find_out(desk.machine, lambda: None) == 1
+    assert "nothing is plugged in" in capsys.readouterr().err
+
+
+def test_what_came_is_told_and_nothing_else(desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1")
+    before = survey(desk.machine)
+    desk.port("ttyACM0", "16c0:0483", serial="T1")
+    after = survey(desk.machine)
+    assert next(changed_lines(after, after.paths - before.paths)) == "/dev/ttyACM0  Teensy, 16c0:0483"
