@@ -11,6 +11,7 @@ from rich.table import Table
 from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.cli.console import console, echo
+from missions.cli.names import BEHAVIOUR
 from missions.cli.options import behaviours_option, own_files
 from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
@@ -21,7 +22,7 @@ from missions.library.vocabulary import vocabulary
 
 
 @click.command(epilog="Example: mission behaviours find_face")
-@click.argument("name", required=False)
+@click.argument("name", type=BEHAVIOUR, required=False)
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
 @behaviours_option
 def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:

@@ -9,6 +9,7 @@ import click
 from behaviours.leaf import Leaf
 from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.library import UnknownNameError
+from missions.cli.names import MISSION
 from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for, target
 from missions.language.phrases import confusions
@@ -16,7 +17,7 @@ from missions.library.shipped import TESTS, shipped_missions
 
 
 @click.command(epilog="Example: mission check greet patrol")
-@click.argument("names", nargs=-1, metavar="[MISSION]...")
+@click.argument("names", type=MISSION, nargs=-1, metavar="[MISSION]...")
 @robot_option
 @click.option("--json", "as_json", is_flag=True, help="Write the mistakes as JSON, for editors and other programs.")
 @params_option

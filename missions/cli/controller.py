@@ -10,6 +10,7 @@ from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from config.controller import ControllerConfig, load_controller
 from config.library import find, shipped
+from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.testing.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
@@ -43,7 +44,7 @@ def list_() -> None:
 
 
 @command.command(epilog="Example: mission controller show face -o face.png")
-@click.argument("name", metavar="CONTROLLER")
+@click.argument("name", type=CONTROLLER, metavar="CONTROLLER")
 @picture_option
 def show(name: str, output: Path | None) -> None:
     """Say what a controller (a name or a file) is made of; draw its terms and the surfaces that its rules make."""
@@ -59,7 +60,7 @@ def show(name: str, output: Path | None) -> None:
 
 
 @command.command(name="bench", epilog="Example: mission controller bench face pd --delays --seeds 1")
-@click.argument("names", metavar="[CONTROLLER]...", nargs=-1)
+@click.argument("names", type=CONTROLLER, metavar="[CONTROLLER]...", nargs=-1)
 @picture_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
 @click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise and what is lost.")

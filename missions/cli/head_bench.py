@@ -25,6 +25,7 @@ from missions.assembly.interests import Interests
 from missions.assembly.lags import Lags
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
@@ -45,7 +46,7 @@ def robot_options(command: Any) -> Any:
     for option in (
         click.option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
         click.option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
-        click.option("--robot", metavar="NAME", help="The robot (a name or a file); its head moves. Else simulated."),
+        click.option("--robot", type=ROBOT, help="The robot (a name or a file); its head moves. Else simulated."),
     ):
         command = option(command)
     return command

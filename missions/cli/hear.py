@@ -22,6 +22,7 @@ from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.hearing import Hearing, hearing
 from missions.assembly.pronouncing import confusable_for
 from missions.assembly.together import made_by
+from missions.cli.names import MISSION, ROBOT
 from missions.cli.numbers import Real
 from missions.cli.options import behaviours_option, leaves_for, params_option
 from missions.cli.root import SUCCESS
@@ -54,9 +55,9 @@ def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> f
 
 
 @click.command(epilog="Example: mission hear --for 'yes, no, stop'")
-@click.argument("mission", required=False)
+@click.argument("mission", type=MISSION, required=False)
 @click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
-@click.option("--robot", metavar="NAME", help="Whose microphone and pronunciations; else the system's microphone.")
+@click.option("--robot", type=ROBOT, help="Whose microphone and pronunciations; else the system's microphone.")
 @click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
 @click.option(
     "--threshold", type=Real(), callback=_sure, help="How sure is sure enough, instead of what the robot file says."

@@ -20,11 +20,11 @@ MOTIONS = {
 
 def _mission_of(ctx: click.Context, argument: click.Parameter, value: str | None) -> str:
     """Return the mission that a motion is; list them all, and end, where none is named."""
-    if value is None:
+    if value is None and not ctx.resilient_parsing:
         for number, name in MOTIONS.items():
             click.echo(f"  {number}  {name:<22} {load_mission(f'motions/{name}').summary}")
         ctx.exit()
-    name = MOTIONS.get(value, value)
+    name = MOTIONS.get(value or "", value or "")
     if name not in MOTIONS.values():
         numbered = ", ".join(f"{number} {name}" for number, name in MOTIONS.items())
         raise click.BadParameter(f"there is no motion '{value}'; there are {numbered}", ctx=ctx, param=argument)

@@ -11,6 +11,7 @@ import click
 
 from behaviours.leaf import Leaf
 from config.units import in_dimension
+from missions.cli.names import PARAMS
 from missions.library.shipped import TESTS, behaviour_files
 from missions.library.vocabulary import found_beside, vocabulary
 
@@ -112,6 +113,7 @@ def params_option(command: Any) -> Any:
     return click.option(
         "--param",
         "params",
+        type=PARAMS,
         multiple=True,
         metavar="NAME=VALUE",
         callback=pairs('patience="5 s"'),

@@ -16,6 +16,7 @@ from drivers.clock import SystemClock
 from missions.cli.console import console
 from missions.cli.keys import Keys, interruptible
 from missions.cli.movie import Movie, check_place
+from missions.cli.names import MISSION
 from missions.cli.numbers import Real
 from missions.cli.options import SECONDS, behaviours_option
 from missions.cli.root import FAILURE, SUCCESS, USAGE
@@ -49,7 +50,9 @@ REFRESH = 0.1
 )
 @click.option("--rerun", "decide", is_flag=True, help="Decide it all again, and compare: nothing moves.")
 @click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
-@click.option("--mission", metavar="MISSION", help="Decide another mission on this record (a name or a file).")
+@click.option(
+    "--mission", type=MISSION, metavar="MISSION", help="Decide another mission on this record (a name or a file)."
+)
 @behaviours_option
 @click.option("--trust-code", is_flag=True, help="Run the Python that the record holds: its sender may do anything.")
 @click.option("--see", "look", is_flag=True, help="Search the pictures again, with today's perception, and compare.")

@@ -15,6 +15,9 @@ SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
 a fault of our own, Ctrl-C or SIGTERM."""
 
+COMPLETING = "_MISSION_COMPLETE"
+"""What a shell sets in the environment where it asks what a word may become."""
+
 GROUPS = {
     "Run missions": {
         "run": "Run a mission: simulated, unless a robot is named.",
@@ -52,6 +55,7 @@ GROUPS = {
         "models": "List trained models that can be fetched, and fetch them.",
         "udev": "Print the udev rules that name a TurtleBot's serial ports.",
         "simulate": "Run a robot's virtual devices alone, for other programs to use.",
+        "completion": "Let your shell complete commands, missions, robots and the like.",
     },
     "Use it by hand": {
         "teleop": "Drive a robot by hand: with keys, also over SSH, or with a game pad.",
@@ -122,6 +126,8 @@ def main() -> None:
             os.set_inheritable(number, True)
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the whole process
     sys.stderr = sys.stderr or sys.stdout
+    if COMPLETING in os.environ:
+        import_module("missions.cli.completion")  # which knows how shells ask
     with printable_streams():
         code = guarded(lambda: mission.main(standalone_mode=False))
     sys.exit(code)

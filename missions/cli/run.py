@@ -13,6 +13,7 @@ import click
 
 from missions.cli.companion import studio_beside, studio_option
 from missions.cli.leash import leash_option
+from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
@@ -56,10 +57,10 @@ class RunCommand(MissionCommand):
 
 
 @click.command(cls=RunCommand, epilog="Example: mission run greet --robot turtlebot2_arm --simulate --view")
-@click.argument("name", metavar="MISSION")
+@click.argument("name", type=MISSION, metavar="MISSION")
 @params_option
 @behaviours_option
-@click.option("--robot", metavar="NAME", help="The robot to run on (a name or a file); it moves, unless --simulate.")
+@click.option("--robot", type=ROBOT, help="The robot to run on (a name or a file); it moves, unless --simulate.")
 @click.option(
     "--simulate",
     metavar="[LEVEL]",
@@ -86,7 +87,7 @@ class RunCommand(MissionCommand):
     metavar="TIME",
     help="In simulated time: end the run then, if it has not ended; else after 1 h, unless there is a --speed.",
 )
-@click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")
+@click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
 @click.option("--camera", metavar="SOURCE", help="A video, folder, URL, device or index instead of the robot's camera.")
 @click.option(
     "--port",

@@ -14,6 +14,7 @@ from drivers.errors import BadRequest
 from missions.assembly.gallery import gallery
 from missions.cli.drawings import Drawings
 from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
+from missions.cli.names import ROBOT
 from missions.library.drivers import load_robot
 from missions.library.things import wanted
 from perception.annotate import annotate
@@ -33,7 +34,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 
 
 @click.command(epilog="Example: mission see photo.jpg --annotate drawn")
-@click.argument("files", nargs=-1, required=True, metavar="FILES...")
+@click.argument("files", type=click.Path(), nargs=-1, required=True, metavar="FILES...")
 @click.option(
     "--things", multiple=True, metavar='"red ball"', callback=_objects, help="Look for an object too. Repeat for more."
 )
@@ -46,7 +47,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
     help="Look for markers too: 4x4_50, apriltag_36h11...",
 )
 @click.option("--people", is_flag=True, help="Say whose faces they are, of those whom `mission person` knows.")
-@click.option("--robot", metavar="NAME", help="Whose camera: its lens, for distances, and its detector of faces.")
+@click.option("--robot", type=ROBOT, help="Whose camera: its lens, for distances, and its detector of faces.")
 @click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw it all, into OUT.")
 def command(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.names import SHOWN
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
 from missions.cli.outputs import writing
@@ -28,7 +29,7 @@ NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[pl
 
 
 @click.command(epilog="Example: mission show greet -o greet.svg")
-@click.argument("name", metavar="MISSION|RECORD")
+@click.argument("name", type=SHOWN, metavar="MISSION|RECORD")
 @click.option(
     "--format",
     "form",
@@ -37,7 +38,7 @@ NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[pl
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
 @click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record at this moment, such as 12.5s.")
-@click.option("--diff", "other", metavar="OTHER", help="Show what differs in this other mission or record.")
+@click.option("--diff", "other", type=SHOWN, metavar="OTHER", help="Show what differs in this other mission or record.")
 @click.option(
     "--fold",
     "depth",

@@ -15,6 +15,7 @@ from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
+from missions.cli.names import ROBOT
 from missions.cli.numbers import Real
 from missions.executive.executive import GLANCE
 from missions.library.drivers import load_robot
@@ -45,7 +46,7 @@ class Lines:
 
 
 @click.command(epilog="Example: mission simulate --robot turtlebot2")
-@click.option("--robot", metavar="NAME", default=DEFAULT_ROBOT, show_default=True, help="A name or a file.")
+@click.option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="A name or a file.")
 @click.option(
     "--state", "period", type=Real(), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
 )

@@ -14,6 +14,7 @@ from config.units import in_dimension
 from drivers.clock import SystemClock
 from missions.cli.console import console
 from missions.cli.keys import interruptible
+from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, pairs, params_option
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
@@ -44,7 +45,7 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 
 
 @click.command(epilog="Example: mission sweep greet --runs 20 --vary person.distance='0.6..2.5 m'")
-@click.argument("name", metavar="MISSION")
+@click.argument("name", type=MISSION, metavar="MISSION")
 @click.option("--runs", type=Whole(min=1), default=100, show_default=True, help="How many runs.")
 @click.option(
     "--vary",
@@ -56,8 +57,8 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 )
 @params_option
 @behaviours_option
-@click.option("--robot", metavar="NAME", help="The robot that is simulated (a name or a file).")
-@click.option("--world", metavar="NAME", help="What it stands in (a name or a file).")
+@click.option("--robot", type=ROBOT, help="The robot that is simulated (a name or a file).")
+@click.option("--world", type=WORLD, help="What it stands in (a name or a file).")
 @click.option(
     "--eyes",
     type=click.Choice(["pixels", "truth"]),

@@ -12,6 +12,7 @@ import click
 
 from config.library import find, shipped
 from config.notices import named
+from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
 from missions.cli.orders import check_order
@@ -64,7 +65,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
 
 
 @command.command(cls=MissionCommand, epilog="Example: mission task add greet --at 18:00 --every day --simulate fast")
-@click.argument("mission")
+@click.argument("mission", type=MISSION)
 @params_option
 @behaviours_option
 @click.option("--at", metavar="TIME", help='When: "18:00", the next such time, or "2026-12-24 18:00". Else at once.')
@@ -86,9 +87,9 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     type=click.Choice(["retry", "give-up"]),
     help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
 )
-@click.option("--robot", metavar="NAME", help="The robot to run on; it moves, unless --simulate.")
+@click.option("--robot", type=ROBOT, help="The robot to run on; it moves, unless --simulate.")
 @click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
-@click.option("--world", metavar="NAME", help="What a simulated robot stands in.")
+@click.option("--world", type=WORLD, help="What a simulated robot stands in.")
 @click.option("--eyes", type=click.Choice(["pixels", "truth"]), default="pixels", help="As for `mission run`.")
 def add(
     mission: str,

@@ -20,6 +20,7 @@ from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
+from missions.cli.names import ROBOT, WORLD
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.hands.teleop import keymap, pad
@@ -45,9 +46,9 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
 
 
 @click.command(epilog="Example: mission teleop --robot turtlebot2 --speed 30%")
-@click.option("--robot", metavar="NAME", help="The robot to drive (a name or a file); it moves. Else simulated.")
+@click.option("--robot", type=ROBOT, help="The robot to drive (a name or a file); it moves. Else simulated.")
 @click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
-@click.option("--world", metavar="NAME", help="What a simulated robot stands in (a name or a file).")
+@click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
 @click.option("--port", metavar="PATH", help="Where the base is plugged in, instead of what the file says.")
 @click.option(
     "--speed",

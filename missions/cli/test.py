@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from config.faults import Diagnostic, InvalidFileError
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
+from missions.cli.names import TESTED
 from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, tell_found
 from missions.cli.outputs import writing
@@ -28,7 +29,7 @@ from missions.testing.suite import Case, load_suite
 
 
 @click.command(epilog="Example: mission test greet --coverage")
-@click.argument("names", nargs=-1, metavar="[PATH]...")
+@click.argument("names", type=TESTED, nargs=-1, metavar="[PATH]...")
 @click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
 @click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes at a time; one for each core.")
 @click.option(

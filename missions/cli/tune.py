@@ -16,6 +16,7 @@ from config.marked import read_source
 from missions.cli.console import console
 from missions.cli.controller import read
 from missions.cli.keys import interruptible
+from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.cli.root import INTERRUPTED, SUCCESS
@@ -32,7 +33,14 @@ def command() -> None:
 
 
 @command.command(epilog="Example: mission tune tracker --controller face --evaluations 50")
-@click.option("--controller", "name", default="face", show_default=True, metavar="NAME", help="Where to start from.")
+@click.option(
+    "--controller",
+    "name",
+    type=CONTROLLER,
+    default="face",
+    show_default=True,
+    help="Where to start from.",
+)
 @click.option(
     "--rules",
     type=click.Choice(RULES),

@@ -11,6 +11,7 @@ from config.faults import InvalidFileError
 from config.library import UnknownNameError
 from config.units import written
 from drivers.clock import SystemClock
+from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for
@@ -20,7 +21,7 @@ from missions.testing.verify.verify import BOUND, LIMIT, verify
 
 
 @click.command(epilog="Example: mission verify greet")
-@click.argument("names", nargs=-1, metavar="[MISSION]...")
+@click.argument("names", type=MISSION, nargs=-1, metavar="[MISSION]...")
 @click.option(
     "--bound",
     type=Whole(min=1),

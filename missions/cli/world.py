@@ -13,6 +13,7 @@ from drivers.api import Image
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
 from missions.assembly.worlds import build_world
+from missions.cli.names import ROBOT, WORLD
 from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
 from missions.library.drivers import load_robot
@@ -45,7 +46,7 @@ def command() -> None:
 
 
 @command.command(epilog="Example: mission world show party -o party.svg")
-@click.argument("name", metavar="WORLD")
+@click.argument("name", type=WORLD, metavar="WORLD")
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Draw it, into FILE.svg or .png.")
 @click.option("--camera", is_flag=True, help="Draw what the robot's camera sees at the start, into FILE.png.")
 @click.option(
@@ -57,7 +58,7 @@ def command() -> None:
     type=SECONDS,
     help='How it is then: such as "5 s".',
 )
-@click.option("--robot", default=DEFAULT_ROBOT, show_default=True, metavar="NAME", help="Whose camera; name or file.")
+@click.option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Whose camera; name or file.")
 def show(name: str, output: Path | None, camera: bool, time: float, robot: str) -> None:
     """Say what is in a world (a name or a file), or draw it."""
     config = load_world(find("worlds", name))

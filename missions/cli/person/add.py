@@ -14,6 +14,7 @@ from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
 from missions.assembly.detectors import face_detector
 from missions.assembly.people import People, PeopleError, proper_name
+from missions.cli.names import PERSON
 from missions.cli.numbers import Real, Whole
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
@@ -32,8 +33,8 @@ LIMIT = 200
 
 
 @click.command(epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")
-@click.argument("name")
-@click.argument("files", nargs=-1, metavar="[PICTURES...]")
+@click.argument("name", type=PERSON)
+@click.argument("files", type=click.Path(), nargs=-1, metavar="[PICTURES...]")
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
 @click.option("--count", default=12, show_default=True, type=Whole(FEWEST, 100), help="Pictures to take.")
 @click.option(

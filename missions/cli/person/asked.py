@@ -10,6 +10,7 @@ from config.library import find
 from drivers.api.senses import CameraKeys
 from missions.assembly.gallery import people_of
 from missions.assembly.people import People, PeopleError, folder
+from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE
 from missions.library.drivers import load_robot
 
@@ -17,7 +18,9 @@ from missions.library.drivers import load_robot
 def robot_option(command: Any) -> Any:
     """Add ``--robot NAME`` to a command, which gets it as ``robot``."""
     return click.option(
-        "--robot", metavar="NAME", help="Whose people: those in the folder that its file names. Without it: yours."
+        "--robot",
+        type=ROBOT,
+        help="Whose people: those in the folder that its file names. Without it: yours.",
     )(command)
 
 

@@ -3,12 +3,13 @@
 import click
 
 from missions.assembly.people import PeopleError
+from missions.cli.names import PERSON
 from missions.cli.person.asked import people_for, robot_option, saying_why
 from missions.cli.root import FAILURE, SUCCESS
 
 
 @click.command(epilog="Example: mission person remove Anna")
-@click.argument("names", nargs=-1, required=True, metavar="NAMES...")
+@click.argument("names", type=PERSON, nargs=-1, required=True, metavar="NAMES...")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @robot_option
 @saying_why

@@ -16,6 +16,7 @@ from config.library import find, shipped
 from config.robot import RobotConfig
 from drivers.api import Gesture, JointLimits
 from missions.assembly.target import target_of
+from missions.cli.names import GESTURE
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
 from missions.cli.servo.running import run_leaf
@@ -32,7 +33,7 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 
 @click.command(epilog="Example: mission servo play greeting --dry-run")
 @partial(target_options, baud=False)
-@click.argument("name", metavar="NAME|FILE")
+@click.argument("name", type=GESTURE, metavar="NAME|FILE")
 @click.option("--speed", type=Real(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")
 @click.option("--rate", type=Real(min=0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
               "not say when they are.")  # fmt: skip

@@ -11,6 +11,7 @@ import click
 from config.library import find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
+from missions.cli.names import ROBOT
 from missions.cli.numbers import Whole
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
@@ -79,7 +80,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
     options = (
         click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
         click.option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
-        click.option("--robot", metavar="NAME", help="The robot (a name or a file), whose servos move. Without it and "
+        click.option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
                      "--port: simulated."),
     )  # fmt: skip
     with_options: Callable[..., Any] = rate(wrapped) if baud else wrapped
