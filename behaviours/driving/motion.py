@@ -25,6 +25,10 @@ STANDSTILL = 0.01
 """Below this speed (m/s or rad/s) it has stopped."""
 
 
+RECKONED = " (dead reckoning)"
+"""Said of all that is done on a base that measures nothing."""
+
+
 class Way(Enum):
     """Where a motion leads; what the base feels matters accordingly."""
 
@@ -63,7 +67,10 @@ class Motion(Leaf):
             self._refused_since = None
             self.resume(state)
             return self.wait(override)
-        return self.go(state, self._start)
+        status = self.go(state, self._start)
+        if state.reckoned and not self.feedback_message.endswith(RECKONED):
+            self.feedback_message += RECKONED
+        return status
 
     @property
     def way(self) -> Way:

@@ -112,6 +112,8 @@ class BaseState:
     """One report of a base: where it is, how it moves, what it feels. Battery in volts and 0..100 percent.
 
     ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
+    ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
+    added up. A base that measures no battery tells 0 V, and 100 percent.
     """
 
     pose: Pose2D
@@ -126,6 +128,7 @@ class BaseState:
     docked: bool = False
     dock: DockSignals = DockSignals()
     overcurrent: Sides = Sides()
+    reckoned: bool = False
 
 
 def _as_mission(source: Source) -> Source:

@@ -3,6 +3,7 @@
 from drivers.api.driver import Site
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.steered import settings_of
 from drivers.link import Link
 
 
@@ -11,13 +12,5 @@ def make(keys: KobukiKeys, site: Site) -> KobukiBase:
     return KobukiBase(
         Link("base", site.port, keys.baud, report=site.report),
         site.clock,
-        max_linear=keys.max_speed,
-        max_angular=keys.max_turn,
-        linear_acceleration=keys.acceleration,
-        angular_acceleration=keys.turn_acceleration,
-        reflexes=keys.reflexes,
-        away=keys.away,
-        report=site.report,
-        changed=site.changed,
-        steered=site.steered,
+        **settings_of(keys, site),
     )

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from threading import RLock
-from typing import TypedDict, Unpack
+from typing import Protocol, TypedDict, Unpack
 
 from drivers.api import (
     Away,
@@ -18,6 +18,7 @@ from drivers.api import (
     Velocity,
     ignore,
 )
+from drivers.api.sections import BaseKeys
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -43,6 +44,40 @@ class Settings(TypedDict, total=False):
     report: Report
     changed: Callable[[], None]
     steered: Steered
+
+
+class Told(Protocol):
+    """Who is told by a driver or a twin: a ``Site``, a ``Stage``."""
+
+    @property
+    def report(self) -> Report:
+        """Told how the base is."""
+        ...
+
+    @property
+    def changed(self) -> Callable[[], None]:
+        """Told that a contact or button has changed."""
+        ...
+
+    @property
+    def steered(self) -> Steered:
+        """Told who commands."""
+        ...
+
+
+def settings_of(keys: BaseKeys, told: Told) -> Settings:
+    """Return the settings of a base on two wheels, by its section of a robot file."""
+    return Settings(
+        max_linear=keys.max_speed,
+        max_angular=keys.max_turn,
+        linear_acceleration=keys.acceleration,
+        angular_acceleration=keys.turn_acceleration,
+        reflexes=keys.reflexes,
+        away=keys.away,
+        report=told.report,
+        changed=told.changed,
+        steered=told.steered,
+    )
 
 
 class SteeredBase(ABC):

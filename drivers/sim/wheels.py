@@ -34,7 +34,7 @@ class Wheels:
         self.slip = slip
         self.left = self.right = 0.0
         """How far the rim of each wheel has turned, in metres, backwards negative: what its encoder counts."""
-        self._separation = separation
+        self.separation = separation
         self._acceleration = acceleration
         self._dead_time = dead_time
         self._speeds = self._goals = (0.0, 0.0)
@@ -46,7 +46,7 @@ class Wheels:
         """How fast the base really moves."""
         left, right = self._speeds
         grip = 1 - self.slip
-        return Velocity(grip * (left + right) / 2, grip * (right - left) / self._separation)
+        return Velocity(grip * (left + right) / 2, grip * (right - left) / self.separation)
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -61,7 +61,7 @@ class Wheels:
     def command(self, linear: float, angular: float, now: float) -> None:
         """Ask the motors for ``linear`` m/s and ``angular`` rad/s from time ``now``, or a dead time later."""
         self.advance(now)
-        half = angular * self._separation / 2
+        half = angular * self.separation / 2
         due = max(now, self._now or now) + self._dead_time
         self._commands.append((due, linear - half, linear + half))
 
@@ -94,7 +94,7 @@ class Wheels:
         self.left += left
         self.right += right
         grip = 1 - self.slip
-        turn = grip * (right - left) / self._separation
+        turn = grip * (right - left) / self.separation
         chord = grip * (left + right) / 2 * _sinc(turn / 2)
         along = self.pose.heading + turn / 2
         self.pose = Pose2D(self.pose.x + chord * cos(along), self.pose.y + chord * sin(along), self.pose.heading + turn)

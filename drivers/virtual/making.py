@@ -17,6 +17,9 @@ from drivers.virtual.plugged import Plugged
 from drivers.virtual.rodney import ATTACHED, VirtualRodney
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
+from drivers.virtual.waveshare import VirtualWaveshare
+from drivers.waveshare.declared import WaveshareKeys
+from drivers.waveshare.wire import FULL
 
 
 def kobuki(keys: KobukiKeys, stage: Stage) -> Plugged:  # noqa: ARG001 - all makers are called with both
@@ -27,6 +30,17 @@ def kobuki(keys: KobukiKeys, stage: Stage) -> Plugged:  # noqa: ARG001 - all mak
         return asdict(device.pose(now)) | asdict(device.body.velocity)
 
     return Plugged(device, "kobuki", pose=device.pose, state=state)
+
+
+def waveshare(keys: WaveshareKeys, stage: Stage) -> Plugged:
+    """Return a virtual rover of Waveshare's."""
+    unit = 1.0 if keys.encoders else FULL / keys.speed_at_full
+    device = VirtualWaveshare(stage.body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
+
+    def state(now: float) -> object:
+        return asdict(device.pose(now)) | asdict(device.body.velocity)
+
+    return Plugged(device, "rover", pose=device.pose, state=state)
 
 
 def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001

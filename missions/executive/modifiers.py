@@ -9,6 +9,7 @@ from py_trees.decorators import Decorator
 
 from behaviours.node import Node
 from config.units import written
+from missions.executive.conditions import unmeasured
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.plan import Step
@@ -62,12 +63,20 @@ class Modifier(Parent, Decorator):
         self.feedback_message = self.child.feedback_message
         return status
 
+
+class Condition(Modifier):
+    """One whose ``value`` is a condition; it fails where that rests on what nothing measures."""
+
+    def start(self) -> str:
+        why = unmeasured(self.value, self.scope)
+        return f"{self.kind}: {why}" if why else super().start()
+
     def true_now(self) -> bool:
         """Ask the expression in ``value`` now. Raises ExpressionError."""
         return bool(self.value.resolve(self.scope))
 
 
-class If(Modifier):
+class If(Condition):
     """Asked once, at the start; where it is false the node is skipped and succeeds."""
 
     run_state = ("setting",)
@@ -76,7 +85,7 @@ class If(Modifier):
         return self.tick_child() if self.setting else SUCCESS
 
 
-class While(Modifier):
+class While(Condition):
     """Asked at every tick; once it is false the node is halted and fails."""
 
     def modify(self) -> Status:
@@ -88,7 +97,7 @@ class While(Modifier):
         return self.end(FAILURE)
 
 
-class Until(Modifier):
+class Until(Condition):
     """Asked at every tick; once it is true the node is halted and succeeds."""
 
     def modify(self) -> Status:

@@ -108,6 +108,11 @@ class BasePart(_OfBase):
         return None if self._state is None else self._state.pose.heading
 
     @property
+    def reckoned(self) -> bool | None:
+        """True where nothing measures how it moves: its place is dead reckoning, on which no condition may rest."""
+        return None if self._state is None else self._state.reckoned
+
+    @property
     def bumper(self) -> bool | None:
         """True while a bumper is pressed."""
         return None if self._state is None else bool(self._state.bumper)

@@ -59,6 +59,7 @@ STATE: Mapping[str, Mapping[str, Kind]] = {
         "heading": "angle",
         "bumper": FLAG,
         "cliff": FLAG,
+        "reckoned": FLAG,
         "wheel_drop": FLAG,
         "button": NUMBER,
         "docked": FLAG,

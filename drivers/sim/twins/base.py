@@ -3,9 +3,10 @@
 from dataclasses import replace
 from math import degrees, inf
 from random import Random
-from typing import Unpack
+from typing import Protocol, Unpack
 
 from drivers.api import (
+    STILL,
     BaseState,
     DeviceStatus,
     Health,
@@ -13,6 +14,7 @@ from drivers.api import (
     Quality,
     Reading,
     Sides,
+    Velocity,
 )
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -28,6 +30,20 @@ from drivers.sim.twins.plug import Plug
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[int], bool]
 """Bumper, cliff, wheel drop, buttons, and whether it stands on the contacts of its dock."""
+
+
+class Course(Protocol):
+    """What adds up a way, by whatever is known of it."""
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where the base is."""
+        ...
+
+    @property
+    def velocity(self) -> Velocity:
+        """How it moves."""
+        ...
 
 
 class BaseTwin(SteeredBase, PanelTwin):
@@ -117,7 +133,7 @@ class BaseTwin(SteeredBase, PanelTwin):
         if felt is not None:
             self._mux.feel(felt, now)
         velocity = self._mux.velocity(now, felt)
-        self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
+        self._obey(velocity, now)
         self._tell_steering(self._mux.steering)
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -150,14 +166,33 @@ class BaseTwin(SteeredBase, PanelTwin):
     def _connected(self) -> None:
         """Begin anew: nothing of before is in force, but the pose goes on from where it was."""
         self._mux.halt()
-        self._odometry.anchor()
+        self._anchor()
         self._silent = False
         now = self._clock.now()
         self.body.advance(now)
         self._hear(now)
 
+    @property
+    def _course(self) -> Course:
+        """Where it believes to be, and to move."""
+        return self._odometry
+
+    def _anchor(self) -> None:
+        """Go on from where it was, whatever way it has made unheard."""
+        self._odometry.anchor()
+
     def _hear(self, now: float) -> None:
         """Take one report of the body."""
+        self._measure(now)
+        self._headings.add(now, (self._course.pose.heading,))
+        self._heard_at = now
+        self._mux.hear(now)
+        self._latest = None
+        self._frames += 1
+        self._feel()
+
+    def _measure(self, now: float) -> None:
+        """Take what encoders, gyro and infrared receivers say."""
         left, right = self.body.encoders
         noise = self._random.gauss(0.0, self._gyro_noise) if self._gyro_noise else 0.0
         self._gyro_error += noise * self.PERIOD
@@ -165,20 +200,22 @@ class BaseTwin(SteeredBase, PanelTwin):
         rate = round(100 * degrees(self.body.velocity.angular + noise))
         core = Core(time_ms=round(1000 * now), left_encoder=left, right_encoder=right)
         self._odometry.update(core, Inertia(heading, rate), now)
-        self._headings.add(now, (self._odometry.pose.heading,))
         self._signals = self.body.signals()
-        self._heard_at = now
-        self._mux.hear(now)
-        self._latest = None
-        self._frames += 1
-        self._feel()
+
+    def _touches(self) -> Contacts:
+        """Return what it touches now."""
+        bumper, cliff, buttons = self._pressed
+        body = self.body
+        return either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons, body.docked
+
+    def _obey(self, velocity: Velocity, now: float) -> None:
+        """Tell the body how to move, as the wire would."""
+        self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
 
     def _feel(self) -> None:
         """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
         self._tell_return(f"{self.name}: the base reports again")
-        bumper, cliff, buttons = self._pressed
-        body = self.body
-        contacts = (either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons, body.docked)
+        contacts = self._touches()
         if contacts == self._contacts and self._felt is not None:
             return
         self._contacts = contacts
@@ -190,8 +227,8 @@ class BaseTwin(SteeredBase, PanelTwin):
         bumper, cliff, wheel_drop, buttons, docked = self._contacts
         battery = self.body.battery
         return BaseState(
-            pose=self._odometry.pose,
-            velocity=self._odometry.velocity,
+            pose=self._course.pose,
+            velocity=self._course.velocity,
             bumper=bumper,
             cliff=cliff,
             wheel_drop=wheel_drop,
@@ -224,7 +261,7 @@ class BaseTwin(SteeredBase, PanelTwin):
 
     def _stand(self) -> None:
         if self.plug.online:
-            self.body.command(0.0, 0.0, self._clock.now())
+            self._obey(STILL, self._clock.now())
 
     def _hears(self, now: float) -> bool:
         return self.plug.online and now - self._heard_at <= SILENT_AFTER

@@ -6,6 +6,8 @@ from drivers.arduino.make import axis as servo
 from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
 from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
+from drivers.kobuki.steered import settings_of
+from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
@@ -13,27 +15,41 @@ from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
+from drivers.sim.twins.plain_base import PlainTwin
 from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.world import World
+from drivers.waveshare.declared import WaveshareKeys
+from drivers.waveshare.wire import FASTEST
 
 
 def base(keys: BaseKeys, stage: Stage) -> BaseTwin:
     """Return the twin of a base on two wheels, of whatever make."""
     return BaseTwin(
         stage.clock,
-        max_linear=keys.max_speed,
-        max_angular=keys.max_turn,
-        linear_acceleration=keys.acceleration,
-        angular_acceleration=keys.turn_acceleration,
-        reflexes=keys.reflexes,
-        away=keys.away,
-        report=stage.report,
-        changed=stage.changed,
-        steered=stage.steered,
+        **settings_of(keys, stage),
         body=stage.body(),
         gyro_noise=stage.physics.gyro_noise,
         dropouts=stage.physics.dropouts,
         seed=stage.seed,
+    )
+
+
+def waveshare(keys: WaveshareKeys, stage: Stage) -> PlainTwin:
+    """Return the twin of a rover of Waveshare's."""
+    wheels = TwoWheels(keys.track, FASTEST if keys.encoders else keys.speed_at_full)
+    return plain(wheels, keys, stage, reckoned=not keys.encoders)
+
+
+def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool) -> PlainTwin:
+    """Return the twin of a base that feels nothing, whose pose may be dead reckoning."""
+    return PlainTwin(
+        stage.clock,
+        wheels=wheels,
+        reckoned=reckoned,
+        body=stage.body(),
+        dropouts=stage.physics.dropouts,
+        seed=stage.seed,
+        **settings_of(keys, stage),
     )
 
 

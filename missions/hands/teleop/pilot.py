@@ -83,6 +83,8 @@ class Pilot:
             return " | ".join((*told, self._trouble or self._base.health().detail or "no reports"))
         told.append(f"{state.velocity.linear:+.2f} m/s {degrees(state.velocity.angular):+4.0f} deg/s")
         why = f": {steering.because}" if steering.because else ""
+        if state.reckoned:
+            told.append("dead reckoning")
         told.append(self._base.latched or (ANEW if self._stale else "") or f"{steering.source or 'nobody'}{why}")
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
         told += [f"{name} {sides}" for name, sides in touched.items() if sides]

@@ -99,6 +99,7 @@ class Figures:
                 "wheel_drop": str(state.wheel_drop),
                 "charging": state.charging,
                 "docked": state.docked,
+                "reckoned": state.reckoned,
             }
             head = {"t": t, "stamp": stamp, "quality": quality}
             yield Figure(

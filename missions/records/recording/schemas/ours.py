@@ -238,6 +238,7 @@ OURS: Mapping[str, Schema] = {
         wheel_drop=text("The wheels that hang."),
         charging=flag("Whether it is being charged."),
         docked=flag("Whether it stands on its dock."),
+        reckoned=flag("Whether place and speed are dead reckoning: nothing measures them."),
     ),
     "missiontree.HeadState": closed(
         "Where the head looks, and where it is to look: radians, left and down positive.",

@@ -121,7 +121,7 @@ BYTES = {
     "foxglove.Log": "e4978a18822102b3",
     "foxglove.PoseInFrame": "f31b22e3636e7e85",
     "missiontree.ArmState": "49ef3f3d795b4f50",
-    "missiontree.BaseState": "8fd3ef2ad61a0ae3",
+    "missiontree.BaseState": "d3c5594ff2555c18",
     "missiontree.CommandSent": "f15a84eed88cfc56",
     "missiontree.DeviceStates": "166adb823a29edf2",
     "missiontree.Ended": "5a563e659140dd30",

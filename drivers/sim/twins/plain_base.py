@@ -1,0 +1,61 @@
+"""The twin of a base on two wheels that feels nothing, and may not even measure how far they have turned."""
+
+from dataclasses import replace
+from typing import Unpack
+
+from drivers.api import BaseState, Velocity
+from drivers.clock import Clock
+from drivers.kobuki.steered import Settings
+from drivers.reckoning import Reckoning, TwoWheels
+from drivers.sim.body import NOTHING, Body
+from drivers.sim.twins.base import BaseTwin, Contacts
+
+
+class PlainTwin(BaseTwin):
+    """A ``drivers.api.Base`` made of arithmetic, as ``drivers.plain_base.PlainBase``; see ``BaseTwin``.
+
+    Whatever ``body`` bumps into, it does not feel it. Where it is ``reckoned``, its pose is what it was told, added up.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        wheels: TwoWheels,
+        reckoned: bool,
+        body: Body | None = None,
+        dropouts: float = 0.0,
+        seed: int = 0,
+        **settings: Unpack[Settings],
+    ) -> None:
+        super().__init__(clock, body=body, dropouts=dropouts, seed=seed, **settings)
+        self._wheels = wheels
+        self._reckoned = reckoned
+        self._reckoning = Reckoning()
+
+    @property
+    def _course(self) -> Reckoning:
+        return self._reckoning
+
+    def _anchor(self) -> None:
+        self._reckoning.pause()
+
+    def _measure(self, now: float) -> None:
+        self._reckoning.advance(now, None if self._reckoned else self._rolls())
+
+    def _rolls(self) -> Velocity:
+        """Return how it moves by the speeds of its wheels, whether they slip or not."""
+        wheels = self.body.wheels
+        return Velocity(sum(wheels.speeds) / 2, (wheels.speeds[1] - wheels.speeds[0]) / wheels.separation)
+
+    def _touches(self) -> Contacts:
+        return NOTHING, NOTHING, NOTHING, frozenset(), False
+
+    def _obey(self, velocity: Velocity, now: float) -> None:
+        given = self._wheels.within(velocity)
+        self.body.command(given.linear, given.angular, now)
+        if self._reckoned:
+            self._reckoning.advance(now, given)
+
+    def _state(self) -> BaseState:
+        return replace(super()._state(), reckoned=self._reckoned)

@@ -1,0 +1,46 @@
+"""Waveshare's rovers as a driver of bases, and its keys in a robot file."""
+
+from collections.abc import Iterator
+
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import BaseKeys, Wired
+
+
+@keys
+class WaveshareKeys(BaseKeys, Wired):
+    """The ``base`` section of a robot on a rover of Waveshare's."""
+
+    max_speed: float = key("speed", default=0.5, low=0.01, high=2.0, help="The highest speed.")
+    encoders: bool = key(
+        default=True,
+        help="Whether its wheels are measured: UGV Rover, UGV Beast. Without (WAVE ROVER), its pose is dead reckoning.",
+    )
+    speed_at_full: float = key(
+        "speed", default=1.25, low=0.05, high=5.0, help="How fast it goes at full power; counts without encoders alone."
+    )
+    track: float = key(
+        "length",
+        default=0.172,
+        low=0.02,
+        high=2.0,
+        help="How far apart its wheels act: more than measured where four wheels skid in turns.",
+    )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a speed that it does not reach."""
+        if not self.encoders and self.max_speed > self.speed_at_full:
+            most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
+            message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
+            yield Mistake(message, ("max_speed",), ("speed_at_full",))
+
+
+WAVESHARE = Driver(
+    "waveshare",
+    "base",
+    "A rover of Waveshare's that speaks JSON: WAVE ROVER, UGV Rover, UGV Beast.",
+    WaveshareKeys,
+    make="drivers.waveshare.make:make",
+    twin="drivers.sim.twins.making:waveshare",
+    virtual="drivers.virtual.making:waveshare",
+)

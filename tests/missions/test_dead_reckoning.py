@@ -1,0 +1,48 @@
+"""A base that measures nothing: what is done on it says so, and no condition rests on where it believes to be."""
+
+from pathlib import Path
+
+import pytest
+
+import missions
+from missions.executive.events import Event, Logged, NodeChanged
+from missions.order import RunRequest
+from missions.runner import Runner
+
+DRIVE = """\
+mission: m
+tree:
+  sequence:
+    - drive: {distance: 50 cm}
+    - log: "${base.reckoned} ${round(base.x / 1 m, 1)}"
+"""
+
+
+def events_of(tree: str, folder: Path) -> tuple[str, str, list[Event]]:
+    mission = folder / "m.yaml"
+    mission.write_text(tree, encoding="utf-8")
+    events: list[Event] = []
+    order = RunRequest(str(mission), robot="wave_rover", simulate="fast", eyes="truth")
+    outcome = Runner(order, listeners=[events.append]).run()
+    return outcome.result, outcome.reason, events
+
+
+def test_a_drive_is_a_time_at_a_speed_and_says_that_it_is_dead_reckoning(tmp_path: Path) -> None:
+    result, _, events = events_of(DRIVE, tmp_path)
+    assert result == "success"
+    assert [event.text for event in events if isinstance(event, Logged) and event.level == "info"] == ["yes 0.5"]
+    reasons = [event.reason for event in events if isinstance(event, NodeChanged) and event.reason]
+    assert any("(dead reckoning)" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize("condition", ["until: base.x > 30 cm", "while: base.heading < 1 rad", "if: base.y > 0 m"])
+def test_a_condition_on_where_it_is_fails_with_that_reason(condition: str, tmp_path: Path) -> None:
+    tree = f"mission: m\ntree:\n  sequence:\n    - drive: {{distance: 50 cm}}\n      {condition}\n"
+    result, reason, _ = events_of(tree, tmp_path)
+    assert result == "failure"
+    assert "is dead reckoning: this base measures nothing" in reason
+
+
+def test_a_square_is_driven_on_it() -> None:
+    ran = missions.run("square_3m", robot="wave_rover", simulate="fast", params={"side": "50 cm"}, eyes="truth")
+    assert ran.result == "success"
