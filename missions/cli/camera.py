@@ -1,24 +1,20 @@
 """``mission camera``: which cameras are plugged in, and what their lenses are like."""
 
 import re
-from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import click
 
 from config.editing import NotEditableError
 from config.units import in_dimension
-from drivers.api import DeviceStatus, Image
-from drivers.camera.choose import open_source
 from drivers.camera.devices import list_devices
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
-from drivers.clock import SystemClock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import BadRequest
 from missions.cli.lens import keep_lens, lens_entries, lens_size
 from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.through import through
 from perception.calibration import Board, Calibration, Views, calibrate
 
 PLENTY = 20
@@ -107,32 +103,12 @@ def calibrate_command(source: str, board: tuple[int, int], square: float, keep: 
 def _gather(views: Views, source: str, seconds: float, size: tuple[int, int] | None) -> None:
     """Show the source's pictures to ``views``, and say how many taught something; a device's in that ``size``."""
     live = kind_of(source) in {Kind.DEVICE, Kind.URL}
-    for image in _live(source, seconds, size) if live else (image for _, _, image in pictures([source])):
+    seen = (image for _, image in through(source, seconds, size)) if live else (each[2] for each in pictures([source]))
+    for image in seen:
         if views.add(image):
             click.echo(f"view {len(views.corners)}" + (f" of {PLENTY}" if live else ""), err=True)
         if len(views.corners) >= PLENTY:
             return
-
-
-def _live(source: str, seconds: float, size: tuple[int, int] | None) -> Iterator[Image]:
-    """Yield what a camera sees. Raises NotConnected when there is nothing to see in a fifth of the time."""
-    clock = SystemClock()
-    with closing(open_source(source, clock, size=size, report=_report)) as camera:
-        camera.open()
-        seen = False
-        while clock.now() < seconds:
-            frame = camera.read(0.2)
-            if frame is not None:
-                seen = True
-                yield frame.image
-            elif not seen and clock.now() > seconds / 5:
-                health = camera.health()
-                raise NotConnected(health.detail, hint=health.hint)
-
-
-def _report(notice: DeviceStatus) -> None:
-    if notice.kind != "online":
-        click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
 
 
 def _told(found: Calibration, views: Views, keep: Path | None) -> int:

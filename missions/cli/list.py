@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
 from config.gesture import load_gesture
 from config.library import shipped
@@ -21,7 +22,10 @@ KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "
 @click.command(epilog="Example: mission list gestures")
 @click.argument("kind", required=False, type=click.Choice(KINDS))
 def command(kind: str | None) -> None:
-    """List what ships with MissionTree, by name, with a line on each; and the drivers, whoever they are of."""
+    """List what ships with MissionTree, by name, with a line on each; and the drivers, whoever they are of.
+
+    Behind a gesture stand the robots that can do it.
+    """
     for each in KINDS if kind is None else (kind,):
         echo(each, "bold")
         for name, summary in _entries(each):
@@ -36,8 +40,21 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
     if kind == "drivers":
         yield from _drivers()
         return
+    if kind == "gestures":
+        yield from _gestures()
+        return
     for name, path in shipped(kind).items():
         yield name, _SUMMARIES[kind](path)
+
+
+def _gestures() -> Iterator[tuple[str, str]]:
+    """Yield every gesture with the robots of the library whose arms have its joints, and reach as far."""
+    arms = {name: arm for name, path in shipped("robots").items() if (arm := load_robot(path).arm) is not None}
+    for name, path in shipped("gestures").items():
+        gesture = load_gesture(path)
+        poses = [pose for _, pose in gesture.keyframes]
+        able = [robot for robot, arm in arms.items() if not JointRanges(arm.limits, arm.groups).beyond(poses)]
+        yield name, f"{gesture.summary} ({', '.join(able) or 'for none of these robots'})"
 
 
 def _drivers() -> Iterator[tuple[str, str]]:
@@ -54,7 +71,6 @@ def _drivers() -> Iterator[tuple[str, str]]:
 _SUMMARIES: dict[str, Callable[[Path], str]] = {
     "robots": lambda path: load_robot(path).summary,
     "worlds": lambda path: load_world(path).summary,
-    "gestures": lambda path: load_gesture(path).summary,
     "controllers": lambda path: load_controller(path).summary,
     "objects": lambda path: load_object(path).summary,
 }

@@ -1,27 +1,41 @@
-"""``mission see``: what perception finds in pictures and videos, as text, as JSON, and drawn."""
+"""``mission see``: what perception finds in pictures, videos and cameras, as text, as JSON, and drawn."""
 
 import json
-from collections.abc import Iterator
-from math import degrees, isfinite
+from collections.abc import Iterable, Iterator
+from contextlib import nullcontext, suppress
+from math import degrees, inf, isfinite
 from pathlib import Path
 
 import click
 
 from config.library import find
-from drivers.api import DeviceStatus
+from drivers.api.senses import CameraKeys
 from drivers.camera.pictures import pictures
+from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
 from missions.assembly.gallery import gallery
 from missions.cli.drawings import Drawings
-from missions.cli.looking import IDEAL, Looker, Seen, SeenFace
+from missions.cli.keys import interruptible
+from missions.cli.looking import IDEAL, PERIOD, Looker, Seen, SeenFace
+from missions.cli.movie import CODECS, Movie, check_place
 from missions.cli.names import ROBOT
+from missions.cli.numbers import Real
+from missions.cli.root import SUCCESS
+from missions.cli.through import tell, through
 from missions.library.drivers import load_robot
 from missions.library.things import wanted
+from missions.records.replay.frames import steady
 from perception.annotate import annotate
-from perception.api import Box, Marker, Thing
+from perception.api import Box, Image, Marker, Thing
 from perception.faults import BadModel
 from perception.markers import DICTIONARIES
 from perception.wanted import Wanted
+
+Shot = tuple[str, int, float, Image]
+"""Where a picture is from, its number there and its time, and the picture."""
+
+RATE = 12.5
+"""Pictures a second of a film."""
 
 EYES = ("", ", one eye", ", both eyes")
 
@@ -33,8 +47,8 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
         raise click.BadParameter(str(error.args[0]), ctx=ctx, param=option) from error
 
 
-@click.command(epilog="Example: mission see photo.jpg --annotate drawn")
-@click.argument("files", type=click.Path(), nargs=-1, required=True, metavar="FILES...")
+@click.command(epilog="Example: mission see 0 --things 'red ball' --annotate seen.webm")
+@click.argument("files", type=click.Path(), nargs=-1, metavar="[FILES|CAMERA]...")
 @click.option(
     "--things", multiple=True, metavar='"red ball"', callback=_objects, help="Look for an object too. Repeat for more."
 )
@@ -49,7 +63,11 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 @click.option("--people", is_flag=True, help="Say whose faces they are, of those whom `mission person` knows.")
 @click.option("--robot", type=ROBOT, help="Whose camera: its lens, for distances, and its detector of faces.")
 @click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
-@click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT", help="Draw it all, into OUT.")
+@click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT",
+              help="Draw it all: into the folder OUT, or a film (OUT.webm).")  # fmt: skip
+@click.option(
+    "--seconds", type=Real(min=0.1), metavar="N", help="Look through a camera for so long; else until Ctrl-C."
+)
 def command(
     files: tuple[str, ...],
     things: tuple[Wanted, ...],
@@ -58,33 +76,83 @@ def command(
     robot: str | None,
     as_json: bool,
     folder: Path | None,
+    seconds: float | None,
 ) -> int:
-    """Look for faces, and for more, in pictures, videos and folders of them."""
+    """Look for faces, and for more, in pictures, videos and folders of them, or through a camera.
+
+    A camera is a number, a device or an address (0, /dev/video2, http://...); with --robot and nothing else, it is that
+    of the robot. It tells of one picture a second, with --json of each. While a mission runs, its camera is taken: the
+    page of `mission studio` shows it.
+    """
     camera = None if robot is None else load_robot(find("robots", robot)).camera
-    known = gallery(camera or IDEAL, _warn) if people else None
+    if robot is not None and camera is None:
+        raise click.UsageError(f"{robot} has no camera")
+    if not files and camera is None:
+        raise click.UsageError("which pictures, or which camera?\n  try: mission see 0")
+    files = files or (str(camera.source) if camera else "0",)
+    known = gallery(camera or IDEAL, tell) if people else None
     looker = Looker(camera or IDEAL, things, markers, known)
-    drawn = None if folder is None else Drawings(folder, files)
+    live = len(files) == 1 and kind_of(files[0]) in {Kind.DEVICE, Kind.URL}
     try:
-        for path, number, image in pictures(files):
-            seen = looker.look(path, number, image)
-            click.echo(json.dumps(_data(path, number, seen)) if as_json else f"{path} frame {number}: {_words(seen)}")
-            if drawn is not None:
-                drawn.write(path, number, annotate(image, _marks(seen)))
+        shots = _live(files[0], camera, inf if seconds is None else seconds) if live else _stills(files)
+        with interruptible():
+            written = _draw(_looked(shots, looker, as_json=as_json, live=live), folder, files)
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
     except (FileNotFoundError, BadModel) as error:  # of a detector
         raise click.UsageError(f"{error}") from error
-    return 0
+    if folder is not None:
+        click.echo(f"written: {folder} ({written} pictures)", err=as_json)
+    return SUCCESS
 
 
-def _warn(notice: DeviceStatus) -> None:
-    click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)
+def _stills(files: tuple[str, ...]) -> Iterator[Shot]:
+    return ((str(path), number, number * PERIOD, image) for path, number, image in pictures(files))
 
 
-def _data(path: Path, number: int, seen: Seen) -> dict[str, object]:
+def _live(source: str, camera: CameraKeys | None, seconds: float) -> Iterator[Shot]:
+    size = None if camera is None else (camera.width, camera.height)
+    return ((source, number, *seen) for number, seen in enumerate(through(source, seconds, size)))
+
+
+def _looked(shots: Iterable[Shot], looker: Looker, *, as_json: bool, live: bool) -> Iterator[tuple[Shot, Seen]]:
+    """Look at pictures as they come, and say what each shows; of a camera, one a second in words. Ctrl-C ends that."""
+    due = 0.0
+    with suppress(KeyboardInterrupt) if live else nullcontext():
+        for shot in shots:
+            name, number, stamp, image = shot
+            seen = looker.look(Path(name), number, image)
+            if as_json or not live or stamp >= due:
+                due = stamp + 1.0
+                click.echo(
+                    json.dumps(_data(name, number, seen)) if as_json else f"{name} frame {number}: {_words(seen)}"
+                )
+            yield shot, seen
+
+
+def _draw(looked: Iterable[tuple[Shot, Seen]], out: Path | None, files: tuple[str, ...]) -> int:
+    """Write what was seen into ``out``, where there is one; return how many pictures that made."""
+    if out is None:
+        return sum(1 for _ in looked)
+    if out.suffix in CODECS:
+        check_place(out, "--annotate")
+        marked = ((stamp, annotate(image, _marks(seen))) for (_, _, stamp, image), seen in looked)
+        with Movie(out, rate=RATE, option="--annotate") as movie:
+            for picture in steady(marked, RATE):
+                movie.write(picture)
+        if movie.trouble:
+            raise click.ClickException(movie.trouble)
+        return movie.pictures
+    drawn, count = Drawings(out, files), 0
+    for count, ((name, number, _, image), seen) in enumerate(looked, 1):  # noqa: B007 - they are counted
+        drawn.write(Path(name), number, annotate(image, _marks(seen)))
+    return count
+
+
+def _data(name: str, number: int, seen: Seen) -> dict[str, object]:
     """Return what a frame shows for JSON."""
     return {
-        "file": str(path),
+        "file": name,
         "frame": number,
         "faces": [_numbers(face.box) for face in seen.faces],
         "names": [face.name for face in seen.faces],

@@ -293,3 +293,9 @@ def test_the_demo_installs_what_the_package_needs_and_no_tools() -> None:
     assert named - {"colorama"} == needed - {"missiontree"}  # which Windows alone has
     pinned = {line.partition("==")[0] for line in (root / "constraints.txt").read_text().splitlines()}
     assert named <= pinned
+
+
+def test_behind_each_gesture_stand_the_robots_that_can_do_it(mission: Mission) -> None:
+    lines = {line.split()[0]: line for line in mission("list", "gestures").out.splitlines()[1:]}
+    assert lines["wave"].endswith("(humanoid)")
+    assert lines["greeting"].endswith("(turtlebot2_arm)")

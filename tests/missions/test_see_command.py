@@ -109,3 +109,40 @@ def test_whose_faces_they_are_is_said_on_request(mission: Mission) -> None:
     seen = events_of(mission("see", "--people", "--json", "anna3.png", "ben3.png").out.splitlines())
     assert [each["names"] for each in seen] == [["Anna"], ["Ben"]]
     assert mission("see", "anna3.png").out.startswith("anna3.png frame 0: 1 face: ")
+
+
+def filmed(name: str) -> None:
+    """Write a film in which a face goes by."""
+    face = cv2.imread("astronaut.png")
+    assert face is not None
+    film = cv2.VideoWriter(name, cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (512, 512))
+    for shift in range(12):
+        film.write(np.roll(face, 5 * shift, axis=1))
+    film.release()
+
+
+def test_through_a_camera_it_says_what_it_sees_and_draws_it_into_a_film(mission: Mission, tmp_path: Path) -> None:
+    filmed("street.avi")
+    camera = f"file://{tmp_path}/street.avi"  # an address, as that of a camera in the network
+    outcome = mission("see", camera, "--annotate", "seen.webm")
+    assert outcome.out.startswith(f"{camera} frame 0: 1 face")
+    assert outcome.out.splitlines()[-1].startswith("written: seen.webm (")
+    assert cv2.VideoCapture("seen.webm").get(cv2.CAP_PROP_FRAME_COUNT) > 0
+    frames = events_of(mission("see", "--json", camera).out.splitlines())
+    assert [frame["frame"] for frame in frames] == list(range(len(frames))), "each is told, as they come"
+    assert all(len(frame["faces"]) <= 1 for frame in frames)
+
+
+def test_a_robot_s_camera_is_looked_through_where_no_picture_is_named(mission: Mission, tmp_path: Path) -> None:
+    filmed("street.avi")
+    Path("eye.yaml").write_text(f"robot: eye\ncamera: {{source: 'file://{tmp_path}/street.avi'}}\n")
+    assert f"file://{tmp_path}/street.avi frame 0: 1 face" in mission("see", "--robot", "eye.yaml").out
+    Path("blind.yaml").write_text("robot: blind\nvoice: {}\n")
+    assert "blind.yaml has no camera" in mission("see", "--robot", "blind.yaml").err
+    assert "try: mission see 0" in mission("see").err
+
+
+def test_a_camera_that_is_not_there_is_told(mission: Mission) -> None:
+    outcome = mission("see", "/dev/video987", "--seconds", "0.5")
+    assert outcome.code == 3
+    assert "/dev/video987: no such device" in outcome.err
