@@ -5,7 +5,7 @@ from collections.abc import Mapping
 HOUSE: Mapping[str, Mapping[str, str]] = {
     "base": {"kobuki": "drivers.kobuki.declared:KOBUKI", "waveshare": "drivers.waveshare.declared:WAVESHARE"},
     "head": {"arduino": "drivers.arduino.declared:ARDUINO", "dynamixel": "drivers.dynamixel.declared:NECK"},
-    "arm": {"dynamixel": "drivers.dynamixel.declared:ARM"},
+    "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR"},
     "camera": {"opencv": "drivers.camera.declared:OPENCV"},
     "microphone": {

@@ -7,14 +7,18 @@ from typing import Literal, NamedTuple
 from drivers.api.quick import dataclass
 from drivers.dynamixel.channel import Channel
 from drivers.dynamixel.codec import Codec, Keep, Reply
+from drivers.dynamixel.models import model_of
 from drivers.dynamixel.overdue import Wanted
 from drivers.dynamixel.register import Block, Register
-from drivers.dynamixel.units import Protocol
+from drivers.dynamixel.units import Protocol, called, short
 from drivers.dynamixel.wire import BROADCAST, REFUSAL, Fault, Packet
 from drivers.errors import BadRequest, NoReply
 
 TRIES = 3
 """How often a read is sent before it counts as unanswered."""
+
+_FRONT = 6
+"""Bytes at the front of a table by which a servo of protocol 1.0 and an STS say what they are."""
 
 ROLL_CALL = 0.003
 """Seconds that each ID has for its answer to a ping that asks all of them."""
@@ -60,14 +64,13 @@ class Bus(Channel):
     def identify(self, at: At, *, tries: int = TRIES) -> Identity:
         """Return what a servo is. Raises NoReply if it is not there.
 
-        In protocol 1.0 the answer to a ping says nothing, and is the same as the echo of one: the table is read.
+        In protocol 1.0 the answer to a ping says nothing, and is the same as the echo of one: the table is read. It
+        tells a Dynamixel from an STS, which hears the same frames: the ``at`` that is returned may have that protocol.
         """
-        if at.protocol == 1:
-            data = self.read_block(at, 0, 3, tries=tries)
-        else:
-            request = self._codec(at).ping(at.id)
-            data = self._ask(at, "ping", lambda: self._told(at, request, 3), tries)
-        return _identity(at, data)
+        if at.protocol != 2:
+            return _recognised(at, self.read_block(at, 0, _FRONT, tries=tries))
+        request = self._codec(at).ping(at.id)
+        return _identity(at, self._ask(at, "ping", lambda: self._told(at, request, 3), tries))
 
     def read(self, at: At, register: Register) -> int:
         """Return the value of ``register``. Raises NoReply after ``TRIES`` tries, NotConnected, BadRequest."""
@@ -123,9 +126,8 @@ class Bus(Channel):
                     del blocks[servo]
             if not blocks:
                 return {}
-            request = codec.bulk_read(blocks)
-            if how == "sync":
-                request = codec.sync_read(blocks, next(iter(blocks.values())))
+            same = next(iter(blocks.values()))
+            request = codec.sync_read(blocks, same) if how == "sync" else codec.bulk_read(blocks)
             replies = self._transact(codec, request, {servo: asked[servo] for servo in blocks})
         return {at: replies[at.id].data for at in wanted if at.id in replies and replies[at.id].data}
 
@@ -231,9 +233,7 @@ class Bus(Channel):
         codec = self._codecs[protocol]
         for servo in servos:
             if not 0 <= servo <= codec.last_id:
-                raise BadRequest(
-                    f"{self.name}: a servo's ID is 0..{codec.last_id} in protocol {protocol}.0, not {servo}"
-                )
+                raise BadRequest(f"{self.name}: a servo's ID is 0..{codec.last_id} in {called(protocol)}, not {servo}")
         return codec
 
     def _silence(self, at: At, what: object, tries: int, damaged: int) -> NoReply:
@@ -246,12 +246,25 @@ class Bus(Channel):
         return NoReply(
             f"{self.name}: servo {at.id}: no reply to a {what} on {where} ({tries} tries)",
             hint=f"check its power and cable, its ID ({at.id}), its baud rate ({self.baud}), its protocol "
-            f"({at.protocol}.0), its status return level",
+            f"({short(at.protocol)}), its status return level",
         )
 
 
 def _identity(at: At, data: bytes) -> Identity:
     return Identity(at, int.from_bytes(data[:2], "little"), data[2])
+
+
+def _recognised(at: At, data: bytes) -> Identity:
+    """Return whose table begins so: that of protocol 1.0 with number, firmware and ID, or of an STS the other way."""
+    number, firmware = int.from_bytes(data[3:5], "little"), int.from_bytes(data[:2], "little")
+    found = ((_identity(At(at.id, 1), data), data[3]), (Identity(At(at.id, "STS"), number, firmware), data[5]))
+
+    def likely(each: tuple[Identity, int]) -> tuple[int, bool]:
+        identity, servo = each
+        told, model = identity.at, model_of(identity.number)
+        return (servo == at.id) + (model is not None and model.protocol == told.protocol), told == at
+
+    return max(found, key=likely)[0]
 
 
 def _cure(faults: Fault) -> str:

@@ -35,11 +35,12 @@ class Found:
 
 
 def census(
-    bus: Bus, bauds: Sequence[int], protocols: Sequence[Protocol] = (1, 2), ids: Iterable[int] = range(254)
+    bus: Bus, bauds: Sequence[int], protocols: Sequence[Protocol] = (1, "STS", 2), ids: Iterable[int] = range(254)
 ) -> Generator[Found, None, None]:
     """Look for servos on an open bus, and yield them as they are found: by rate, protocol and ID.
 
-    In protocol 2.0 all are called at once before each is asked by itself. Nothing is written to them, and the bus has
+    In protocol 2.0 all are called at once before each is asked by itself; one question finds a servo of protocol 1.0 or
+    an STS. Nothing is written to them, and the bus has
     its own rate again in the end, whatever happens; who stops half-way closes the generator. Raises NotConnected.
     """
     before, ids = bus.baud, tuple(ids)
@@ -47,7 +48,11 @@ def census(
         for baud in bauds:
             bus.baud = baud
             for protocol in protocols:
-                yield from _found(bus, protocol, [number for number in ids if number <= CODECS[protocol].last_id])
+                if protocol == "STS" and 1 in protocols:
+                    continue
+                for found in _found(bus, protocol, [number for number in ids if number <= CODECS[protocol].last_id]):
+                    if found.number is None or found.at.protocol in protocols:
+                        yield found
     finally:
         bus.baud = before
 

@@ -24,6 +24,9 @@ from drivers.dynamixel.units import Framing
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
 """Names of models that are the same to a program."""
 
+DYNAMIXEL = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
+"""The models that it drives."""
+
 REACH = 2.6
 """Radians that a joint without limits may turn either way, if its servo does."""
 
@@ -42,7 +45,9 @@ class JointKeys:
     """One Dynamixel servo as a joint."""
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
-    written_model: str = key(default="AX-12A", among=[*MODELS, *ALIASES], word="model", help="The model of the servo.")
+    written_model: str = key(
+        default="AX-12A", among=[*DYNAMIXEL, *ALIASES], word="model", help="The model of the servo."
+    )
     written_zero: float | None = key(
         "angle", default=None, word="zero", help="Where the joint's 0 lies, from the middle of the servo."
     )
@@ -136,7 +141,7 @@ class JointKeys:
 
 def last_id(model: Model) -> int:
     """Return the highest ID that a servo can have."""
-    return 253 if model.protocol == 1 else 252
+    return 252 if model.protocol == 2 else 253
 
 
 @keys
@@ -161,7 +166,17 @@ class DynamixelKeys(ArmKeys, Wired):
     @property
     def limits(self) -> Mapping[str, JointLimits]:
         """How far and fast each joint goes, by its name."""
-        return {name: JointLimits(joint.lower, joint.upper, joint.speed) for name, joint in self.joints.items()}
+        return {name: JointLimits(joint.lower, joint.upper, joint.speed) for name, joint in self.servos.items()}
+
+    @property
+    def servos(self) -> Mapping[str, JointKeys]:
+        """The joints as they are driven."""
+        return self.joints
+
+    @property
+    def offsets(self) -> Mapping[str, int]:
+        """The position offset (steps) that the servos of joints must have, where that is known."""
+        return {}
 
     def step(self, joint: str) -> float:
         """Return the angle (rad) of one step of a joint's servo."""

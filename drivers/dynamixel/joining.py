@@ -7,7 +7,8 @@ from drivers.dynamixel.bus import TRIES, At, Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
-from drivers.dynamixel.torque import stiffen
+from drivers.dynamixel.torque import enable, stiffen
+from drivers.dynamixel.units import called
 from drivers.errors import BadRequest, NoReply
 
 NEEDED = (
@@ -17,6 +18,10 @@ NEEDED = (
     ("multi_turn_offset", -1, 0, "counts from elsewhere"),
     ("resolution_divider", 0xFF, 1, "counts in other steps"),
     ("status_return_level", 0xFF, 2, "acknowledges no writes"),
+    ("response_level", 0xFF, 1, "acknowledges no writes"),
+    ("mode", 0xFF, 0, "does not go to positions"),
+    ("phase", 0b1_0100, 0b100, "counts speeds or turns in another way"),
+    ("angular_resolution", 0xFF, 1, "counts in other steps"),
 )
 """Registers, which bits of them count, what these must be, and what else is the matter. No model has them all."""
 
@@ -39,13 +44,13 @@ def difference(bus: Bus, joint: Joint) -> str:
 
 def absence(bus: Bus, joint: Joint) -> str:
     """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected."""
-    other = At(joint.spec.id, 2 if joint.at.protocol == 1 else 1)
+    other = At(joint.spec.id, 1 if joint.at.protocol == 2 else 2)
     if joint.reading.value is None and other.id <= wire2.LAST_ID:
         with suppress(NoReply, BadRequest):
-            number = bus.ping(other, tries=1)
-            known = model_of(number)
-            meant = f": write model: {known.name}" if known and known.protocol == other.protocol else ""
-            return f"answers in protocol {other.protocol}.0 alone, as model {number}, not as {joint.model.name}{meant}"
+            told = bus.identify(other, tries=1)
+            known, how = model_of(told.number), called(told.at.protocol)
+            meant = f": write model: {known.name}" if known and known.protocol == told.at.protocol else ""
+            return f"answers in {how} alone, as model {told.number}, not as {joint.model.name}{meant}"
     return "does not answer"
 
 
@@ -64,6 +69,9 @@ def restore(bus: Bus, joint: Joint, *, now: float) -> None:
         bus.write(joint.at, table["torque_enable"], 0)
         joint.torque = False
     if joint.shut:
+        if joint.torque and joint.at.protocol == "STS":
+            enable(bus, joint, on=False)  # its force would return by itself, to an old goal
+            joint.torque = False
         joint.unsettled = False
         return
     if "torque_mode" in table and joint.value("torque_mode"):
@@ -89,7 +97,8 @@ def _range_faults(joint: Joint) -> list[str]:
     low, high = (joint.value(register) for register in joint.model.table.limits)
     lowest, highest = joint.bounds
     if low == high == 0:
-        return ["is in wheel mode (both its angle limits are 0)"]
+        mode = "multi-turn" if joint.at.protocol == "STS" else "wheel"
+        return [f"is in {mode} mode (both its angle limits are 0)"]
     if low == high == joint.model.last:
         return [f"is in multi-turn mode (both its angle limits are {high})"]
     if lowest < low or highest > high:
@@ -103,4 +112,7 @@ def _mode_faults(joint: Joint) -> list[str]:
     for register, mask, needed, words in NEEDED:
         if register in joint.model.table and (value := joint.value(register)) & mask != needed:
             found.append(f"{words} ({register.replace('_', ' ')} {value}, not {needed})")
+    if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
+        cure = "mission servo calibrate --restore --robot FILE"
+        found.append(f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}")
     return found

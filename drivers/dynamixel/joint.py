@@ -27,6 +27,7 @@ class JointSpec:
     ``zero`` is the servo's angle (radians from its middle) at which the joint is at 0, ``direction`` is -1 where the
     servo is mounted the other way round. ``lower`` and ``upper`` bound the joint (radians), ``speed`` is its highest
     (rad/s), ``torque_limit`` the share of the stall torque that it may use, above 0 up to 1.
+    ``offset`` is the position offset (steps) that an STS must have, if that is known.
     """
 
     id: int
@@ -37,6 +38,7 @@ class JointSpec:
     upper: float = 2.6
     speed: float = 2.0
     torque_limit: float = 1.0
+    offset: int | None = None
 
     def faults(self) -> list[str]:
         """Return what is wrong with this description, in words."""
@@ -151,17 +153,20 @@ class Joint:
 
     @property
     def ailing(self) -> Fault:
-        """What ails the servo: protocol 1.0 tells it in every reply, 2.0 in one of the slow registers."""
-        return self.told & LASTING if self.at.protocol == 1 else wire2.hardware_faults(self.value("hardware_error"))
+        """What ails the servo: protocol 1.0 and STS tell it in every reply, 2.0 in one of the slow registers."""
+        return self.told & LASTING if self.at.protocol != 2 else wire2.hardware_faults(self.value("hardware_error"))
 
     @property
     def down(self) -> bool:
         """Whether it had shut itself down when its slow registers were read last.
 
-        In protocol 1.0 a shutdown sets the torque limit to 0, in 2.0 it switches the torque off until a reboot.
+        In protocol 1.0 a shutdown sets the torque limit to 0, in 2.0 it switches the torque off until a reboot; an STS
+        tells in its status, and loses most of its force.
         """
         if self.at.protocol == 1:
             return self.value("torque_limit") == 0
+        if self.at.protocol == "STS":
+            return bool(self.value("status") & self.value("shutdown"))
         return bool(self.value("hardware_error") & self.value("shutdown")) and not self.value("torque_enable")
 
     @property

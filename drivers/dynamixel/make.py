@@ -46,7 +46,7 @@ def neck(keys: NeckKeys, site: Site) -> DynamixelHead:
 
 def joints(keys: DynamixelKeys) -> dict[str, JointSpec]:
     """Return the joints of the arm, by name."""
-    return {name: _joint(joint) for name, joint in keys.joints.items()}
+    return {name: _joint(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
 
 
 def axis(keys: NeckJointKeys) -> JointAxis:
@@ -54,7 +54,7 @@ def axis(keys: NeckJointKeys) -> JointAxis:
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 
-def _joint(keys: JointKeys) -> JointSpec:
+def _joint(keys: JointKeys, offset: int | None) -> JointSpec:
     return JointSpec(
         keys.id,
         model=keys.model,
@@ -64,4 +64,5 @@ def _joint(keys: JointKeys) -> JointSpec:
         upper=keys.upper,
         speed=keys.speed,
         torque_limit=keys.torque,
+        offset=offset,
     )

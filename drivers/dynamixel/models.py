@@ -1,6 +1,7 @@
-"""Dynamixel models as data: the control table of each, and what a tick is worth in SI units.
+"""Dynamixel and Feetech models as data: the control table of each, and what a tick is worth in SI units.
 
-A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn. Source: ROBOTIS e-Manual.
+A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn, where the maker says so.
+Source: ROBOTIS e-Manual, Feetech's data sheets.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,6 @@ from typing import Literal
 from drivers.api.quick import dataclass
 from drivers.dynamixel.register import Register, Table
 from drivers.dynamixel.tables import (
-    MOVING_SPEED,
     TABLE_AX,
     TABLE_EX,
     TABLE_MX,
@@ -22,7 +22,9 @@ from drivers.dynamixel.tables import (
     TABLE_MX_PAIR,
     TABLE_X,
     TABLE_X_CURRENT,
+    TABLE_XL330,
 )
+from drivers.dynamixel.tables_sts import TABLE_STS
 from drivers.dynamixel.units import RPM, Protocol
 
 Reads = Literal["single", "bulk", "sync"]
@@ -39,7 +41,7 @@ class Model:
     angle zero, ``last`` the highest one. ``full`` is all its torque and ``fastest`` its highest speed, in steps of the
     registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
     ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
-    voltage. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
+    voltage, which is ``volts``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Model:
     fastest: int
     effort_unit: float
     bus: Wiring
+    volts: float
     defaults: Mapping[str, int]
 
     @property
@@ -95,8 +98,8 @@ class Model:
     def order(self, goal: int, speed: int) -> tuple[int, bytes]:
         """Return the one write that sends it to ``goal`` (ticks) at ``speed`` (steps): its address, and its bytes."""
         place, pace = self.table[self.table.goal], self.table[self.table.speed]
-        if place.address < pace.address:
-            return place.address, place.encode(goal) + pace.encode(speed)
+        if place.address < pace.address:  # what lies between is 0: the time that a goal may take, which no speed needs
+            return place.address, place.encode(goal).ljust(pace.address - place.address, b"\0") + pace.encode(speed)
         return pace.address, pace.encode(speed) + place.encode(goal)
 
 
@@ -121,6 +124,7 @@ _AX = _Family(1, "single", 300, 1024, 0.111, 1 / 1023)  # and RX
 _EX = _Family(1, "single", 250.92, 4096, 0.111, 1 / 1023)
 _MX = _Family(1, "bulk", 360, 4096, 0.114, 1 / 1023)
 _X = _Family(2, "sync", 360, 4096, 0.229, 1 / 1000)  # and MX with the firmware of protocol 2.0
+_STS = _Family("STS", "sync", 360, 4096, 60 / 4096, 1 / 1000)
 
 
 def _model(
@@ -133,6 +137,7 @@ def _model(
     free_rpm: float,
     defaults: Mapping[str, int],
     current: tuple[float, float] | None = None,
+    volts: float = 12.0,
 ) -> Model:
     """Make one row: the torque in Nm, the speed in turns a minute, and defaults by the names of their registers.
 
@@ -152,9 +157,10 @@ def _model(
         free_speed=free_rpm * RPM,
         stall_torque=stall_torque,
         full=table[table.torque_ceiling].upper,
-        fastest=delivered.get("velocity_limit", MOVING_SPEED.upper),
+        fastest=delivered.get("velocity_limit", table[table.speed].upper),
         effort_unit=current[0] / current[1] if current else family.load_unit,
         bus=bus,
+        volts=volts,
         defaults=MappingProxyType(delivered),
     )
 
@@ -168,7 +174,9 @@ _XL = {"temperature_limit": 72, "highest_voltage": 140, "lowest_voltage": 60, "v
     "position_p_gain": 640,
 }
 _XM = {"position_p_gain": 800}
+_FAST_XL330 = {"velocity_limit": 1620, "velocity_i_gain": 400, "velocity_p_gain": 40, "position_i_gain": 400}
 _AMPS = (0.00269, 2.3)  # of the XM430: one step of its current, and its stall current
+_SMALL = (0.001, 1.47)  # of the XL330 at 5 V
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
@@ -191,6 +199,11 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             _model(_X, "XL430-W250", 1060, TABLE_X, "TTL", 1.5, 61, _XL),
             _model(_X, "XM430-W210", 1030, TABLE_X_CURRENT, "either", 3.0, 77, {"velocity_limit": 330, **_XM}, _AMPS),
             _model(_X, "XM430-W350", 1020, TABLE_X_CURRENT, "either", 4.1, 46, {"velocity_limit": 200, **_XM}, _AMPS),
+            _model(_X, "XL330-M077", 1190, TABLE_XL330, "TTL", 0.215, 383, _FAST_XL330, _SMALL, 5.0),
+            _model(_X, "XL330-M288", 1200, TABLE_XL330, "TTL", 0.52, 103, {"velocity_limit": 445}, _SMALL, 5.0),
+            # With other gears, which cannot be told apart: SO-101 leaders have three kinds.
+            _model(_STS, "STS3215", 777, TABLE_STS, "TTL", 1.91, 52, {}, volts=7.4),
+            _model(_STS, "STS3250", 2825, TABLE_STS, "TTL", 4.9, 75, {"highest_voltage": 140}),
         )
     }
 )

@@ -4,13 +4,14 @@ In protocol 2.0 one ping calls all; in protocol 1.0 they are called one by one, 
 here. `mission servo scan` tries all. Feetech's STS have the frames of protocol 1.0, and another table.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from struct import unpack_from
 
 from drivers.api.probing import Answer, Ask, Unit
 from drivers.dynamixel.codec import CODECS, Codec, Reply
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
+from drivers.dynamixel.units import Protocol
 from drivers.dynamixel.wire import BROADCAST, LASTING
 
 DELIVERED = (1_000_000, 57_600)
@@ -30,10 +31,10 @@ REPLY = 0.003
 LISTEN = 0.03
 """Seconds in which a device that talks by itself is heard, as a Kobuki is."""
 
-IDENTITY = {1: Block(0, 6), 2: Block(0, 8)}
+IDENTITY: Mapping[Protocol, Block] = {1: Block(0, 6), 2: Block(0, 8)}
 """Model, firmware, ID... of a servo, by protocol."""
 
-STATE = {1: Block(36, 8), 2: Block(124, 23)}
+STATE: Mapping[Protocol, Block] = {1: Block(36, 8), 2: Block(124, 23)}
 """What changes all the time, so that two servos with one ID cannot say the same."""
 
 STS_STATE = Block(56, 15)
@@ -87,7 +88,7 @@ def _called(baud: int) -> Servos:
     return (yield from _pinged(baud, 2, IDS if damaged else there)) if there or damaged else []
 
 
-def _pinged(baud: int, protocol: int, ids: Sequence[int]) -> Servos:
+def _pinged(baud: int, protocol: Protocol, ids: Sequence[int]) -> Servos:
     """Ask servos one by one."""
     codec, found = CODECS[protocol], list[Unit]()
     for number in ids:

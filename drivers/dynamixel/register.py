@@ -12,19 +12,19 @@ from typing import NamedTuple
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 
-CLOCKWISE = 0x400
-"""The bit that turns a speed, a load or a torque of protocol 1.0 clockwise."""
-
 
 class Coding(Enum):
     """How the bytes of a register stand for a number."""
 
     UNSIGNED = "unsigned"
-    SIGN_BIT = "sign bit"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
+    SIGN_BIT = "sign in bit 10"  # protocol 1.0: size in bits 0..9, bit 10 set when it points clockwise
+    SIGN_11 = "sign in bit 11"  # STS
+    SIGN_15 = "sign in bit 15"  # STS
     TWOS = "two's complement"  # protocol 2.0, and positions over several turns
 
 
-_SIGN_BIT, _TWOS = Coding.SIGN_BIT, Coding.TWOS  # a member is slow to look up, and registers are many a second
+# A member is slow to look up, and registers are many a second.
+_UNSIGNED, _TWOS, _SIGN_BIT, _SIGN_11 = Coding.UNSIGNED, Coding.TWOS, Coding.SIGN_BIT, Coding.SIGN_11
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,19 +53,26 @@ class Register:
 
     def encode(self, value: int) -> bytes:
         """Return ``value`` as the table holds it. Raises OverflowError if it does not fit."""
-        if self.coding is _SIGN_BIT and value < 0:
-            if value <= -CLOCKWISE:
-                raise OverflowError(f"{self.name}: {value} does not fit in ten bits and a sign")
-            value = -value | CLOCKWISE
+        if value < 0 and (sign := self._sign):
+            if value <= -sign:
+                raise OverflowError(f"{self.name}: {value} does not fit: its {self.coding.value}")
+            value = -value | sign
         return value.to_bytes(self.size, "little", signed=self.coding is _TWOS)
 
     def decode(self, data: bytes | bytearray, start: int = 0) -> int:
         """Return the value from ``data``, a copy of the table that begins at address ``start``."""
         begin = self.address - start
         value = int.from_bytes(data[begin : begin + self.size], "little", signed=self.coding is _TWOS)
-        if self.coding is _SIGN_BIT and value & CLOCKWISE:
-            return -(value & ~CLOCKWISE)
-        return value
+        if self.coding is _UNSIGNED or self.coding is _TWOS or not value & (sign := self._sign):
+            return value
+        return -(value & ~sign)
+
+    @property
+    def _sign(self) -> int:
+        """The bit that is set below zero; 0 where there is none."""
+        if self.coding is _UNSIGNED or self.coding is _TWOS:
+            return 0
+        return 0x400 if self.coding is _SIGN_BIT else 0x800 if self.coding is _SIGN_11 else 0x8000
 
 
 class Block(NamedTuple):

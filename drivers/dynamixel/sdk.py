@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from dynamixel_sdk import COMM_SUCCESS, PacketHandler
 
@@ -53,7 +53,7 @@ class _Bytes:
         return True
 
 
-def frame(protocol: Protocol, servo: int, instruction: int, parameters: bytes = b"") -> bytes:
+def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Return a request as the vendor's code frames it. Raises ValueError for what it cannot frame.
 
     Version 4.1.0 loses the bytes that it stuffs into a packet of protocol 2.0 (``addStuffing`` makes a longer list, and
@@ -125,10 +125,11 @@ class Parser2(Parser):
         return Packet(frame[4], frame[7], bytes(frame[8:end]), intact)
 
 
-SDK_CODECS: Mapping[int, Codec] = MappingProxyType(
+SDK_CODECS: Mapping[Protocol, Codec] = MappingProxyType(
     {
         1: replace(CODECS[1], frame=partial(frame, 1), parser=Parser),
         2: replace(CODECS[2], frame=partial(frame, 2), parser=Parser2),
+        "STS": replace(CODECS["STS"], frame=partial(frame, 1), parser=Parser),
     }
 )
-"""The protocols by number, framed by the vendor's code."""
+"""The protocols, framed by the vendor's code; that of STS servos as protocol 1.0."""

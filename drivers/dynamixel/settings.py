@@ -12,7 +12,7 @@ from types import MappingProxyType
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.register import Register, Table
 from drivers.dynamixel.units import baud_of
-from drivers.errors import BadRequest, DeviceFault, NoReply
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
 
 WHEREABOUTS = ("id", "baud")
 """The registers that decide how the servo is reached, in the order in which they are written: last."""
@@ -21,6 +21,7 @@ UNHEARD: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
         "protocol": (2, "its control table would no longer be the one of its protocol"),
         "status_return_level": (1, "a servo that answers no reads can be neither verified nor set back"),
+        "response_level": (1, "a servo that acknowledges no writes is not driven"),
     }
 )
 """Registers that may not go below a value, and why: afterwards nobody here could tell what the servo holds."""
@@ -66,17 +67,37 @@ def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
     """
     changes = sorted(changes, key=_turn)
     lasting = any(change.register.eeprom for change in changes)
-    if lasting and "lock" in table and bus.read(at, table["lock"]):
+    opens = at.protocol == "STS" and lasting
+    if lasting and not opens and "lock" in table and bus.read(at, table["lock"]):
         raise BadRequest(f"{bus.name}: servo {at.id}: its EEPROM is locked", hint="switch its power off and on")
     for change in changes:
         with _rate_after(bus, at, change):
             bus.require()  # an adapter that cannot follow would leave the servo where nobody reaches it
     stiff = lasting and _relax(bus, at, table)
-    for change in changes:
-        with suppress(NoReply):  # it may have been carried out or not: the verification tells
-            bus.write(at, change.register, change.after)
-        at = _verified(bus, at, change)
+    if opens:
+        _lock(bus, at, table, 0)
+    try:
+        for change in changes:
+            with suppress(NoReply):  # it may have been carried out or not: the verification tells
+                bus.write(at, change.register, change.after)
+            at = _verified(bus, at, change)
+    except DriverError:
+        if opens:
+            with suppress(DriverError):
+                _lock(bus, at, table, 1)
+        raise
+    if opens:
+        with _rate_after(bus, at, changes[-1]):
+            _lock(bus, at, table, 1)
     return stiff
+
+
+def _lock(bus: Bus, at: At, table: Table, value: int) -> None:
+    """Open (0) or close (1) the EEPROM of an STS: what is written while it is closed is lost with its power."""
+    with suppress(NoReply):
+        bus.write(at, table["lock"], value)
+    if (held := bus.read(at, table["lock"])) != value:
+        raise DeviceFault(f"{bus.name}: servo {at.id}: lock holds {held} after {value} was written to it")
 
 
 def _turn(change: Change) -> int:
@@ -116,6 +137,8 @@ def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register
 
 def _turns_a_wheel(bus: Bus, at: At, table: Table) -> bool:
     """Whether the servo turns on and on, where speed 0 is to stand still: in protocol 1.0 both its limits are 0."""
+    if at.protocol == "STS":
+        return bool(bus.read(at, table["mode"]))
     return at.protocol == 1 and not any(bus.read(at, table[limit]) for limit in table.limits)
 
 

@@ -6,6 +6,7 @@ from math import degrees, inf
 from drivers.api import DeviceStatus, Report
 from drivers.dynamixel.gathering import duration
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.units import Protocol
 from drivers.dynamixel.wire import Fault
 
 CURES = {
@@ -14,6 +15,12 @@ CURES = {
     Fault.OVERLOAD: "free the joint, or take the load off it",
     Fault.ENCODER: "switch its power off and on; if it comes back, the servo is broken",
     Fault.SHOCK: "look at its cable and its supply",
+    Fault.CURRENT: "free the joint, or take the load off it",
+}
+SIGNS: Mapping[Protocol, str] = {
+    1: "its torque limit is 0",
+    2: "its torque is off until it starts again",
+    "STS": "its torque was switched off",
 }
 NOT_BE = "could not be"
 MOVES_ON = "a joint that nobody sends on comes to rest by itself; if one moves on, switch its power off by hand"
@@ -70,8 +77,7 @@ class Telling:
 
     def shut(self, joint: Joint) -> None:
         """Tell of a servo that has shut itself down."""
-        sign = "its torque limit is 0" if joint.at.protocol == 1 else "its torque is off until it starts again"
-        self._tell("fault", f"{joint.title} has shut down: {sign}", REMEDY)
+        self._tell("fault", f"{joint.title} has shut down: {SIGNS[joint.at.protocol]}", REMEDY)
 
     def faults(self, joint: Joint, risen: Fault) -> None:
         """Tell what newly ails a servo, with what it measured."""

@@ -13,6 +13,7 @@ from drivers.dynamixel.attention import under_way
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.legs import leg, nearest, paced
+from drivers.dynamixel.units import Protocol
 from drivers.errors import BadRequest, DriverError, NoReply, NotConnected
 
 RECENT = 0.06
@@ -34,11 +35,10 @@ def send(bus: Bus, orders: Iterable[tuple[Joint, tuple[int, bytes]]]) -> None:
     None acknowledges it. Raises NotConnected.
     """
     bus.require()
-    packets: dict[tuple[int, int], list[tuple[Joint, bytes]]] = {}
+    packets: dict[tuple[Protocol, int], list[tuple[Joint, bytes]]] = {}
     for joint, (address, data) in orders:
         packets.setdefault((joint.at.protocol, address), []).append((joint, data))
-    for (_, address), blocks in packets.items():
-        protocol = blocks[0][0].at.protocol
+    for (protocol, address), blocks in packets.items():
         bus.sync_write_block(protocol, address, {joint.spec.id: data for joint, data in blocks})
 
 
@@ -243,7 +243,7 @@ def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
         if not (joint.driven and joint.shut):
             continue
         try:
-            if joint.at.protocol == 1:
+            if joint.at.protocol != 2:
                 _rearm(bus, joint, now=now)
             else:
                 bus.reboot(joint.at)
@@ -258,8 +258,10 @@ def recover(bus: Bus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
 
 
 def _rearm(bus: Bus, joint: Joint, *, now: float) -> None:
-    """Give a servo of protocol 1.0 its force back. Raises NoReply, NotConnected, BadRequest."""
+    """Give a servo that needs no restart its force back. Raises NoReply, NotConnected, BadRequest."""
     table = joint.model.table
+    if joint.at.protocol == "STS":
+        enable(bus, joint, on=False)  # else it stays in its overload
     stiffen(bus, joint, now=now)  # still without force: the goal must not lie elsewhere when the force returns
     bus.write(joint.at, table[table.torque_limit], joint.torque_ticks)
     bus.write(joint.at, table["torque_enable"], 1)

@@ -13,7 +13,9 @@ RPM = 2 * pi / 60
 RETURN_DELAY_STEP = 2e-6
 """Seconds that one step of a servo's return delay is worth."""
 
-Protocol = Literal[1, 2]
+Protocol = Literal[1, 2, "STS"]
+"""How a servo is spoken to: ROBOTIS' protocols by number, or that of Feetech's STS and SMS servos: frames of protocol
+1.0, another control table, and readings of many at once."""
 
 Framing = Literal["own", "sdk"]
 """Whose code makes packets of bytes: this project's, or that of ROBOTIS' ``dynamixel-sdk``."""
@@ -26,16 +28,27 @@ _USUAL = {16: 115_200, 34: 57_600, 103: 19_200, 207: 9600}
 _FAST = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
 _PROTOCOL_1 = {code: round(2_000_000 / (code + 1)) for code in range(255)} | _USUAL | _FAST
 _PROTOCOL_2 = dict(enumerate((9600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)))
+_STS = dict(enumerate((1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)))
 
 _RATES: Mapping[Protocol, Mapping[int, int]] = MappingProxyType(
-    {1: MappingProxyType(_PROTOCOL_1), 2: MappingProxyType(_PROTOCOL_2)}
+    {1: MappingProxyType(_PROTOCOL_1), 2: MappingProxyType(_PROTOCOL_2), "STS": MappingProxyType(_STS)}
 )
+
+
+def short(protocol: Protocol) -> str:
+    """Return a protocol in a table: ``1.0``, or ``STS``."""
+    return protocol if protocol == "STS" else f"{protocol}.0"
+
+
+def called(protocol: Protocol) -> str:
+    """Return what people call a protocol: ``protocol 1.0``, or ``the STS protocol``."""
+    return "the STS protocol" if protocol == "STS" else f"protocol {short(protocol)}"
 
 
 def baud_of(code: int, protocol: Protocol) -> int:
     """Return the rate that the ``baud`` register means by ``code``. Raises BadRequest if it means none."""
     if code not in _RATES[protocol]:
-        raise BadRequest(f"baud code {code} stands for no rate in protocol {protocol}.0", hint=_known(protocol))
+        raise BadRequest(f"baud code {code} stands for no rate in {called(protocol)}", hint=_known(protocol))
     return _RATES[protocol][code]
 
 
@@ -43,12 +56,12 @@ def baud_code(baud: int, protocol: Protocol) -> int:
     """Return the code of the rate nearest to ``baud``. Raises BadRequest if none is within 3 %."""
     code = min(_RATES[protocol], key=lambda code: abs(_RATES[protocol][code] - baud))
     if not abs(_RATES[protocol][code] - baud) <= _TOLERANCE * baud:
-        raise BadRequest(f"no servo of protocol {protocol}.0 can run at {baud} baud", hint=_known(protocol))
+        raise BadRequest(f"no servo of {called(protocol)} can run at {baud} baud", hint=_known(protocol))
     return code
 
 
 def _known(protocol: Protocol) -> str:
     """The rates that are worth naming."""
-    usual = (9600, 19_200, 57_600, 115_200, 200_000, 250_000, 400_000, 500_000)
+    usual = (9600, 19_200, 38_400, 57_600, 76_800, 115_200, 128_000, 200_000, 250_000, 400_000, 500_000)
     rates = sorted(rate for rate in _RATES[protocol].values() if rate in usual or rate >= 1_000_000)
     return f"rates are {', '.join(str(rate) for rate in rates)}"

@@ -13,8 +13,8 @@ from drivers.dynamixel.gathering import Gathering
 from drivers.dynamixel.joining import absence, difference, read, restore
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import Telling
-from drivers.dynamixel.torque import settle
-from drivers.dynamixel.wire import Fault
+from drivers.dynamixel.torque import enable, settle
+from drivers.dynamixel.wire import LASTING, Fault
 from drivers.errors import BadRequest, NoReply, NotConnected
 
 MISSING_AFTER = 3
@@ -176,7 +176,7 @@ class Watch:
         joint.reading = Reading(joint.state(), self._clock.now(), Quality.GOOD)
         told = self._bus.faults(joint.spec.id)
         if told != joint.told:
-            if told & ~joint.told & Fault.ALERT:
+            if told & ~joint.told & (LASTING if joint.at.protocol == "STS" else Fault.ALERT):
                 joint.checked = -SLOWLY  # it is checked next, and says what is the matter
             joint.told = told
             self._feel(joint)
@@ -206,8 +206,12 @@ class Watch:
                 for block in joint.model.table.slow:
                     read(self._bus, joint, block, tries=1)
                 joint.torque = bool(joint.value("torque_enable"))
-                newly_shut, joint.shut = joint.down and not joint.shut, joint.down
-                if joint.unsettled:
+                stays = joint.shut and joint.at.protocol == "STS"  # let go, it tells of no overload any more
+                newly_shut, joint.shut = joint.down and not joint.shut, joint.down or stays
+                if joint.shut and joint.torque and joint.at.protocol == "STS":
+                    enable(self._bus, joint, on=False)  # its force would return by itself, to an old goal
+                    joint.torque = False
+                elif joint.unsettled:
                     self._settle(joint)
                 elif lost := self._forgot(joint):
                     restore(self._bus, joint, now=self._clock.now())

@@ -57,6 +57,8 @@ class Fault(IntFlag):
     LENGTH = 2048  # too few bytes for the register
     LIMIT = 4096  # beyond a limit that is set in the servo
     ALERT = 8192  # register 70, hardware_error_status, says what is the matter
+    # STS alone:
+    CURRENT = 16384
 
     @property
     def words(self) -> str:
@@ -67,8 +69,8 @@ class Fault(IntFlag):
 ERROR_BYTE = 0x7F
 """The bits of ``Fault`` that protocol 1.0 knows."""
 
-LASTING = Fault.VOLTAGE | Fault.OVERHEATING | Fault.OVERLOAD | Fault.ENCODER | Fault.SHOCK
-"""Bits that describe the state of the servo, repeated in every reply (protocol 1.0) while it lasts."""
+LASTING = Fault.VOLTAGE | Fault.OVERHEATING | Fault.OVERLOAD | Fault.ENCODER | Fault.SHOCK | Fault.CURRENT
+"""Bits that describe the state of the servo, repeated in every reply (protocol 1.0, STS) while it lasts."""
 
 REFUSAL = Fault.ANGLE_LIMIT | Fault.RANGE | Fault.INSTRUCTION | Fault.ACCESS | Fault.FAILED | Fault.LENGTH | Fault.LIMIT
 """Bits that refuse the request itself."""

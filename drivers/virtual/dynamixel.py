@@ -1,4 +1,4 @@
-"""A virtual chain of Dynamixel servos on one wire, of both protocols: bytes and the time in, bytes out.
+"""A virtual chain of Dynamixel and Feetech servos on one wire, of all protocols: bytes and the time in, bytes out.
 
 Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other; a servo at another
 rate than the computer's is deaf, and so is one of the other protocol.
@@ -13,7 +13,7 @@ from typing import Protocol
 from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.units import RETURN_DELAY_STEP, baud_code
 from drivers.dynamixel.wire import GAP, Packet
-from drivers.virtual import obey1, obey2
+from drivers.virtual import obey1, obey2, obey_sts
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.slots import Slot, overlaid
 from drivers.virtual.terminal import agree
@@ -55,7 +55,11 @@ class VirtualServoBus:
         self.paced = paced
         self.injection = injection
         self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
-        for protocol, parser, obey in ((1, wire.Parser(), obey1.obey), (2, wire2.Parser(), obey2.obey)):
+        for protocol, parser, obey in (
+            (1, wire.Parser(), obey1.obey),
+            (2, wire2.Parser(), obey2.obey),
+            ("STS", wire.Parser(), obey_sts.obey),
+        ):
             if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
                 self._ears.append((parser, obey, own))
         for servo in self.servos:

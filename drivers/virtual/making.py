@@ -55,8 +55,14 @@ def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
 
 
 def servos(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001
-    """Return a virtual bus of Dynamixel servos; its state are their angles in radians, by joint."""
-    chain = [VirtualServo(joint.id, model=joint.model, angle=joint.zero) for joint in keys.joints.values()]
+    """Return a virtual bus of servos, each as its calibration says; its state are their angles in radians, by joint."""
+    offsets = keys.offsets
+    chain = []
+    for name, joint in keys.servos.items():
+        servo = VirtualServo(joint.id, model=joint.model, angle=joint.zero + offsets.get(name, 0) * joint.kind.tick)
+        if name in offsets:
+            servo.set("position_offset", offsets[name])
+        chain.append(servo)
     bus = VirtualServoBus(chain, keys.baud)
 
     def state(_: float) -> object:

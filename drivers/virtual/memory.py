@@ -48,6 +48,7 @@ class Memory:
         self._spans: dict[tuple[int, int], Span] = {}  # what was looked up before
         self._id_at = self._rows["id"].address
         self._volatile = min(register.address for register in self._rows.values() if not register.eeprom)
+        self._kept = bytearray(self._volatile)  # what survives a power cut
         self._decoded: tuple[bytes, Settings] | None = None  # the EEPROM, and what it says
         for register in self._rows.values():
             self.set(register, self.model.default(register))
@@ -60,6 +61,8 @@ class Memory:
         """Change the table from inside: no access rule holds."""
         row = self._row(register)
         self.table[row.address : row.end] = row.encode(value)
+        if row.eeprom:
+            self._kept[row.address : row.end] = row.encode(value)
 
     def has(self, name: str) -> bool:
         """Whether this model has a register called ``name``."""
@@ -77,6 +80,15 @@ class Memory:
         if self._decoded is None or self._decoded[0] != eeprom:
             self._decoded = eeprom, settings_of(self.model, self.table)
         return self._decoded[1]
+
+    def keep(self) -> None:
+        """Let the settings as they are survive a power cut, unless an STS was locked before."""
+        if self.model.protocol != "STS" or not self.get("lock"):
+            self._kept[:] = self.table[: self._volatile]
+
+    def recall(self) -> None:
+        """Take the settings back that survive a power cut."""
+        self.table[: self._volatile] = self._kept
 
     def span(self, address: int, size: int) -> Span:
         """Return what ``size`` bytes from ``address`` on hold."""

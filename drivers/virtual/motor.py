@@ -4,23 +4,28 @@ Towards a goal it turns at the set speed, at most at the motor's own; a burden a
 compliance and acceleration are stored as in the real one, but do not shape the movement.
 """
 
-from math import pi
+from math import floor, pi
 
 from drivers.sim.servo import FRICTION, Shaft
 from drivers.virtual.memory import Memory
 from drivers.virtual.settings import Mode
 
+TURN = 4096
+"""Steps of an STS in a turn, after which its position begins anew."""
+
 
 class Motor:
     """Turns ``shaft``, in radians from the middle of the range, positive anticlockwise seen facing the horn.
 
-    ``turning`` is how fast it does in rad/s; ``stalled_since`` the time since when it pushes in vain.
+    ``turning`` is how fast it does in rad/s; ``stalled_since`` the time since when it pushes in vain. While it is
+    ``weak`` it has no force, whatever the table says.
     """
 
     def __init__(self, memory: Memory, angle: float) -> None:
         self.shaft = Shaft(position=angle, goal=angle, speed=0.0)
         self.turning = 0.0
         self.stalled_since: float | None = None
+        self.weak = False
         self._memory = memory
         self._model = memory.model
         table = memory.model.table
@@ -30,7 +35,7 @@ class Motor:
     @property
     def stiff(self) -> bool:
         """Whether it is given any force."""
-        return bool(self._memory.get(self._enable) and self._memory.get(self._limit))
+        return not self.weak and bool(self._memory.get(self._enable) and self._memory.get(self._limit))
 
     def advance(self, now: float, burden: float) -> None:
         """Let time pass until ``now`` under ``burden``, a share of the stall torque."""
@@ -59,6 +64,8 @@ class Motor:
         """The position as its sensor sees it; in protocol 1.0 it stops at the ends, unless turns are counted."""
         settings = self._memory.settings
         angle = settings.sense * self.shaft.position
+        if self._model.protocol == "STS" and settings.mode is not Mode.TURNS:
+            return (round(angle / self._model.tick) + self._model.centre + settings.offset) % TURN
         if self._model.protocol == 2 or settings.mode is Mode.TURNS:
             return round(angle / self._model.tick) + self._model.centre + settings.offset
         return self._model.ticks(angle)
@@ -78,7 +85,12 @@ class Motor:
 
     def _approach(self, speed: float, now: float) -> None:
         settings, shaft, before = self._memory.settings, self.shaft, self.shaft.position
-        goal = self._memory.get(self._goal) - settings.offset
+        goal = self._memory.get(self._goal)
+        if self._model.protocol == "STS" and settings.mode is Mode.JOINT:
+            lowest, highest = settings.limits
+            seen = shaft.position / self._model.tick + self._model.centre + settings.offset
+            goal = min(max(goal, lowest), highest) + floor((seen + 0.5) / TURN) * TURN  # in the turn that it is in
+        goal -= settings.offset
         shaft.goal, shaft.speed = settings.sense * self._model.angle(goal), speed
         shaft.advance(now)
         way = shaft.goal - shaft.position or shaft.position - before
@@ -89,7 +101,7 @@ class Motor:
         shaft = self.shaft
         shaft.position += self.turning * max(0.0, now - shaft.stamp)
         shaft.goal, shaft.stamp = shaft.position, max(shaft.stamp, now)
-        if self._model.protocol == 1:
+        if self._model.protocol != 2:
             self.forget_turns()
 
     def _speed(self) -> float:
@@ -101,7 +113,10 @@ class Motor:
         """How fast it is to turn without a goal, in rad/s where the ticks rise."""
         get = self._memory.get
         if mode is Mode.SPEED:
-            return get("goal_velocity" if self._model.protocol == 2 else "moving_speed") * self._model.speed_unit
+            speed = "goal_velocity" if self._model.protocol == 2 else self._model.table.speed
+            return get(speed) * self._model.speed_unit
+        if self._model.protocol == "STS":
+            return get("goal_time") / self._model.full * self._model.free_speed
         if self._model.protocol == 1:
             return get("moving_speed") / self._model.full * self._model.free_speed
         if get("operating_mode"):

@@ -19,7 +19,7 @@ _LEVELS: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1, Instruction
 def obey(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
     """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
     if packet.id == BROADCAST and packet.intact and packet.code == Instruction.SYNC_WRITE:
-        _sync_write(packet.parameters, servos, now)
+        sync_write(packet.parameters, servos, now)
         return []
     if packet.id == BROADCAST and packet.intact and packet.code == Instruction.BULK_READ:
         return _bulk_read(packet.parameters, servos, now)
@@ -82,7 +82,8 @@ def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) ->
     return slots
 
 
-def _sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> None:
+def sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> None:
+    """Carry out a sync write, which nobody answers."""
     if len(parameters) < 2:
         return
     (address, size), blocks = parameters[:2], parameters[2:]

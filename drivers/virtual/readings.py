@@ -10,6 +10,9 @@ from drivers.dynamixel.register import Coding, Register
 _NO_CURRENT: Mapping[int, int] = MappingProxyType({56: 512, 68: 2048})
 """What the current sensors of protocol 1.0 read without current, by their address."""
 
+STALL_CURRENT = 370
+"""What an STS reads at its stall torque: 2.4 A."""
+
 
 class Feeling(NamedTuple):
     """The state of a servo as its sensors feel it, positive where its ticks rise.
@@ -51,6 +54,8 @@ def _told(model: Model) -> dict[str, Told]:
         return round(feeling.velocity / model.speed_unit)
 
     def current(feeling: Feeling) -> int:  # protocol 1.0: half its range at full torque
+        if model.protocol == "STS":
+            return round(STALL_CURRENT * feeling.drive)
         return round(_NO_CURRENT[model.table["present_current"].address] * (1 + feeling.drive / 2))
 
     return {
@@ -73,5 +78,7 @@ def _span(register: Register) -> tuple[int, int]:
     """Return the least and the most that the bytes of ``register`` can say."""
     if register.coding is Coding.SIGN_BIT:
         return -1023, 1023
+    if register.coding is Coding.SIGN_15:
+        return -32_767, 32_767
     bits = 8 * register.size
     return (-(1 << bits - 1), (1 << bits - 1) - 1) if register.coding is Coding.TWOS else (0, (1 << bits) - 1)

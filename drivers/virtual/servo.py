@@ -1,16 +1,19 @@
-"""A virtual Dynamixel of any model as a machine: its control table, its motor, and how it protects itself.
+"""A virtual Dynamixel or Feetech of any model as a machine: its control table, its motor, and how it protects itself.
 
 A stall of a second is an overload. In protocol 1.0 a servo that shuts down sets its torque limit to 0, and recovers
-when that is set anew; in protocol 2.0 it keeps the fault in its table, and recovers by a reboot.
+when that is set anew; in protocol 2.0 it keeps the fault in its table, and recovers by a reboot. An STS has no force
+while a fault lasts, and an overload lasts until its torque is switched off.
 """
 
 from math import pi
 
+from drivers.dynamixel import wire_sts
 from drivers.dynamixel.wire import Fault
 from drivers.dynamixel.wire2 import hardware_faults
 from drivers.sim.servo import Shaft
 from drivers.virtual.memory import FINE, Memory
 from drivers.virtual.motor import Motor
+from drivers.virtual.obedience import obedient
 from drivers.virtual.readings import Feeling, Readings
 
 STALL_TIME = 1.0
@@ -37,7 +40,7 @@ class VirtualServo(Memory):
     def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
         super().__init__(model)
         self.present = True
-        self.voltage = 12.0
+        self.voltage = self.model.volts
         self.temperature = 35.0
         self.burden = 0.0
         self.damage = FINE
@@ -88,7 +91,7 @@ class VirtualServo(Memory):
             self.shaft.position = self.shaft.goal = angle
 
     def overload(self) -> None:
-        """Make it report an overload, until it is cured: by a new torque limit, in protocol 2.0 by a reboot."""
+        """Make it report an overload, until it is cured: by a new torque limit, a reboot (2.0), torque off (STS)."""
         self._overloaded = True
 
     def brown_out(self, seconds: float = REBOOT_TIME) -> None:
@@ -99,6 +102,7 @@ class VirtualServo(Memory):
         """Cut the power and give it back: what is not in the EEPROM starts from its default."""
         self._starts_at = self.held = None
         self._overloaded = False
+        self.recall()
         for register in self.model.table.registers.values():
             if not register.eeprom:
                 self.set(register, self.model.default(register))
@@ -121,17 +125,25 @@ class VirtualServo(Memory):
     def write(self, address: int, data: bytes, *, clamp: bool = False) -> Fault:
         """Take a write from the bus; return why it was refused. ``clamp`` brings a goal within the limits instead."""
         fitting = self.clamped(address, data) if clamp else data
-        if reason := self.refused(address, fitting):
+        if self.model.protocol == "STS":
+            fitting = obedient(self, address, data)
+        elif reason := self.refused(address, fitting):
             return reason
         self.table[address : address + len(data)] = fitting
+        self.keep()
         touched = self.span(address, len(data)).names
         if self.model.table.goal in touched and self.settings.goal_stiffens:
             self.set("torque_enable", 1)
-        if self.model.protocol == 1 and "torque_limit" in touched and self.get("torque_limit"):
-            self._overloaded = False  # one whose cause remains comes back
-            self._motor.stalled_since = None
+        renewed = self.model.protocol == 1 and "torque_limit" in touched and self.get("torque_limit")
+        if renewed or (self.model.protocol == "STS" and "torque_enable" in touched and not self.get("torque_enable")):
+            self._forgive()
         self._protect()
         return FINE
+
+    def _forgive(self) -> None:
+        """End an overload; one whose cause remains comes back."""
+        self._overloaded = False
+        self._motor.stalled_since = None
 
     def read(self, address: int, size: int) -> bytes:
         """Return what the bus reads of the table, as it is by the time that was let pass; nothing beyond its end."""
@@ -139,6 +151,8 @@ class VirtualServo(Memory):
             return b""
         if address + size > self._volatile:
             self._readings.tell(self.table, self._feel())
+            if self.has("status"):
+                self.set("status", wire_sts.status_of(self.faults))
         return bytes(self.table[address : address + size])
 
     def hold(self, address: int, data: bytes) -> Fault:
@@ -197,6 +211,10 @@ class VirtualServo(Memory):
             found |= Fault.OVERHEATING
         if self.model.protocol == 2:
             shut = self._latch(found | self.damage)
+        elif self.model.protocol == "STS":
+            self.faults = found
+            self._motor.weak = bool(found) and bool(wire_sts.status_of(found) & settings.shutdown)
+            return  # its torque stays switched on: force returns with the end of the fault
         else:
             self.faults = found
             shut = bool(found) and bool(found & settings.shutdown)

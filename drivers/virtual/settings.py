@@ -57,18 +57,30 @@ def settings_of(model: Model, table: bytearray) -> Settings:
     lower, upper = model.table.limits
     limits = value(lower), value(upper)
     old, drive = model.protocol == 1, value("drive_mode")
+    sts = model.protocol == "STS"
     return Settings(
         baud=baud_of(value("baud"), model.protocol),
         return_delay=value("return_delay"),
-        mode=_old_mode(model, limits) if old else MODES[value("operating_mode")],
+        mode=_old_mode(model, limits)
+        if old
+        else _sts_mode(value("mode"), limits)
+        if sts
+        else MODES[value("operating_mode")],
         limits=limits,
         sense=-1 if drive & _REVERSED else 1,
-        offset=value("multi_turn_offset" if old else "homing_offset"),
-        goal_stiffens=old or bool(drive & _TORQUE_BY_GOAL),
+        offset=-value("position_offset") if sts else value("multi_turn_offset" if old else "homing_offset"),
+        goal_stiffens=old or sts or bool(drive & _TORQUE_BY_GOAL),
         voltages=(value("lowest_voltage"), value("highest_voltage")),
         hottest=value("temperature_limit"),
         shutdown=value("shutdown"),
     )
+
+
+def _sts_mode(mode: int, limits: tuple[int, int]) -> Mode:
+    """What register ``mode`` of an STS makes of a goal."""
+    if mode == 0:
+        return Mode.TURNS if limits == (0, 0) else Mode.JOINT
+    return {1: Mode.SPEED, 2: Mode.POWER}.get(mode, Mode.TURNS)
 
 
 def _old_mode(model: Model, limits: tuple[int, int]) -> Mode:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.gesture import beyond
 from config.library import shipped
-from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
+from drivers.dynamixel.declared import DYNAMIXEL, DynamixelKeys, JointKeys, Ticks
 from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS
 from missions.library.drivers import load_robot, robot_of
@@ -64,7 +64,7 @@ def test_limits_that_are_not_given_are_what_the_servo_can_do() -> None:
     assert turned.upper == 2.6
 
 
-@given(st.sampled_from(sorted(MODELS)), st.integers(-100, 100), st.booleans())
+@given(st.sampled_from(sorted(DYNAMIXEL)), st.integers(-100, 100), st.booleans())
 def test_a_joint_without_limits_is_one_that_its_driver_takes(model: str, zero: int, reverse: bool) -> None:
     arm = arm_of(f"    elbow: {{id: 6, model: {model}, zero: {zero} deg, reverse: {str(reverse).lower()}}}\n")
     assert specs(arm)["elbow"].faults() == []
@@ -102,7 +102,7 @@ def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
 
 
 @given(
-    st.sampled_from(sorted(MODELS)),
+    st.sampled_from(sorted(DYNAMIXEL)),
     st.integers(0, 1023),
     st.integers(0, 1023),
     st.integers(0, 1023),
@@ -180,7 +180,7 @@ def test_an_angle_is_within_limits_up_to_what_a_file_rounds() -> None:
     assert beyond("elbow", -0.1, (0.0, 1.0))
 
 
-@pytest.mark.parametrize("name", ["humanoid", "turtlebot2_arm"])
+@pytest.mark.parametrize("name", ["humanoid", "turtlebot2_arm", "so101", "so101_leader", "koch"])
 def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: str) -> None:
     arm = load_robot(shipped("robots")[name]).keys(DynamixelKeys)
     assert arm is not None

@@ -1,7 +1,8 @@
-"""What ``drivers.api.Joints`` promises, kept by the Dynamixel driver over its bus and by its twin."""
+"""What ``drivers.api.Joints`` promises, kept by the driver of Dynamixels and Feetechs over its bus, and by its twin."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from math import degrees, inf, nan
 from typing import Literal
@@ -31,6 +32,7 @@ SPECS = {
 
 
 class JointsRig(Rig):
+    model = "AX-12A"
     device: DynamixelJoints | JointsTwin
 
     @abstractmethod
@@ -91,13 +93,13 @@ class WireJoints(InSimulatedTime, JointsRig):
 
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
-        self.chain = chain(3)
+        self.chain = chain(3, self.model)
         self.chain.servo(2).turn_by_hand(SPECS["elbow"].zero)
         self.line = DirectLine(self.chain, self.timeline.clock)
         self.timeline.every(PERIOD, self.line.poll)
         self.device = DynamixelJoints(
             Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial, framing=self.framing),
-            SPECS,
+            {name: replace(spec, model=self.model) for name, spec in SPECS.items()},
             self.clock,
             at_rest=at_rest,
             away=away,
@@ -140,6 +142,12 @@ class SdkJoints(WireJoints):
     framing: Framing = "sdk"
 
 
+class FeetechJoints(WireJoints):
+    """The same driver with Feetech servos."""
+
+    model = "STS3215"
+
+
 class TwinJoints(InSimulatedTime, JointsRig):
     def __init__(self, at_rest: Literal["hold", "relax"] = "hold", away: Away = PATIENT) -> None:
         super().__init__()
@@ -174,7 +182,12 @@ class TwinJoints(InSimulatedTime, JointsRig):
         self.device.close()
 
 
-RIGS = [simulated(WireJoints, "wire"), simulated(SdkJoints, "sdk"), simulated(TwinJoints, "twin")]
+RIGS = [
+    simulated(WireJoints, "wire"),
+    simulated(SdkJoints, "sdk"),
+    simulated(FeetechJoints, "feetech"),
+    simulated(TwinJoints, "twin"),
+]
 
 
 @pytest.fixture(params=RIGS)
@@ -218,7 +231,7 @@ def test_its_limits_are_those_of_the_robot_file_in_its_order(rig: JointsRig) -> 
     limits = rig.device.limits
     assert list(limits) == list(rig.device.states()) == ["wrist", "elbow", "shoulder"]
     assert (limits["wrist"].lower, limits["wrist"].upper, limits["wrist"].speed) == (-1.0, 1.0, 4.0)
-    assert limits["shoulder"].speed == pytest.approx(1023 * MODELS["AX-12A"].speed_unit)
+    assert limits["shoulder"].speed == pytest.approx(MODELS[rig.model].top_speed)
 
 
 def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
@@ -227,7 +240,7 @@ def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
     assert [notice.kind for notice in arm.notices] == ["online"]
     state = arm.state("elbow")
     assert (state.torque, state.goal, state.moving, state.velocity, state.load) == (False, None, False, 0.0, 0.0)
-    assert (state.voltage, state.temperature) == (12.0, 35.0)
+    assert (state.voltage, state.temperature) == (MODELS[arm.model].volts, 35.0)
     assert state.position == pytest.approx(0.0, abs=TICK)
     changes = arm.changes
     arm.until(lambda: arm.changes > changes)

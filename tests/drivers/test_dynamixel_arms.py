@@ -67,7 +67,7 @@ def test_every_model_is_moved_read_held_and_relaxed_in_the_same_units(make: Make
     arm.until(lambda: there(arm, "a", 0.2) and there(arm, "b", 0.2))
     arm.until(lambda: not arm.state("b").moving)
     state = arm.state("b")
-    assert (state.goal, state.voltage, state.temperature, state.torque) == (0.2, 12.0, 35.0, True)
+    assert (state.goal, state.voltage, state.temperature, state.torque) == (0.2, MODELS[model].volts, 35.0, True)
     assert state.error == pytest.approx(state.position - 0.2)
     assert arm.chain.servo(2).angle == pytest.approx(0.1 - 0.2, abs=0.006)
     servo = arm.chain.servo(1)

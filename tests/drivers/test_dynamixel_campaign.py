@@ -1,7 +1,7 @@
 """Ten thousand transactions on a wire where everything goes wrong: no wrong value, only our errors, no lasting harm."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from random import Random
 
 import pytest
@@ -9,6 +9,7 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.register import Block, Register
+from drivers.dynamixel.units import Protocol
 from drivers.errors import DriverError, NoReply
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
@@ -17,9 +18,11 @@ from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 
 MODELS = ("AX-12A", "AX-12A", "RX-64", "MX-28", "MX-28", "XL430-W250", "XL430-W250", "XL430-W250")
-LOOKALIKES: Mapping[int, tuple[str, ...]] = {
+FEETECH = ("STS3215",) * 6
+LOOKALIKES: Mapping[Protocol, tuple[str, ...]] = {
     1: ("moving_speed", "torque_limit", "punch", "goal_position", "present_position", "cw_angle_limit", "model_number"),
     2: ("profile_velocity", "profile_acceleration", "goal_position", "present_position", "max_position"),
+    "STS": ("goal_speed", "torque_limit", "goal_position", "present_position", "max_position", "model_number", "punch"),
 }
 """Registers of one size, whose replies look alike. The first two are written to; none of that moves a servo."""
 
@@ -30,7 +33,7 @@ def injection(rate: float, seed: int) -> FaultInjection:
 
 
 class Campaign:
-    """Asks and tells servos of both protocols at random; what each holds is looked up behind the bus's back."""
+    """Asks and tells servos of all protocols at random; what each holds is looked up behind the bus's back."""
 
     def __init__(self, chain: VirtualServoBus, bus: Bus, seed: int = 1) -> None:
         self.servos = {At(servo.get("id"), servo.model.protocol): servo for servo in chain.servos}
@@ -65,7 +68,7 @@ class Campaign:
     def read_many(self, at: At) -> None:
         together = [other for other in self.servos if other.protocol == at.protocol and self.reads(other) != "single"]
         wanted = {other: self.servos[other].model.table.fast for other in together}
-        for other, data in self.bus.read_many(wanted, how="sync" if at.protocol == 2 else "bulk").items():
+        for other, data in self.bus.read_many(wanted, how="bulk" if at.protocol == 1 else "sync").items():
             assert data == self.held(other, wanted[other]), f"{wanted[other]} of {other}"
             self.outcomes["of many"] += 1
 
@@ -91,9 +94,9 @@ class Campaign:
         return bytes(self.servos[at].table[block.address : block.address + block.size])
 
 
-def varied_chain(*, paced: bool) -> VirtualServoBus:
+def varied_chain(models: Sequence[str] = MODELS, *, paced: bool) -> VirtualServoBus:
     """Return a chain whose registers hold many different values, so that a mix-up shows."""
-    servos = [VirtualServo(number, model=model, angle=number / 10) for number, model in enumerate(MODELS, 1)]
+    servos = [VirtualServo(number, model=model, angle=number / 10) for number, model in enumerate(models, 1)]
     chain = VirtualServoBus(servos, paced=paced)
     for servo in servos:
         servo.set("return_delay", 0)
@@ -102,9 +105,12 @@ def varied_chain(*, paced: bool) -> VirtualServoBus:
     return chain
 
 
+@pytest.mark.parametrize("models", [MODELS, FEETECH], ids=["dynamixel", "feetech"])
 @pytest.mark.parametrize(("rate", "transactions"), [(0.01, 10_000), (0.1, 1000)])
-def test_no_wrong_value_is_delivered_and_the_bus_recovers_every_time(rate: float, transactions: int) -> None:
-    chain = varied_chain(paced=True)
+def test_no_wrong_value_is_delivered_and_the_bus_recovers_every_time(
+    rate: float, transactions: int, models: Sequence[str]
+) -> None:
+    chain = varied_chain(models, paced=True)
     bus, _, _ = direct_bus(chain)
     chain.poll(0.0)
     chain.injection = injection(rate, seed=6)

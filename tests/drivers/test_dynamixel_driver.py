@@ -83,7 +83,7 @@ def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(
     arm.line.plugged = False
     arm.until(lambda: arm.told("offline"))
     online_at: list[tuple[int, bool]] = []
-    who_are_you = bytes((m.MODEL_NUMBER.address, 3))
+    who_are_you = bytes((m.MODEL_NUMBER.address, 6))
 
     def note(data: bytes) -> bytes:
         asked = [packet for packet in arm.wire.requests[seen:] if packet.parameters == who_are_you]

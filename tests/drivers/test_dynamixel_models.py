@@ -17,7 +17,8 @@ ANY = st.sampled_from(list(MODELS.values()))
 NUMBERS = (
     {"AX-12A": 12, "AX-12W": 300, "AX-18A": 18, "RX-24F": 24, "RX-28": 28, "RX-64": 64, "EX-106+": 107}
     | {"MX-28": 29, "MX-64": 310, "MX-106": 320, "MX-28(2.0)": 30, "MX-64(2.0)": 311, "MX-106(2.0)": 321}
-    | {"XL430-W250": 1060, "XM430-W210": 1030, "XM430-W350": 1020}
+    | {"XL430-W250": 1060, "XM430-W210": 1030, "XM430-W350": 1020, "XL330-M077": 1190, "XL330-M288": 1200}
+    | {"STS3215": 777, "STS3250": 2825}
 )
 
 
@@ -41,6 +42,8 @@ def test_a_number_that_no_servo_has_is_unknown() -> None:
         ("MX-64", 0.087891, 180, 0.0119381),
         ("MX-64(2.0)", 0.087891, 180, 0.0239808),
         ("XL430-W250", 0.087891, 180, 0.0239808),
+        ("XL330-M288", 0.087891, 180, 0.0239808),
+        ("STS3215", 0.087891, 180, 0.0015340),
     ],
 )
 def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: float, speed_unit: float) -> None:
@@ -105,6 +108,8 @@ def test_all_of_its_torque_is_what_the_ceiling_allows(model: Model) -> None:
         ("MX-28(2.0)", -1000, -1.0),
         ("XM430-W210", 427, 0.4994),  # 427 * 2.69 mA of 2.3 A
         ("MX-106(2.0)", -774, -0.5001),  # 774 * 3.36 mA of 5.2 A
+        ("XL330-M077", 735, 0.5),  # 735 * 1 mA of 1.47 A
+        ("STS3215", -500, -0.5),
     ],
 )
 def test_load_and_current_are_shares_of_the_stall_torque(name: str, raw: int, share: float) -> None:
@@ -113,6 +118,10 @@ def test_load_and_current_are_shares_of_the_stall_torque(name: str, raw: int, sh
 
 def test_one_write_of_protocol_1_holds_goal_and_speed() -> None:
     assert MODELS["AX-12A"].order(512, 100) == (30, bytes.fromhex("00 02 64 00"))
+
+
+def test_one_write_of_an_sts_holds_goal_no_time_and_speed() -> None:
+    assert MODELS["STS3215"].order(2048, 1000) == (42, bytes.fromhex("00 08 00 00 E8 03"))
 
 
 def test_one_write_of_protocol_2_holds_speed_and_goal() -> None:
@@ -133,9 +142,9 @@ def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
 
 
 @each("model", EVERY)
-def test_an_ax_is_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
+def test_an_ax_and_an_sts_are_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -> None:
     baud = baud_of(model.default(model.table["baud"]), model.protocol)
-    assert baud == (1_000_000 if model.name.startswith("AX") else 57_600)
+    assert baud == (1_000_000 if model.name.startswith(("AX", "STS")) else 57_600)
 
 
 @each(
@@ -161,6 +170,14 @@ def test_an_ax_is_delivered_at_1_megabaud_and_any_other_at_57600(model: Model) -
         ("MX-64(2.0)", "current_limit", 1941),
         ("MX-106(2.0)", "current_limit", 2047),
         ("MX-106(2.0)", "position_p_gain", 850),
+        ("XL330-M077", "velocity_limit", 1620),
+        ("XL330-M077", "velocity_p_gain", 40),
+        ("XL330-M288", "velocity_limit", 445),
+        ("XL330-M288", "velocity_p_gain", 180),
+        ("XL330-M288", "highest_voltage", 70),
+        ("XL330-M288", "current_limit", 1750),
+        ("XL330-M288", "shutdown", 53),
+        ("STS3215", "highest_voltage", 80),
     ],
 )
 def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value: int) -> None:
@@ -176,6 +193,8 @@ def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value
         *[(250, 1, 2_250_000), (251, 1, 2_500_000), (252, 1, 3_000_000)],
         *[(0, 2, 9600), (1, 2, 57_600), (2, 2, 115_200), (3, 2, 1_000_000), (4, 2, 2_000_000)],
         *[(5, 2, 3_000_000), (6, 2, 4_000_000), (7, 2, 4_500_000)],
+        *[(0, "STS", 1_000_000), (1, "STS", 500_000), (2, "STS", 250_000), (3, "STS", 128_000)],
+        *[(4, "STS", 115_200), (5, "STS", 76_800), (6, "STS", 57_600), (7, "STS", 38_400)],
     ],
 )
 def test_codes_stand_for_rates_both_ways(code: int, protocol: Protocol, baud: int) -> None:

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import tables
+from drivers.dynamixel import tables, tables_sts
 from drivers.dynamixel.models import MODELS, Model
 from drivers.dynamixel.register import Block, Coding, Register, Table
 from drivers.errors import BadRequest
 from tests.cases import each
 
-TABLES = {name: table for name, table in vars(tables).items() if isinstance(table, Table)}
+TABLES = {name: table for name, table in (vars(tables) | vars(tables_sts)).items() if isinstance(table, Table)}
 EVERY = tuple(TABLES.values())
 WRITABLE = [register for table in EVERY for register in table.registers.values() if register.writable]
 
@@ -66,7 +66,9 @@ def test_no_block_cuts_a_register_in_two(table: Table) -> None:
 @each("table", EVERY)
 def test_a_goal_and_its_speed_are_side_by_side(table: Table) -> None:
     goal, speed = sorted((table[table.goal], table[table.speed]), key=lambda register: register.address)
-    assert goal.end == speed.address
+    between = [row for row in table.registers.values() if goal.end <= row.address < speed.address]
+    assert goal.end + sum(row.size for row in between) == speed.address
+    assert [row.name for row in between] in ([], ["goal_time"])  # which is sent as 0
 
 
 @each("register", WRITABLE)
@@ -114,6 +116,18 @@ def test_what_a_model_differs_in_is_within_its_table(model: Model) -> None:
         ("TABLE_X_CURRENT", "goal_current", 102, 2),
         ("TABLE_X_CURRENT", "present_current", 126, 2),
         ("TABLE_MX2", "acceleration_limit", 40, 4),
+        ("TABLE_XL330", "pwm_slope", 62, 1),
+        ("TABLE_XL330", "present_current", 126, 2),
+        ("TABLE_STS", "model_number", 3, 2),
+        ("TABLE_STS", "min_position", 9, 2),
+        ("TABLE_STS", "position_offset", 31, 2),
+        ("TABLE_STS", "goal_position", 42, 2),
+        ("TABLE_STS", "goal_speed", 46, 2),
+        ("TABLE_STS", "lock", 55, 1),
+        ("TABLE_STS", "present_position", 56, 2),
+        ("TABLE_STS", "present_load", 60, 2),
+        ("TABLE_STS", "status", 65, 1),
+        ("TABLE_STS", "present_current", 69, 2),
     ],
 )
 def test_registers_stand_where_the_manual_says(table: str, name: str, address: int, size: int) -> None:
@@ -152,6 +166,24 @@ def test_more_than_ten_bits_are_not_cut_down_to_a_value_that_would_pass() -> Non
     assert tables.MOVING_SPEED.decode(b"\xff\xff", 32) < tables.MOVING_SPEED.lower
 
 
+@given(st.integers(-32_767, 32_767), st.sampled_from(["goal_position", "present_position", "present_speed"]))
+def test_the_sign_of_an_sts_is_bit_fifteen(value: int, name: str) -> None:
+    register = tables_sts.TABLE_STS[name]
+    data = register.encode(value)
+    assert int.from_bytes(data, "little") == abs(value) + (0x8000 if value < 0 else 0)
+    assert register.decode(data, register.address) == value
+
+
+@given(st.integers(-2047, 2047))
+def test_but_that_of_its_offset_is_bit_eleven_and_that_of_its_load_bit_ten(value: int) -> None:
+    offset, load = (tables_sts.TABLE_STS[name] for name in ("position_offset", "present_load"))
+    assert int.from_bytes(offset.encode(value), "little") == abs(value) + (2048 if value < 0 else 0)
+    assert offset.decode(offset.encode(value), offset.address) == value
+    share = int(value / 2)
+    assert load.decode(load.encode(share), load.address) == share
+    assert load.encode(-1000) == bytes.fromhex("E8 07")
+
+
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
     register = tables.TABLE_X["present_position"]
@@ -167,6 +199,8 @@ def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
         (tables.GOAL_POSITION, 0x1_0000),
         (tables.MOVING_SPEED, -1024),
         (tables.TABLE_X["bus_watchdog"], 128),
+        (tables_sts.TABLE_STS["position_offset"], -2048),
+        (tables_sts.TABLE_STS["goal_position"], -32_768),
     ],
 )
 def test_a_value_that_does_not_fit_is_not_coded(register: Register, value: int) -> None:

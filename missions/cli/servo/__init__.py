@@ -1,4 +1,4 @@
-"""``mission servo``: Dynamixel servos by hand, from the first scan to a recorded movement."""
+"""``mission servo``: Dynamixel and Feetech servos by hand, from the first scan to a recorded movement."""
 
 import click
 
@@ -15,7 +15,7 @@ from missions.cli.servo.scan import scan
 
 @click.group(epilog="Example: mission servo scan --port /dev/ttyUSB0")
 def command() -> None:
-    """Dynamixel servos by hand, from the first scan to a recorded movement.
+    """Dynamixel and Feetech servos by hand, from the first scan to a recorded movement.
 
     Hardware is touched only where --robot or --port names it; without them all is simulated.
     """

@@ -97,18 +97,17 @@ class Bench:
         for protocol in dict.fromkeys((*protocols, 1, 2)):
             if protocol == 2 and servo == wire.LAST_ID:
                 continue  # there no servo can have it
-            at = At(servo, protocol)
             try:
-                number = self.bus.ping(at, tries=2)
+                told = self.bus.identify(At(servo, protocol), tries=2)
             except NoReply:
                 continue
-            model = model_of(number)
+            model = model_of(told.number)
             if model is None:
                 hint = f"mission servo scan{self.options}"
-                raise DeviceFault(f"servo {servo}: model number {number} is not known here", hint=hint)
-            return at, model
+                raise DeviceFault(f"servo {servo}: model number {told.number} is not known here", hint=hint)
+            return told.at, model
         raise NoReply(
-            f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in either protocol",
+            f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in any protocol",
             hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
         )
 

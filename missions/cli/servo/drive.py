@@ -13,6 +13,7 @@ from drivers.api import JointLimits
 from drivers.dynamixel.joining import difference, restore
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import REMEDY
+from drivers.dynamixel.units import called
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
 from missions.assembly.target import target_of
 from missions.cli.root import FAILURE, SUCCESS
@@ -128,9 +129,9 @@ def reboot(target: Target, servo: str) -> int:
     """
     with opened_bus(target) as bench:
         at, model = bench.servo(servo)
-        if at.protocol == 1:
+        if at.protocol != 2:
             raise BadRequest(
-                f"servo {at.id} is an {model.name}: protocol 1.0 has no restart",
+                f"servo {at.id} is an {model.name}: {called(at.protocol)} has no restart",
                 hint="mission servo recover --robot FILE, after an overload; else switch its power off and on",
             )
         bench.bus.reboot(at)

@@ -8,7 +8,7 @@ import click
 
 from drivers.dynamixel.models import Model
 from drivers.dynamixel.register import Block, Register
-from drivers.dynamixel.units import baud_of
+from drivers.dynamixel.units import baud_of, called
 from drivers.errors import BadRequest
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import opened_bus
@@ -38,7 +38,7 @@ def info(target: Target, servo: str, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"id": at.id, "protocol": at.protocol, "model": model.name, "registers": values}))
         return SUCCESS
-    click.echo(f"servo {at.id}: {model.name}, protocol {at.protocol}.0\n")
+    click.echo(f"servo {at.id}: {model.name}, {called(at.protocol)}\n")
     rows = [_row(model, register, values[name]) for name, register in model.table.registers.items()]
     click.echo(in_columns(HEADINGS, rows, left=frozenset({"register", "meaning", "kept in"})))
     return SUCCESS
@@ -68,7 +68,7 @@ def meaning(model: Model, register: Register, value: int) -> str:
             return "no rate"
     if register.unit == "ticks":
         # Places are measured from the middle of the range; all else that is in ticks is the width of something.
-        place = any(word in register.name for word in ("position", "angle_limit"))
+        place = any(word in register.name for word in ("position", "angle_limit")) and "offset" not in register.name
         return f"{degrees(model.angle(value)):+.1f} deg" if place else f"{degrees(value * model.tick):.1f} deg wide"
     if register.unit == "1/1023":
         return f"{value / 1023:.0%}"

@@ -10,7 +10,7 @@ import click
 
 from drivers.dynamixel.census import Found, census
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.units import Framing, Protocol
+from drivers.dynamixel.units import Framing, Protocol, short
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import opened_bus
 from missions.cli.servo.target import Target, target_options
@@ -22,7 +22,7 @@ RATES = (1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_0
 """The rates that servos are used at, the usual ones first."""
 
 DELIVERED = RATES[:2]
-"""The rates at which servos are delivered: AX the first, all others the second."""
+"""The rates at which servos are delivered: AX and STS the first, all others the second."""
 
 HEADINGS = ("id", "protocol", "baud", "model", "firmware", "position", "volts", "degC", "joint", "errors")
 
@@ -44,7 +44,7 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
 @click.command(epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
 @target_options
 @click.option("--ids", default="0-252", show_default=True, callback=_ids, metavar="1-20,30", help="Which to look for.")
-@click.option("--protocol", type=click.Choice(["1", "2"]), help="Look for this one alone.")
+@click.option("--protocol", type=click.Choice(["1", "2", "STS"], case_sensitive=False), help="Look for this one alone.")
 @click.option("--all-bauds", is_flag=True, help="Try all usual rates, which takes a while.")
 @click.option("--framing", type=click.Choice(get_args(Framing)), help="Whose packet code: ours, or the vendor's.")
 @click.option("--json", "as_json", is_flag=True, help="A line of JSON for each servo; angles in radians.")
@@ -58,7 +58,8 @@ def scan(
     Without --baud it tries the file's rate, and those at which servos are delivered. Exit code 1 where none is found,
     or one of the file is missing.
     """
-    protocols: tuple[Protocol, ...] = (1, 2) if protocol is None else (1,) if protocol == "1" else (2,)
+    known: tuple[Protocol, ...] = (1, "STS", 2)
+    protocols = [each for each in known if protocol in (None, str(each))]
     with opened_bus(target, patience=VIRTUAL_REPLY_TIMEOUT, framing=framing) as bench:
         bus, joints = bench.bus, bench.joints
         wanted, names = bus.baud, {joint.spec.id: joint.name for joint in joints.values()}
@@ -87,10 +88,10 @@ def _row(servo: Found, names: Mapping[int, str]) -> str:
     """Return a line of the table."""
     return ROW.format(
         servo.at.id,
-        f"{servo.at.protocol}.0",
+        short(servo.at.protocol),
         servo.baud,
         _model(servo),
-        "-" if servo.firmware is None else servo.firmware,
+        _firmware(servo),
         "-" if servo.position is None else f"{degrees(servo.position):+.1f} deg",
         "-" if servo.voltage is None else f"{servo.voltage:.1f}",
         "-" if servo.temperature is None else f"{servo.temperature:.0f}",
@@ -104,6 +105,13 @@ def _model(servo: Found) -> str:
     if servo.model is not None:
         return servo.model.name
     return "?" if servo.number is None else f"number {servo.number}"
+
+
+def _firmware(servo: Found) -> str:
+    """Return the version of a servo's firmware; that of an STS has two parts."""
+    if servo.firmware is None:
+        return "-"
+    return f"{servo.firmware & 0xFF}.{servo.firmware >> 8}" if servo.at.protocol == "STS" else str(servo.firmware)
 
 
 def _troubles(servo: Found) -> list[str]:
@@ -160,7 +168,7 @@ def _causes(port: str, bauds: Sequence[int]) -> str:
     more = [] if len(bauds) >= len(RATES) else ["another baud rate: add --all-bauds"]
     causes = [
         "the servos have no power: USB feeds the adapter alone; LEDs flash once when the supply is switched on",
-        "the cable: three wires are TTL (AX, MX-T, X), four are RS-485 (RX, EX, MX-R); a bad plug cuts off the rest",
+        "the cable: three wires are TTL (AX, MX-T, X, STS), four are RS-485 (RX, EX, MX-R); a bad plug ends the bus",
         "the adapter's switch, where it has one, stands on the other kind of bus",
         *more,
         "two servos with one ID disturb each other: plug in one alone",

@@ -1,0 +1,270 @@
+"""Feetech's STS servos: published frames, what their EEPROM keeps, and how the driver keeps them from leaping."""
+
+from collections.abc import Iterator
+from math import radians
+
+import pytest
+
+from drivers.dynamixel.bus import At, Bus, Identity
+from drivers.dynamixel.census import census
+from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.legs import AHEAD
+from drivers.dynamixel.settings import apply, planned
+from drivers.errors import BadRequest, DeviceFault
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import STALL_TIME, VirtualServo
+from tests.cases import each
+from tests.drivers.arms import Arm, Make, making
+from tests.drivers.chains import chain, mixed_chain
+from tests.drivers.wired import Wired
+
+STS = "STS3215"
+MIDDLE = " 00 08 00 00 E8 03 "
+"""Position 2048 at 1000 steps a second."""
+SIX = {name: JointSpec(number, STS) for number, name in enumerate(("pan", "lift", "elbow", "flex", "roll", "jaw"), 1)}
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    with making() as build:
+        yield build
+
+
+def six(make: Make, **options: object) -> Arm:
+    return make(SIX, servos=chain(6, STS), **options)
+
+
+def first(servo: VirtualServo) -> tuple[Bus, At]:
+    return Wired(VirtualServoBus([servo])).bus(), At(servo.number, "STS")
+
+
+# --- the wire ---------------------------------------------------------------------------------------------------------
+
+
+@each(
+    ("question", "answer"),
+    [  # the maker's protocol manual
+        ("FF FF 01 02 01 FB", "FF FF 01 02 00 FC"),
+        ("FF FF 01 04 02 38 02 BE", "FF FF 01 04 00 18 05 DD"),
+        ("FF FF 01 09 03 2A 00 08 00 00 E8 03 D5", "FF FF 01 02 00 FC"),
+        ("FF FF 01 04 02 38 02 BF", ""),  # damaged: nobody answers
+        ("FF FF FE 20 83 2A 06 01" + MIDDLE + "02" + MIDDLE + "03" + MIDDLE + "04" + MIDDLE + "58", ""),
+    ],
+)
+def test_published_packets_are_answered_as_published(question: str, answer: str) -> None:
+    servos = chain(4, STS)
+    servos.servo(1).turn_by_hand((0x0518 - 2048) * servos.servo(1).model.tick)
+    assert servos.feed(bytes.fromhex(question), 0.0) == bytes.fromhex(answer)
+    if "83 2A" in question:
+        assert {(servo.get("goal_position"), servo.get("goal_speed")) for servo in servos.servos} == {(2048, 1000)}
+
+
+def test_a_reading_of_many_is_answered_in_turn() -> None:
+    servos = chain(2, STS)
+    answer = servos.feed(bytes.fromhex("FF FF FE 06 82 38 02 01 02 3C"), 0.0)
+    assert answer == bytes.fromhex("FF FF 01 04 00 00 08 F2") + bytes.fromhex("FF FF 02 04 00 00 08 F1")
+
+
+def test_a_ping_to_all_collides_and_the_scan_asks_id_by_id() -> None:
+    servos = chain(3, STS)
+    assert len(servos.feed(bytes.fromhex("FF FF FE 02 01 FE"), 0.0)) == 6
+    found = list(census(Wired(servos).bus(), [1_000_000], ids=range(5)))
+    assert [(row.at, row.number) for row in found] == [(At(number, "STS"), 777) for number in (1, 2, 3)]
+    assert not any(row.garbled for row in found)
+
+
+def test_dynamixels_and_feetechs_on_one_wire_are_told_apart_whoever_is_asked() -> None:
+    bus = Wired(mixed_chain("AX-12A", STS, "MX-28", "XL330-M288")).bus()
+    found = [(row.at.id, row.at.protocol, row.number) for row in census(bus, [1_000_000], ids=range(6))]
+    assert sorted(found, key=str) == [(1, 1, 12), (2, "STS", 777), (3, 1, 29), (4, 2, 1200)]
+    assert bus.identify(At(2, 1)) == bus.identify(At(2, "STS")) == Identity(At(2, "STS"), 777, 3 | 10 << 8)
+    assert bus.identify(At(1, "STS")) == bus.identify(At(1, 1))
+    assert [row.at.protocol for row in census(bus, [1_000_000], ["STS"], range(6))] == ["STS"]
+
+
+def test_an_ax_whose_table_begins_as_that_of_an_sts_is_an_ax() -> None:
+    servo = VirtualServo(9)
+    chain = VirtualServoBus([servo], 500_000)  # 0C 00 18 09 03 09: number 777 and ID 9, where an STS has them
+    servo.set("return_delay", 9)
+    bus = Wired(chain).bus()
+    bus.baud = 500_000
+    assert bus.identify(At(9, 1)).number == 12
+    assert bus.identify(At(9, 1)).at == At(9, 1)
+
+
+def test_what_the_protocol_lacks_is_said() -> None:
+    servo = VirtualServo(1, model=STS)
+    bus, at = first(servo)
+    with pytest.raises(BadRequest, match="the STS protocol has no bulk read"):
+        bus.read_many({at: servo.model.table.fast}, how="bulk")
+    with pytest.raises(BadRequest, match="the STS protocol has no reboot"):
+        bus.reboot(at)
+
+
+# --- the EEPROM -------------------------------------------------------------------------------------------------------
+
+
+def test_what_is_written_while_it_is_locked_is_lost_with_its_power() -> None:
+    servo = VirtualServo(1, model=STS)
+    bus, at = first(servo)
+    bus.write(at, servo.model.table["temperature_limit"], 60)
+    assert servo.get("temperature_limit") == 60
+    servo.power_cycle()
+    assert servo.get("temperature_limit") == 70
+
+
+@each(
+    "wanted",
+    [
+        {"temperature_limit": 60},
+        {"id": 7},
+        {"baud": 4},
+        {"id": 7, "baud": 4, "position_offset": -100, "max_torque": 500},
+    ],
+)
+def test_settings_are_written_unlocked_and_locked_again(wanted: dict[str, int]) -> None:
+    servo = VirtualServo(1, model=STS)
+    bus, at = first(servo)
+    bus.write(at, servo.model.table["torque_enable"], 1)
+    assert apply(bus, at, servo.model.table, planned(bus, at, servo.model.table, wanted))
+    assert (servo.get("lock"), servo.get("torque_enable")) == (1, 0)
+    servo.power_cycle()
+    assert {name: servo.get(name) for name in wanted} == wanted
+
+
+def test_a_setting_that_does_not_hold_is_told_and_the_servo_is_locked_again() -> None:
+    servo = VirtualServo(1, model=STS)
+    bus, at = first(servo)
+    changes = planned(bus, at, servo.model.table, {"temperature_limit": 60})
+    stubborn = servo.write
+    servo.write = lambda address, data, *, clamp=False: stubborn(  # type: ignore[method-assign]
+        address, b"\x50" if address == 13 else data, clamp=clamp
+    )
+    with pytest.raises(DeviceFault, match="temperature_limit holds 80 after 60"):
+        apply(bus, at, servo.model.table, changes)
+    assert servo.get("lock") == 1
+
+
+def test_its_offset_is_taken_off_what_it_shows_and_goals_are_in_what_it_shows() -> None:
+    servo = VirtualServo(1, model=STS, angle=radians(100))
+    table = servo.model.table
+    bus, at = first(servo)
+    seen = bus.read(at, table["present_position"])
+    servo.set("position_offset", 1000)
+    assert bus.read(at, table["present_position"]) == seen - 1000
+    servo.set("position_offset", -2000)
+    assert bus.read(at, table["present_position"]) == (seen + 2000) % 4096  # beyond a turn it begins anew
+    bus.write_block(at, 42, bytes.fromhex("00 04 00 00 E8 03"))
+    for step in range(300):
+        servo.advance(step / 100)
+    assert bus.read(at, table["present_position"]) == 0x400
+    servo.write(40, b"\x80")  # the maker's way to make where it stands its middle
+    assert bus.read(at, table["present_position"]) == 2048
+
+
+# --- the driver -------------------------------------------------------------------------------------------------------
+
+
+def test_an_old_goal_does_not_make_it_leap_when_it_is_opened_and_held(make: Make) -> None:
+    arm = six(make)
+    for servo in arm.chain.servos:
+        servo.set("goal_position", 3500)
+    arm.start()
+    arm.joints.hold()
+    arm.fresh()
+    assert all(abs(servo.angle) < 0.01 for servo in arm.chain.servos)
+    assert all(servo.get("torque_enable") for servo in arm.chain.servos)
+
+
+def test_when_nobody_sends_it_on_it_is_at_rest_within_half_a_second(make: Make) -> None:
+    arm = six(make).start()
+    arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
+    arm.until(lambda: arm.state("elbow").position > 0.3)
+    assert isinstance(arm.joints, DynamixelJoints)
+    began, at = arm.clock.now(), arm.chain.servo(3).angle
+    for step in range(50):  # the program is silent: the chain alone goes on
+        for servo in arm.chain.servos:
+            servo.advance(began + step / 100)
+    assert not any(servo.turning for servo in arm.chain.servos)
+    assert 0 < arm.chain.servo(3).angle - at <= AHEAD + 0.05
+
+
+def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make) -> None:
+    arm = six(make).start()
+    arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
+    arm.until(lambda: arm.state("elbow").position > 0.3)
+    arm.line.plugged = False
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 0.7)
+    arm.chain.servo(4).power_cycle()
+    arm.chain.servo(4).turn_by_hand(-0.5)
+    before = {servo.number: servo.angle for servo in arm.chain.servos}
+    arm.line.plugged = True
+    arm.until(lambda: arm.joints.health().online)
+    steps = []
+    for _ in range(200):
+        arm.timeline.run(arm.clock.now() + 0.005)
+        now = {servo.number: servo.angle for servo in arm.chain.servos}
+        steps.append(max(abs(now[number] - before[number]) for number in now))
+        before = now
+    assert max(steps) < 0.02
+    assert arm.told("flex (servo 4) stands at")
+
+
+def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(make: Make) -> None:
+    arm = six(make).start()
+    arm.joints.hold()
+    elbow = arm.chain.servo(3)
+    elbow.temperature = 90.0
+    arm.until(lambda: arm.told("elbow (servo 3) has shut down: its torque was switched off"))
+    assert arm.told("elbow (servo 3) reports overheating")
+    elbow.turn_by_hand(-1.0)
+    elbow.temperature = 35.0
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 0.2)
+    assert elbow.angle == pytest.approx(-1.0, abs=0.01)
+
+
+def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> None:
+    arm = six(make).start()
+    arm.joints.move({"elbow": 0.5})
+    elbow = arm.chain.servo(3)
+    elbow.burden = 1.5
+    began = arm.clock.now()
+    arm.until(lambda: arm.told("elbow (servo 3) reports overload"))
+    assert arm.clock.now() - began >= STALL_TIME
+    elbow.burden = 0.0
+    arm.until(lambda: arm.state("elbow").torque is False)
+    elbow.turn_by_hand(0.2)
+    began = arm.clock.now()
+    arm.until(lambda: arm.clock.now() > began + 5.0)
+    assert elbow.limp
+    assert arm.joints.health().detail == "arm: elbow (servo 3) has shut down"
+    assert arm.joints.recover() == ("elbow",)
+    arm.until(lambda: arm.state("elbow").torque)
+    assert elbow.angle == pytest.approx(0.2, abs=0.01)
+    arm.joints.move({"elbow": 0.4})
+    arm.until(lambda: abs(arm.state("elbow").position - 0.4) < 0.01)
+
+
+@each(
+    ("register", "value", "words"),
+    [
+        ("mode", 1, "does not go to positions"),
+        ("phase", 8, "counts speeds or turns in another way"),
+        ("phase", 28, "counts speeds or turns in another way"),
+        ("response_level", 0, "acknowledges no writes"),
+        ("position_offset", 5, "has position offset 5, its calibration says 7: mission servo calibrate --restore"),
+    ],
+)
+def test_one_that_is_set_up_otherwise_is_not_driven(register: str, value: int, words: str) -> None:
+    servos = chain(1, STS)
+    servos.servo(1).set(register, value)
+    arm = Arm({"elbow": JointSpec(1, STS, offset=7 if register == "position_offset" else None)}, servos=servos)
+    try:
+        arm.joints.open()
+        arm.until(lambda: arm.told(words))
+        assert not arm.joints.health().online or "elbow" in arm.joints.health().detail
+    finally:
+        arm.close()
