@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
-from config.faults import Mark, one_of
-from config.fields import Fields, value_of
+from config.faults import InvalidFileError, Mark, Source, one_of
+from config.fields import Fields, fields_of, value_of
 from config.marked import Listing, Node, Scalar
 from config.marked import Mapping as MarkedMapping
 from config.units import seen
@@ -24,6 +24,20 @@ def read_keys(fields: Fields, cls: type[K]) -> K:
     found = _read(fields, cls)
     fields.done(getattr(cls, "unknown", ""))
     note_mistakes(fields, getattr(found, "mistakes", tuple)())
+    return found
+
+
+def read_value(key: Key, text: str) -> Any:
+    """Read one value of a key as somebody types it. Raises ValueError, in words."""
+    try:
+        fields = fields_of(Source("what was typed", f"{key.word}: {text}\n"), what="it")
+        node = fields.node_of(key.word)
+        found = None if node is None else _value(fields, key, key.word, node, (key.word,))
+    except InvalidFileError as error:
+        raise ValueError(error.faults[0].message) from None
+    if fields.faults:
+        told = fields.faults[0]
+        raise ValueError(told.message + (f"; {told.suggestion}" if told.suggestion else ""))
     return found
 
 

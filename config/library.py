@@ -1,4 +1,4 @@
-"""Where files are found: by name in the folders that ship with MissionTree, or by path."""
+"""Where files are found: by name in the folders that ship with MissionTree and in the user's own, or by path."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -14,6 +14,9 @@ LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 
 SUFFIXES = (".yaml", ".yml")
 
+MINE = "mine"
+"""The name of this computer's own robot, whichever that is."""
+
 FEW = 5
 """So many names are told at most where there are more."""
 
@@ -28,7 +31,7 @@ def shipped(kind: str) -> dict[str, Path]:
 
 
 def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder: Path = Path()) -> Path:
-    """Return the file that ``name`` means: one in the library, else a path, which goes from ``folder``.
+    """Return the file that ``name`` means: in the library, a path, which goes from ``folder``, or the user's own.
 
     Raises UnknownNameError with the file or the name that may be meant, or with what a file is that is of another kind.
     """
@@ -40,10 +43,25 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
         if wrong := wrong_kind(kind, path):
             raise UnknownNameError(wrong)
         return path
+    own = _own(kind, name)
+    if own is not None:
+        return own
     hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
     raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}")
+
+
+def _own(kind: str, name: str) -> Path | None:
+    """Return the user's own file that a name means, None where there is none. Raises UnknownNameError."""
+    from config.defaults import load_defaults, own_files  # noqa: PLC0415 - few names are not in the library
+
+    if kind == "robots" and name == MINE:
+        mine = load_defaults().robot
+        if not mine or mine == MINE:
+            raise UnknownNameError("no robot is this computer's own yet; `mission robot use NAME` makes one so")
+        return find(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
+    return own_files(kind).get(name)
 
 
 def is_file(path: Path) -> bool:

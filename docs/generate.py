@@ -15,6 +15,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from config.controller import BaseKeys, ControllerKeys
+from config.defaults import DefaultsKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
 from config.object import ObjectKeys
@@ -164,6 +165,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "test_keys": partial(keys_table, JudgedKeys, {CommonKeys, ExpectKeys}),
     "expect_keys": partial(keys_table, ExpectKeys),
     "move_keys": partial(keys_table, MoveKeys),
+    "default_keys": partial(keys_table, DefaultsKeys),
     "object_keys": partial(keys_table, ObjectKeys),
     "gallery": dumps.gallery,
     "studio_commands": studio_commands,

@@ -72,14 +72,14 @@ def homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
 
 @pytest.fixture(autouse=True)
 def a_home_of_its_own(homes: Iterator[Path]) -> Iterator[None]:
-    """Keep a test away from the user's own people, models and tasks, and from those of other tests."""
+    """Keep a test away from the user's own people, models, tasks and defaults, and from those of other tests."""
     with pytest.MonkeyPatch.context() as patch:
         _live_in(next(homes), patch)
         yield
 
 
 def _live_in(home: Path, patch: pytest.MonkeyPatch) -> None:
-    for kind in ("DATA", "STATE"):
+    for kind in ("CONFIG", "DATA", "STATE"):
         patch.setenv(f"XDG_{kind}_HOME", str(home / kind.lower()))
 
 

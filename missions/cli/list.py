@@ -7,6 +7,7 @@ import click
 
 from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
+from config.defaults import own_files
 from config.gesture import load_gesture
 from config.library import shipped
 from config.object import load_object
@@ -22,7 +23,7 @@ KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "
 @click.command(epilog="Example: mission list gestures")
 @click.argument("kind", required=False, type=click.Choice(KINDS))
 def command(kind: str | None) -> None:
-    """List what ships with MissionTree, by name, with a line on each; and the drivers, whoever they are of.
+    """List what ships with MissionTree and what is yours, with a line on each; and the drivers, whoever they are of.
 
     Behind a gesture stand the robots that can do it.
     """
@@ -43,7 +44,7 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
     if kind == "gestures":
         yield from _gestures()
         return
-    for name, path in shipped(kind).items():
+    for name, path in (own_files(kind) | shipped(kind)).items():
         yield name, _SUMMARIES[kind](path)
 
 

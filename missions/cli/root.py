@@ -49,6 +49,7 @@ GROUPS = {
         "stats": "Say how often, how long and how late, over any number of records.",
     },
     "Set up a robot": {
+        "robot": "Show a robot, check it at rest, and make it this computer's own.",
         "ports": "Say what is plugged in, what answers there, and what is in the way.",
         "camera": "List cameras, and calibrate them.",
         "person": "Let the robot know people by their faces, list them, and forget them.",

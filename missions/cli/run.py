@@ -17,6 +17,7 @@ from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
+from missions.cli.robot.use import usual
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
@@ -61,6 +62,7 @@ class RunCommand(MissionCommand):
 @params_option
 @behaviours_option
 @click.option("--robot", type=ROBOT, help="The robot to run on (a name or a file); it moves, unless --simulate.")
+@click.option("--on-robot", is_flag=True, help="Run on this computer's robot (`mission robot use NAME`); it moves.")
 @click.option(
     "--simulate",
     metavar="[LEVEL]",
@@ -126,6 +128,7 @@ def command(
     params: dict[str, str],
     files: tuple[Path, ...],
     robot: str | None,
+    on_robot: bool,
     simulate: Simulate | None,
     speed: float | None,
     eyes: Literal["pixels", "truth"],
@@ -154,12 +157,13 @@ def command(
     """
     if speed is not None and not isfinite(speed):
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
-    if simulate is None and robot is None and (speed is not None or eyes == "truth" or film or until):
+    if simulate is None and robot is None and not on_robot and (speed is not None or eyes == "truth" or film or until):
         simulate = "fast"
     if view and as_json:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
     if view and simulate == "fast" and speed is None:
         speed = 1.0  # to be watched
+    robot, simulate, world = usual(robot, simulate, world, on_robot=on_robot)
     order = RunRequest(
         name,
         params,

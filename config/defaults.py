@@ -1,0 +1,76 @@
+"""What a user wants where a command names nothing: one file, ``~/.config/missiontree/defaults.yaml``."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from config.declared import read_keys
+from config.editing import rewrite, with_value
+from config.faults import InvalidFileError, Source
+from config.fields import fields_of
+from config.marked import read_source
+from drivers.api.keys import key, keys
+
+FILE = "defaults.yaml"
+
+HEADING = "# What `mission` takes where a command names nothing; docs/robots.md says more.\n"
+
+
+@keys
+class DefaultsKeys:
+    """The keys of the file of defaults."""
+
+    robot: str = key(
+        default="", help="This computer's robot, a name or a file: `--on-robot` moves it, `mission run` simulates it."
+    )
+    world: str = key(default="", help="The world in which `mission run` simulates, a name or a file.")
+    folders: tuple[str, ...] = key(
+        default=(),
+        help="Folders of yours with `robots/`, `worlds/`, `missions/`, `gestures/`, `controllers/` or `objects/`: "
+        "their files are found by name.",
+    )
+
+
+def config_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where the user's own files are, as the XDG base directory specification says."""
+    named = environment.get("XDG_CONFIG_HOME", "")
+    return (Path(named) if Path(named).is_absolute() else Path.home() / ".config") / "missiontree"
+
+
+def load_defaults() -> DefaultsKeys:
+    """Return the user's defaults; without the file, none. Raises InvalidFileError with every mistake in it."""
+    path = config_folder() / FILE
+    if not path.is_file():
+        return DefaultsKeys()
+    source = read_source(path)
+    if not _says(source.text):
+        return DefaultsKeys()
+    fields = fields_of(source, what="the file of defaults")
+    found = read_keys(fields, DefaultsKeys)
+    if fields.faults:
+        raise InvalidFileError(fields.faults)
+    return found
+
+
+def keep_default(word: str, value: str) -> Path:
+    """Write one default into the file, whose other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
+    load_defaults()
+    path = config_folder() / FILE
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file():
+        path.write_text(HEADING, encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    rewrite(path, with_value(Source(str(path), text), (word,), value) if _says(text) else f"{text}{word}: {value}\n")
+    return path
+
+
+def own_files(kind: str) -> dict[str, Path]:
+    """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``."""
+    folders = [config_folder(), *(Path(each).expanduser() for each in load_defaults().folders)]
+    found = [path for folder in folders for path in sorted((folder / kind).glob("*.yaml"))]
+    return {path.stem: path for path in reversed(found) if not path.name.endswith(".test.yaml")}
+
+
+def _says(text: str) -> bool:
+    """Say whether a text holds more than comments."""
+    return any(line.strip() and not line.lstrip().startswith("#") for line in text.splitlines())

@@ -1,0 +1,58 @@
+"""The file of defaults: what it may say, how names are found by it, and that one line of it can be changed."""
+
+from pathlib import Path
+
+import pytest
+
+from config.defaults import config_folder, keep_default, load_defaults, own_files
+from config.faults import InvalidFileError
+from config.library import UnknownNameError, find
+
+
+def write(text: str) -> Path:
+    path = config_folder() / "defaults.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("text", [None, "", "# nothing yet\n"])
+def test_without_a_word_in_it_there_are_no_defaults(text: str | None) -> None:
+    if text is not None:
+        write(text)
+    found = load_defaults()
+    assert (found.robot, found.world, found.folders) == ("", "", ())
+
+
+def test_a_mistake_in_it_is_told_at_its_line() -> None:
+    write("robot: humanoid\nwrold: living_room\n")
+    with pytest.raises(InvalidFileError, match=r"defaults\.yaml:2:1.*wrold"):
+        load_defaults()
+
+
+def test_one_default_is_written_and_the_rest_of_the_file_stays() -> None:
+    path = keep_default("robot", "humanoid")
+    assert path.read_text().endswith("robot: humanoid\n")
+    path.write_text(path.read_text() + "world: square_arena  # for laps\n")
+    keep_default("robot", "turtlebot2")
+    assert path.read_text().endswith("robot: turtlebot2\nworld: square_arena  # for laps\n")
+    assert load_defaults().robot == "turtlebot2"
+
+
+def test_files_of_ones_own_are_found_by_name_and_those_that_ship_stay_themselves(tmp_path: Path) -> None:
+    write(f"folders: [{tmp_path}]\n")
+    for folder, name in ((config_folder(), "rosie"), (tmp_path, "rosie"), (tmp_path, "kit"), (tmp_path, "humanoid")):
+        (folder / "robots").mkdir(parents=True, exist_ok=True)
+        (folder / "robots" / f"{name}.yaml").write_text(f"robot: {name}\n")
+    assert find("robots", "rosie") == config_folder() / "robots/rosie.yaml"
+    assert find("robots", "kit") == tmp_path / "robots/kit.yaml"
+    assert find("robots", "humanoid").parent.parent.name == "config"
+    assert set(own_files("robots")) == {"rosie", "kit", "humanoid"}
+    assert own_files("worlds") == {}
+
+
+def test_mine_is_this_computers_robot_and_without_one_says_how_to_have_it() -> None:
+    with pytest.raises(UnknownNameError, match="mission robot use NAME"):
+        find("robots", "mine")
+    keep_default("robot", "humanoid")
+    assert find("robots", "mine").stem == "humanoid"

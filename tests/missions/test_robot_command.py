@@ -1,0 +1,122 @@
+"""``mission robot``: which robot is this computer's, what it is made of, and whether it is as its file says."""
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from config.defaults import load_defaults
+from config.library import find
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal, WireDevice
+from missions.cli.robot.check import checked
+from missions.library.drivers import load_robot
+from tests.drivers.desks import RecordedMachine
+from tests.missions.command import Outcome, command
+
+Mission = Callable[..., Outcome]
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
+    return lambda *arguments: command(capsys, *arguments)
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> RecordedMachine:
+    return RecordedMachine(tmp_path / "machine")
+
+
+def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission) -> None:
+    assert mission("robot", "show").code == 2
+    told = mission("robot", "use", "humanoid")
+    assert told.code == 0
+    assert "humanoid is this computer's robot now" in told.out
+    assert "next: mission run greet --on-robot" in told.out
+    assert load_defaults().robot == "humanoid"
+    shown = mission("robot", "show").out
+    assert shown.startswith("humanoid  ")
+    assert "arm: dynamixel" in shown
+
+
+def test_a_file_of_ones_own_is_used_by_its_whole_path(
+    mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "kit.yaml").write_text(
+        find("robots", "humanoid").read_text().replace("robot: humanoid", "robot: kit", 1)
+    )
+    monkeypatch.chdir(tmp_path)
+    assert mission("robot", "use", "kit.yaml").code == 0
+    monkeypatch.chdir("/")
+    assert mission("robot", "show").out.startswith(f"kit  {tmp_path}/kit.yaml")
+
+
+def test_a_robot_that_is_no_robot_is_not_used(mission: Mission, tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("robot: wrong\nbase: {driver: kobuki}\n")
+    told = mission("robot", "use", str(wrong))
+    assert told.code == 2
+    assert "needs 'port'" in told.err
+    assert load_defaults().robot == ""
+
+
+def test_on_robot_runs_on_it_and_on_no_other(mission: Mission) -> None:
+    assert "mission robot use NAME" in mission("run", "greet", "--on-robot").err
+    for other in (("--robot", "humanoid"), ("--simulate", "fast")):
+        told = mission("run", "greet", "--on-robot", *other)
+        assert told.code == 2
+        assert "--on-robot moves this computer's robot" in told.err
+    mission("robot", "use", "turtlebot2_arm")
+    told = mission("run", "greet", "--on-robot", "--port", "base=/dev/null", "--no-record")
+    assert told.code == 3
+    assert "base: /dev/null: no serial port" in told.err
+
+
+def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Mission) -> None:
+    mission("robot", "use", "humanoid")
+    told = mission("run", "square_3m", "--simulate", "fast")
+    assert told.code == 2
+    assert "base" in told.err
+
+
+@pytest.fixture
+def plugged(desk: RecordedMachine) -> Iterator[dict[str, Terminal]]:
+    """A Kobuki, and a chain that lacks two of the arm's ten servos."""
+    devices: dict[str, WireDevice] = {
+        "kobuki": VirtualKobuki(),
+        "u2d2": VirtualServoBus([VirtualServo(number) for number in range(1, 9)]),
+    }
+    terminals = {name: Terminal(name, device, SystemClock()) for name, device in devices.items()}
+    for number, (name, terminal) in enumerate(terminals.items()):
+        terminal.open()
+        ids, serial = ("0403:6001", "kobuki_7") if name == "kobuki" else ("0403:6014", "FT7")
+        desk.port(f"ttyUSB{number}", ids, serial=serial, behind=terminal.path, rule=name)
+    yield terminals
+    for terminal in terminals.values():
+        with closing(terminal):
+            pass
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_each_part_is_compared_with_what_answers(desk: RecordedMachine) -> None:
+    config = load_robot(find("robots", "turtlebot2_arm"))
+    told = dict(checked(config, desk.machine, patience=0.05))
+    assert told["base at /dev/kobuki"] is None
+    arm, head, camera = (told[title] for title in ("arm at /dev/u2d2", "head at /dev/nano", "camera at /dev/video0"))
+    assert arm is not None
+    assert arm.what == "no answer of wrist_roll (ID 9), gripper (ID 10)"
+    assert head is not None
+    assert "nothing is plugged in there" in head.what
+    assert camera is not None
+    assert camera.cure == "mission camera list"
+
+
+def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: RecordedMachine) -> None:
+    told = mission("robot", "check", "turtlebot2", "--root", str(desk.root))
+    assert told.code == 1
+    assert "wrong  base at /dev/kobuki: nothing is plugged in there\n       try: mission ports" in told.out
