@@ -253,7 +253,17 @@ ARM = Driver(
     twin="drivers.sim.twins.making:arm",
     virtual="drivers.virtual.making:servos",
     probe="drivers.dynamixel.probe:probe",
-    usb=("0403:6001", "0403:6014", "0403:6015", "0483:5740", "16d0:06a7", "1a86:55d3", "2f5d:2202", "fff1:ff48"),
+    usb=(
+        "0403:6001",
+        "0403:6014",
+        "0403:6015",
+        "0483:5740",
+        "16d0:06a7",
+        "1a86:55d3",
+        "1a86:7523",
+        "2f5d:2202",
+        "fff1:ff48",
+    ),
 )
 
 NECK = Driver(

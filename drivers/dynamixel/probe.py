@@ -1,7 +1,8 @@
 """Servos are recognised by a ping and what their tables say: nothing is written, nobody moves.
 
 In protocol 2.0 one ping calls all; in protocol 1.0 they are called one by one, of which the first thirty IDs are tried
-here. `mission servo scan` tries all. Feetech's STS have the frames of protocol 1.0, and another table.
+here. `mission servo scan` tries all. Feetech's STS have the frames of protocol 1.0, and another table, which tells the
+makes apart.
 """
 
 from collections.abc import Generator, Mapping, Sequence
@@ -17,10 +18,7 @@ from drivers.dynamixel.wire import BROADCAST, LASTING
 DELIVERED = (1_000_000, 57_600)
 """The rates at which servos are delivered."""
 
-OTHERS = (
-    *(115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 250_000, 200_000, 400_000, 19_200, 9600),
-    *(128_000, 76_800, 38_400),  # of Feetech's alone
-)
+OTHERS = (115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 250_000, 200_000, 400_000, 19_200, 9600)
 """The rates that are asked where nobody answers at those."""
 
 IDS = range(31)
@@ -31,14 +29,14 @@ REPLY = 0.003
 LISTEN = 0.03
 """Seconds in which a device that talks by itself is heard, as a Kobuki is."""
 
-IDENTITY: Mapping[Protocol, Block] = {1: Block(0, 6), 2: Block(0, 8)}
-"""Model, firmware, ID... of a servo, by protocol."""
+IDENTITY: Mapping[Protocol, Block] = {1: Block(0, 6), 2: Block(0, 8), "STS": Block(0, 6)}
+"""Model, firmware, ID... of a servo."""
 
-STATE: Mapping[Protocol, Block] = {1: Block(36, 8), 2: Block(124, 23)}
+MODEL_AND_ID: Mapping[Protocol, tuple[int, int]] = {1: (0, 3), 2: (0, 7), "STS": (3, 5)}
+"""Where its model and its ID are in there."""
+
+STATE: Mapping[Protocol, Block] = {1: Block(36, 8), 2: Block(124, 23), "STS": Block(56, 15)}
 """What changes all the time, so that two servos with one ID cannot say the same."""
-
-STS_STATE = Block(56, 15)
-"""The same of Feetech's."""
 
 TWO = "damaged replies: there may be two with this ID"
 
@@ -46,13 +44,22 @@ Servos = Generator[Ask, bytes, list[Unit]]
 
 
 def probe() -> Generator[Ask, bytes, Answer | None]:
-    """Ask for servos of both protocols, at the rates at which they are delivered, else at all others."""
-    for rates in (DELIVERED, OTHERS):
+    """Ask for Dynamixel servos of both protocols."""
+    return (yield from servos((2, 1), DELIVERED, OTHERS))
+
+
+def servos(
+    protocols: Sequence[Protocol], delivered: Sequence[int], others: Sequence[int]
+) -> Generator[Ask, bytes, Answer | None]:
+    """Ask for servos at the rates at which they are ``delivered``; at the ``others`` where nobody answers there."""
+    for rates in (delivered, others):
         found: dict[int, list[Unit]] = {}
         for baud in rates:
             if (yield Ask(baud, wait=LISTEN, enough=bool)):
                 continue  # somebody talks here without being asked, which no servo does
-            units = (yield from _called(baud)) + (yield from _pinged(baud, 1, IDS))
+            units = list[Unit]()
+            for protocol in protocols:
+                units += yield from (_called(baud) if protocol == 2 else _pinged(baud, protocol, IDS))
             if units:
                 found[baud] = units
         if found:
@@ -100,18 +107,19 @@ def _pinged(baud: int, protocol: Protocol, ids: Sequence[int]) -> Servos:
 
 def _asked(codec: Codec, baud: int, number: int, heard: bytes) -> Generator[Ask, bytes, Unit | None]:
     """Ask one that has answered a ping, or has made a noise, who it is; None for one that is none of these."""
-    identity = yield from _read(codec, baud, number, IDENTITY[codec.protocol])
+    protocol = codec.protocol
+    identity = yield from _read(codec, baud, number, IDENTITY[protocol])
     if identity is None:
         replies, damaged = _replies(codec, heard)
         return Unit(number, "?", TWO) if replies or damaged else None
-    feetech = codec.protocol == 1 and identity.data[5] == number and identity.data[3] != number
-    own = identity.data[7 if codec.protocol == 2 else 5 if feetech else 3]
-    if own != number:
-        return None  # another make, which has its own table
-    kind = unpack_from("<H", identity.data, 3 if feetech else 0)[0]
-    state = yield from _read(codec, baud, number, STS_STATE if feetech else STATE[codec.protocol])
+    where, own = MODEL_AND_ID[protocol]
+    kind = unpack_from("<H", identity.data, where)[0]
     model = model_of(kind)
-    name = f"{'Feetech ' * feetech}number {kind}" if model is None else model.name
+    either = protocol != 2 and identity.data[5 if protocol == 1 else 3] == number  # by the table of the other make, too
+    if identity.data[own] != number or (either and (model is None or model.protocol != protocol)):
+        return None  # another make, which has its own table
+    state = yield from _read(codec, baud, number, STATE[protocol])
+    name = f"number {kind}" if model is None else model.name
     return Unit(number, name, TWO if state is None else (identity.faults & LASTING).words)
 
 

@@ -91,4 +91,6 @@ ARM = Driver(
     make="drivers.dynamixel.make:arm",
     twin="drivers.sim.twins.making:arm",
     virtual="drivers.virtual.making:servos",
+    probe="drivers.feetech.probe:probe",
+    usb=("1a86:55d3", "1a86:7523"),
 )

@@ -43,4 +43,6 @@ WAVESHARE = Driver(
     make="drivers.waveshare.make:make",
     twin="drivers.sim.twins.making:waveshare",
     virtual="drivers.virtual.making:waveshare",
+    probe="drivers.waveshare.probe:probe",
+    usb=("10c4:ea60", "1a86:55d4"),
 )

@@ -15,13 +15,15 @@ from drivers.finding.others import cameras, pads, sound_cards
 from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
 from drivers.finding.usb import Usb
-from drivers.rplidar.wire import Command
+from drivers.rplidar.wire import BEGIN, Command
+from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.waveshare import VirtualWaveshare
 from missions.library.drivers import Table
 from tests.drivers.desks import HandAsked, RecordedMachine, gives_pictures, sent_instructions
 
@@ -141,7 +143,7 @@ def test_servos_without_power_are_silence_and_the_power_is_named_first() -> None
     assert heard.trouble.cure.startswith("switch on the power")
     assert "mission servo scan --all-bauds --port /dev/ttyUSB0" in heard.trouble.cure
     assert sent_instructions(wire.sent) == {Instruction.PING}
-    assert len({baud for baud, _ in wire.sent}) == 15
+    assert len({baud for baud, _ in wire.sent}) == 12
 
 
 # --- desk 6: two servos of one ID -------------------------------------------------------------------------------------
@@ -241,7 +243,42 @@ def test_a_lidar_that_was_left_scanning_is_silenced_and_says_what_it_is() -> Non
     assert heard.found is not None
     assert heard.found.title == "range.rplidar"
     assert heard.found.answer.keys == {"baud": 115_200, "model": "a2"}
-    assert {data[1] for _, data in wire.sent if data} == {Command.STOP, Command.INFO}
+    assert {data[1] for _, data in wire.sent if data.startswith(bytes([BEGIN]))} == {Command.STOP, Command.INFO}
+
+
+@pytest.mark.parametrize("number", [1, 9])
+def test_feetech_servos_are_told_from_dynamixels_by_their_table(number: int) -> None:
+    """An STS3215 with ID 9 has the 9 where a Dynamixel has it, too: in its model number."""
+    chain = VirtualServoBus([VirtualServo(number, model="STS3215"), VirtualServo(12, model="STS3215")])
+    heard, wire = asked(adapter("1a86:55d3"), chain)
+    assert heard.found is not None
+    assert heard.found.title == "arm.feetech"
+    assert [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units] == [
+        (number, "STS3215", ""),
+        (12, "STS3215", ""),
+    ]
+    assert sent_instructions(wire.sent) == READS
+    others, _ = asked(adapter("0403:6014"), chain)
+    assert others.found is None
+
+
+@pytest.mark.parametrize("number", [1, 9])
+def test_dynamixels_on_such_an_adapter_are_dynamixels(number: int) -> None:
+    chain = VirtualServoBus([VirtualServo(number, model="XL330-M077"), VirtualServo(3, model="AX-12A")])
+    heard, _ = asked(adapter("1a86:55d3"), chain)
+    assert heard.found is not None
+    assert heard.found.title == "arm.dynamixel"
+    assert {unit.model for unit in heard.found.answer.units} == {"XL330-M077", "AX-12A"}
+
+
+def test_a_rover_of_waveshares_is_asked_for_one_report() -> None:
+    rover = VirtualWaveshare(Body(), track=0.2, unit=0.4, encoders=False)
+    heard, wire = asked(adapter("10c4:ea60"), rover)
+    assert heard.found is not None
+    assert heard.found.title == "base.waveshare"
+    assert "V" in heard.found.answer.about
+    assert rover.commanded == (0.0, 0.0)
+    assert b'{"T":1,' not in wire.bytes_sent
 
 
 # --- desk 10: nothing at all ------------------------------------------------------------------------------------------
