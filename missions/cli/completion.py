@@ -100,7 +100,7 @@ def install(shell: str | None) -> int:
     click.echo(
         f"terminals that are opened from now on complete `mission`; for this one: source {shlex.quote(str(path))}"
     )
-    click.echo(f"written: {path}" + (f", and a line at the end of {started}" if added else ""))
+    click.echo(f"wrote {path}" + (f", and a line at the end of {started}" if added else ""))
     return SUCCESS
 
 

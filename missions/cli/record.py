@@ -170,4 +170,4 @@ def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None
         from missions.records.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
-    click.echo(f"wrote {count} messages to {output}\n  try: mission record info {output}")
+    click.echo(f"wrote {count} messages to {output}; to look into it: mission record info {output}")

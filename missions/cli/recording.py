@@ -161,6 +161,7 @@ class Recording:
                 on_frame=both(recorder.frame, pictures.frame),
             )
         recorder.watch(self.runner.root)
+        self.begun = True
 
     def __enter__(self) -> Self:
         from missions.records.recording.gather import contents_of  # noqa: PLC0415 - a run without a record needs none of it
@@ -185,6 +186,7 @@ class Recording:
         except CannotRecordError as error:
             if not wish.asked:
                 click.echo(f"mission: not recorded: {error}", err=True)
+                self.begun = False
                 return self
             hint = f"\n  try: {error.hint}" if error.hint else ""
             raise click.BadParameter(f"{error}{hint}", param_hint="--record") from error

@@ -131,7 +131,7 @@ def _film(record: Record, path: Path) -> int:
         raise click.UsageError(_no_pictures(record))
     if movie.trouble:
         raise click.ClickException(movie.trouble)
-    click.echo(f"{path}: {movie.pictures} pictures")
+    click.echo(f"wrote {movie.pictures} pictures to {path}")
     return SUCCESS
 
 

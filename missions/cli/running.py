@@ -108,10 +108,19 @@ def run(
         with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
             tell_unreachable(control)
             result = runner.run()
+    if written := _written(outputs, recording) if result.reason != GONE else []:
+        with suppress(OSError):
+            click.echo(f"wrote {', '.join(written)}", err=True)
     for lost in runner.stream.lost if result.reason != GONE else ():
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {lost}", err=True)
     return result
+
+
+def _written(outputs: Outputs, recording: Recording | None) -> list[str]:
+    """Return the files that a run has left behind."""
+    record = outputs.record.path if outputs.record is not None and recording is not None and recording.begun else None
+    return [str(path) for path in (record, outputs.events, outputs.film) if path is not None]
 
 
 def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None) -> None:

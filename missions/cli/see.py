@@ -102,7 +102,7 @@ def command(
     except (FileNotFoundError, BadModel) as error:  # of a detector
         raise click.UsageError(f"{error}") from error
     if folder is not None:
-        click.echo(f"written: {folder} ({written} pictures)", err=as_json)
+        click.echo(f"wrote {written} pictures to {folder}", err=as_json)
     return SUCCESS
 
 

@@ -77,6 +77,8 @@ def command(
         if tell_coverage:
             click.echo("\n" + "\n".join(lines_of(coverage(verdicts))) + "\n")
     click.echo(report.total(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
+    if written := [str(path) for path in (junit_file, page_file) if path is not None]:
+        click.echo(f"wrote {', '.join(written)}", err=True)
     return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
 
 

@@ -299,3 +299,24 @@ def test_behind_each_gesture_stand_the_robots_that_can_do_it(mission: Mission) -
     lines = {line.split()[0]: line for line in mission("list", "gestures").out.splitlines()[1:]}
     assert lines["wave"].endswith("(humanoid)")
     assert lines["greeting"].endswith("(turtlebot2_arm)")
+
+
+def test_the_last_line_of_a_command_names_the_files_that_it_has_written(mission: Mission) -> None:
+    write("hello.yaml", "  wait: 0.1 s\n")
+    Path("hello.test.yaml").write_text("tests: hello.yaml\ncases:\n  - case: it ends\n    expect: {result: success}\n")
+    record = ("--record", "r.mcap", "--events", "e.jsonl")
+    for arguments, files in (
+        (("run", "hello.yaml", "--simulate", "fast", *record), ["r.mcap", "e.jsonl"]),
+        (("test", "hello.test.yaml", "--junit", "j.xml"), ["j.xml"]),
+        (("show", "hello.yaml", "-o", "h.svg"), ["h.svg"]),
+        (("schema", "-o", "s.json"), ["s.json"]),
+        (("world", "show", "empty", "-o", "w.svg"), ["w.svg"]),
+        (("record", "cut", "r.mcap", "0s", "1s", "-o", "c.mcap"), ["c.mcap"]),
+        (("record", "export", "r.mcap", "--jsonl", "l.jsonl"), ["l.jsonl"]),
+        (("report", "r.mcap", "-o", "r.html"), ["r.html"]),
+        (("servo", "play", "greeting", "--dry-run", "--plot", "p.png"), ["p.png"]),
+    ):
+        outcome = mission(*arguments)
+        last = [text.splitlines()[-1] for text in (outcome.out, outcome.err) if text]
+        assert any(all(file in line for file in files) for line in last), (arguments, outcome)
+        assert all(Path(file).exists() for file in files)

@@ -119,8 +119,8 @@ def test_installing_twice_adds_one_line_and_its_last_line_says_what_was_written(
     outcomes = [command(capsys, "completion", "install", "--shell", "zsh") for _ in range(2)]
     script_file = home / ".local/share/missiontree/completion.zsh"
     assert [each.out.splitlines()[-1] for each in outcomes] == [
-        f"written: {script_file}, and a line at the end of {home / '.zshrc'}",
-        f"written: {script_file}",
+        f"wrote {script_file}, and a line at the end of {home / '.zshrc'}",
+        f"wrote {script_file}",
     ]
     assert (home / ".zshrc").read_text() == f"alias ll='ls -l'\n[ -r {script_file} ] && . {script_file}\n"
 

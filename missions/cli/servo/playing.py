@@ -138,7 +138,6 @@ def _curves(samples: Sequence[Sample], what: str) -> Curves:
 def _draw(path: Path, title: str, goals: Curves, limits: Mapping[str, JointLimits], measured: Curves | None) -> None:
     drawing = _drawing()
     _written(path, lambda: drawing.draw_move(path, title, goals, limits, measured=measured))
-    click.echo(f"drawn: {path}", err=True)
 
 
 def _drawing() -> ModuleType:
@@ -155,3 +154,4 @@ def _written(path: Path, write: Callable[[], None]) -> None:
         write()
     except OSError as error:
         raise click.UsageError(f"{path}: {error.strerror}") from error
+    click.echo(f"wrote {path}", err=True)
