@@ -51,10 +51,8 @@ class Audience:
         """Let a client watch so from now on, beginning with all that is so far."""
         self._scene = self._scene or scene_of(self._runner)
         self.tell()
-        client.begin(
-            command,
-            Scene(run=self._name, **self._scene, **self._of, state=self._outlet.all, log=list(self._outlet.log)),  # type: ignore[arg-type]
-        )
+        told = {**self._scene, **self._of, "state": self._outlet.all, "log": list(self._outlet.log)}
+        client.begin(command, line_of(Scene(run=self._name, **told)) + b"\n")  # type: ignore[arg-type]
         self.look_at_watches()
 
     def look_at_watches(self) -> None:

@@ -1,4 +1,4 @@
-"""One client of a run's control socket: what it has asked, and what it is still to be sent, at its own pace."""
+"""What a client is still to be sent, at its own pace; and one client of a run's control socket, who is sent that."""
 
 import socket
 from collections import deque
@@ -22,23 +22,20 @@ BLOCK = 1 << 16
 
 NOTHING = Watch(state=False)
 
+Encode = Callable[[Mapping[str, object]], bytes]
+"""Returns a state as a line; what several clients are sent is encoded once by it."""
 
-class Client:
-    """Sends what a client is to hear as fast as that reads, the newest of each; never waits. For one thread.
 
-    ``encode`` returns a state as a line; what several clients are sent is encoded once by it.
+class Waiting:
+    """Keeps what one client is to hear, the newest of each, until it takes the ``next`` line. For one thread.
+
+    ``flush`` is called whenever there is something. ``gone`` is True once it has asked for too much and taken nothing.
     """
 
-    def __init__(self, connection: socket.socket, run: str, encode: Callable[[Mapping[str, object]], bytes]) -> None:
-        connection.setblocking(False)
-        with suppress(OSError):
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        self.connection = connection
+    def __init__(self, run: str, encode: Encode) -> None:
         self.watch = NOTHING
         self.gone = False
         self._run, self._encode = run, encode
-        self._heard = bytearray()
-        self._sending: memoryview | None = None
         self._first: deque[bytes] = deque()  # answers, and the scene
         self._behind: Mapping[str, object] | None = None
         self._events: deque[Mapping[str, object]] = deque()
@@ -47,43 +44,21 @@ class Client:
         self._unseen: deque[float] = deque()
         self._pictured = self._stamp = float("-inf")
 
-    @property
-    def waiting(self) -> bool:
-        """Whether something could not be sent yet."""
-        return self._sending is not None
+    def flush(self) -> None:
+        """Have it sent, as far as the client takes it."""
 
-    def read(self) -> Iterator[bytes]:
-        """Yield the lines that have come. ``gone`` is True after the last."""
-        try:
-            data = self.connection.recv(BLOCK)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self.gone = True
-            return
-        self._heard += data
-        while (end := self._heard.find(b"\n")) >= 0:
-            line = bytes(self._heard[:end])
-            del self._heard[: end + 1]
-            yield line
-        if len(self._heard) > LARGEST:
-            yield bytes(self._heard)
-            self.gone = True
-
-    def say(self, message: object) -> None:
-        """Send a message before all else that waits."""
-        self._first.append(line_of(message) + b"\n")
+    def say(self, line: bytes) -> None:
+        """Send a line before all else that waits."""
+        self._first.append(line)
         self.gone = self.gone or len(self._first) > MOST_ANSWERS
         self.flush()
 
-    def begin(self, watch: Watch, scene: object) -> None:
+    def begin(self, watch: Watch, scene: bytes) -> None:
         """Watch so from now on, beginning with a ``scene``."""
-        self.watch, self._behind, self._picture = watch, None, None
-        self._events.clear()
+        self._picture = None
+        self._first.extend(list(iter(self.next, None)))  # the client may be a studio, and it be news to one of many
+        self.watch = watch
         self._unseen.clear()
-        self._lost = 0
         self.say(scene)
 
     def news(self, state: Mapping[str, object]) -> None:
@@ -120,24 +95,8 @@ class Client:
         while self._unseen and self._unseen[0] <= stamp:
             self._unseen.popleft()
 
-    def flush(self) -> None:
-        """Send as much as the client takes."""
-        try:
-            while not self.gone:
-                if self._sending is None:
-                    line = self._next()
-                    if line is None:
-                        return
-                    self._sending = memoryview(line)
-                sent = self.connection.send(self._sending[:BLOCK])
-                self._sending = self._sending[sent:] if sent < len(self._sending) else None
-        except BlockingIOError:
-            return
-        except OSError:
-            self.gone = True
-
-    def _next(self) -> bytes | None:
-        """Return what is to be sent next."""
+    def next(self) -> bytes | None:
+        """Return what is to be sent next; None while there is nothing."""
         if self._first:
             return self._first.popleft()
         if self._behind is not None:
@@ -152,3 +111,61 @@ class Client:
             line, self._picture = self._picture, None
             return line
         return None
+
+
+class Client(Waiting):
+    """Sends what a client is to hear over its ``connection``, as fast as it reads; never waits. For one thread."""
+
+    def __init__(self, connection: socket.socket, run: str, encode: Encode) -> None:
+        super().__init__(run, encode)
+        connection.setblocking(False)
+        with suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        self.connection = connection
+        self._heard = bytearray()
+        self._sending: memoryview | None = None
+
+    def tell(self, message: object) -> None:
+        """Send a message before all else that waits."""
+        self.say(line_of(message) + b"\n")
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something could not be sent yet."""
+        return self._sending is not None
+
+    def read(self) -> Iterator[bytes]:
+        """Yield the lines that have come. ``gone`` is True after the last."""
+        try:
+            data = self.connection.recv(BLOCK)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self.gone = True
+            return
+        self._heard += data
+        while (end := self._heard.find(b"\n")) >= 0:
+            line = bytes(self._heard[:end])
+            del self._heard[: end + 1]
+            yield line
+        if len(self._heard) > LARGEST:
+            yield bytes(self._heard)
+            self.gone = True
+
+    def flush(self) -> None:
+        """Send as much as the client takes."""
+        try:
+            while not self.gone:
+                if self._sending is None:
+                    line = self.next()
+                    if line is None:
+                        return
+                    self._sending = memoryview(line)
+                sent = self.connection.send(self._sending[:BLOCK])
+                self._sending = self._sending[sent:] if sent < len(self._sending) else None
+        except BlockingIOError:
+            return
+        except OSError:
+            self.gone = True

@@ -146,7 +146,7 @@ class ControlSocket:
         end = self.outlet.end
         result, reason, seconds = ("", "", 0.0) if end is None else (end.result, end.reason, end.seconds)
         for client in self._clients:
-            client.say(Over(run=self._name, result=result, reason=reason, seconds=seconds))
+            client.tell(Over(run=self._name, result=result, reason=reason, seconds=seconds))
         until = self._clock.now() + FAREWELL
         while any(client.waiting and not client.gone for client in self._clients) and self._clock.now() < until:
             self._guarded(lambda: self._turn(0.05))
@@ -215,7 +215,7 @@ class ControlSocket:
         client = Client(connection, self._name, self._audience.encoded)
         self._clients.append(client)
         self._selector.register(connection, selectors.EVENT_READ, client)
-        client.say(self._about())
+        client.tell(self._about())
 
     def _make_room(self) -> bool:
         """Hang up on the oldest client that neither watches nor drives: the next one may be somebody with a stop."""
@@ -250,12 +250,12 @@ class ControlSocket:
             if number is None:
                 number = _number(line)
             hint = error.hint or None
-            client.say(Answer(id=number, ok=False, error=error.error, message=str(error), hint=hint))
+            client.tell(Answer(id=number, ok=False, error=error.error, message=str(error), hint=hint))
         except Exception as error:  # of a driver: the socket serves on
-            client.say(Answer(id=number, ok=False, error="fault", message=f"{type(error).__name__}: {error}"))
+            client.tell(Answer(id=number, ok=False, error="fault", message=f"{type(error).__name__}: {error}"))
         else:
             if number is not None:
-                client.say(Answer(id=number, ok=True, result=result))
+                client.tell(Answer(id=number, ok=True, result=result))
 
     def _do(self, client: Client, command: Command) -> Mapping[str, object] | None:
         match command:
@@ -270,7 +270,7 @@ class ControlSocket:
                 result = self._doing.do(client, command)
                 if isinstance(command, Stop | Release):
                     for each in self._clients:
-                        each.say(self._about())
+                        each.tell(self._about())
                 return result
         return None
 

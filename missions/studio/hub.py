@@ -11,6 +11,7 @@ from missions.studio import sockets
 from missions.studio.form import BadMessage
 from missions.studio.holders import Holder, holders
 from missions.studio.link import Link
+from missions.studio.watching import Watching
 
 PERIOD = 0.25
 """Seconds from one look for new runs to the next."""
@@ -28,6 +29,7 @@ class Hub:
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._links: dict[str, Link] = {}
+        self._watched: dict[str, Watching] = {}
         self._troubles: dict[str, str] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = asyncio.Lock()
@@ -42,8 +44,8 @@ class Hub:
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        for link in list(self._links.values()):
-            await link.close()
+        await asyncio.gather(*(each.close() for each in self._links.values()))
+        await asyncio.gather(*(each.close() for each in self._watched.values()))
 
     def runs(self) -> list[Mapping[str, object]]:
         """Return what there is, as `runs` tells it: the newest first."""
@@ -124,15 +126,20 @@ class Hub:
             raise BadMessage("no_such_run", f"there is no run '{run}' (there is: {known})")
         return self._links[run].about
 
+    def watching(self, run: str) -> Watching:
+        """Return what is watched of a run. Raises BadMessage for one that is not there."""
+        self.known(run)
+        return self._watched.setdefault(run, Watching(run))
+
     async def _look_on(self) -> None:
         while True:
             with suppress(OSError):
                 await self.look()
             await asyncio.sleep(PERIOD)
 
-    async def _heard(self, line: str) -> None:
+    async def _heard(self, line: bytes) -> None:
         """A run tells of itself: it was stopped, or released."""
-        if line.startswith('{"say":"run"'):
+        if line.startswith(b'{"say":"run"'):
             about = json.loads(line)
             if about["run"] in self._links:
                 self._links[about["run"]].about = about
@@ -142,6 +149,7 @@ class Hub:
         await link.closed.wait()
         if self._links.get(run) is link:
             del self._links[run]
+            self._watched.pop(run, None)
         self._changed()
 
     def _begin(self, work: Awaitable[None]) -> None:

@@ -13,20 +13,33 @@ from typing import Any, Self
 from missions.studio import sockets
 from missions.studio.sockets import LARGEST, PATIENCE
 
-OnLine = Callable[[str], Awaitable[None]]
+OnLine = Callable[[bytes], Awaitable[None]]
 """Gets each line of a run; while it waits, the run keeps the rest, and makes one of it."""
 
 
-async def ignore(line: str) -> None:
+async def ignore(line: bytes) -> None:
     """Do nothing with a line."""
     del line
 
 
-class Link:
-    """A connection to a run. Made by ``open``; ``about`` is the run's first message. ``closed`` once it has gone."""
+def nothing() -> None:
+    """Do nothing about an end."""
 
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, on_line: OnLine) -> None:
-        self._reader, self._writer, self._on_line = reader, writer, on_line
+
+class Link:
+    """A connection to a run. Made by ``open``; ``about`` is the run's first message. ``closed`` once it has gone.
+
+    ``on_closed`` is called then, unless it was by ``close``, after the last line.
+    """
+
+    def __init__(
+        self,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        on_line: OnLine,
+        on_closed: Callable[[], None],
+    ) -> None:
+        self._reader, self._writer, self._on_line, self._on_closed = reader, writer, on_line, on_closed
         self.about: Mapping[str, Any] = {}
         self.process = sockets.process_of(writer.get_extra_info("socket"))
         self.closed = asyncio.Event()
@@ -36,12 +49,12 @@ class Link:
         self._task: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, path: Path, on_line: OnLine = ignore) -> Self:
+    async def open(cls, path: Path, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> Self:
         """Connect to the run at ``path``. Raises OSError; TimeoutError where it does not answer."""
         plain = await asyncio.to_thread(sockets.connect, path)
         plain.setblocking(False)
         reader, writer = await asyncio.open_unix_connection(sock=plain, limit=LARGEST)
-        link = cls(reader, writer, on_line)
+        link = cls(reader, writer, on_line, on_closed)
         try:
             async with asyncio.timeout(PATIENCE):
                 link.about = json.loads(await reader.readline() or b"{}")
@@ -55,13 +68,13 @@ class Link:
         """Send a command; its answer comes as a line."""
         self._writer.write(json.dumps(command).encode() + b"\n")
 
-    async def ask(self, command: Mapping[str, object]) -> Mapping[str, Any]:
+    async def ask(self, command: Mapping[str, object], patience: float = PATIENCE) -> Mapping[str, Any]:
         """Send a command and return its answer. Raises TimeoutError, ConnectionError."""
         number = next(self._numbers)
         future = self._asked[number] = asyncio.get_running_loop().create_future()
         try:
             self.send({**command, "id": number})
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(patience):
                 answer: Mapping[str, Any] = await future
                 return answer
         finally:
@@ -96,7 +109,7 @@ class Link:
                     if future is not None and not future.done():
                         future.set_result(answer)
                 else:
-                    await self._on_line(line.decode().rstrip("\n"))
+                    await self._on_line(line)
         except (OSError, ValueError):
             pass
         finally:
@@ -105,3 +118,4 @@ class Link:
             for future in self._asked.values():
                 if not future.done():
                     future.set_exception(ConnectionError("the run has gone"))
+        self._on_closed()

@@ -10,12 +10,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from drivers.clock import Clock, SystemClock
 from missions.studio import sockets
 from missions.studio.audit import UNTOLD
-from missions.studio.commands import KEY, Command, OfRun, Role, Stop
+from missions.studio.commands import KEY, Command, OfRun, Role, Seen, Stop, Watch
 from missions.studio.form import BadMessage, written
 from missions.studio.link import Link
-from missions.studio.messages import Answer, Over, Runs, line_of
+from missions.studio.messages import Answer, Runs, line_of
 from missions.studio.reading import read_command
 from missions.studio.studio import Studio
+from missions.studio.watching import Hearer
 from missions.studio.wishes import Hello
 
 RATE = 100.0
@@ -46,7 +47,7 @@ class Session:
         self._links: dict[str, Link] = {}
         self._waiting: asyncio.Queue[OfRun] = asyncio.Queue(MOST_WAITING)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._over: set[str] = set()
+        self._hearers: dict[str, Hearer] = {}
         self._epoch, self._out = studio.access.epoch, False
         self._served: asyncio.Task[Any] | None = None
         self._runs: Runs | None = None
@@ -139,14 +140,14 @@ class Session:
             if command.role == "operator" and self.role != "operator":
                 self._studio.audit.tell(self.name, self.role, {KEY: command.word}, "not_allowed")
                 raise BadMessage("not_allowed", "a viewer may not do this", "open the operator's link")
-            if isinstance(command, OfRun):
+            if isinstance(command, OfRun) and not isinstance(command, Watch | Seen):
                 self._waiting.put_nowait(command)
             elif isinstance(command, Hello):
                 await self.say(self._studio.welcome(self.role, self.name))
             elif len(self._tasks) > MOST_WAITING:
                 raise asyncio.QueueFull
             else:
-                self._begin(self._answered(command, self._studio.do(command, self)))
+                self._begin(self._answered(command, self._do(command)))
         except asyncio.QueueFull:
             await self.say(_refused(number, BadMessage("too_many", "more commands than can be done")))
         except BadMessage as error:
@@ -175,6 +176,16 @@ class Session:
         if command.word not in UNTOLD:
             self._studio.audit.tell(self.name, self.role, _about(command), outcome)
 
+    async def _do(self, command: Command) -> Mapping[str, object] | None:
+        match command:
+            case Watch():
+                await self._watch(command)
+            case Seen():
+                self._seen(command)
+            case _:
+                return await self._studio.do(command, self)
+        return None
+
     async def _stop(self, command: Stop) -> Mapping[str, object]:
         return {"stopped": await self._studio.stop(command.run, self.name)}
 
@@ -198,30 +209,50 @@ class Session:
                 self._studio.audit.tell(self.name, self.role, _about(command), outcome)
 
     async def _link(self, run: str) -> Link:
-        """Return this client's own connection to a run. Raises BadMessage where there is none."""
+        """Return this client's own connection to a run: its end is the end of the client. Raises BadMessage."""
         link = self._links.get(run)
         if link is not None and not link.closed.is_set():
             return link
         self._studio.hub.known(run)
 
-        async def passed_on(line: str) -> None:
-            if line.startswith('{"say":"over"'):
-                self._over.add(run)
-            if not line.startswith('{"say":"run"'):
-                await self._send(line)
+        async def answered(line: bytes) -> None:
+            if line.startswith(b'{"say":"answer"'):
+                await self._send(line.decode())
 
         try:
-            link = self._links[run] = await Link.open(sockets.path_of(run), passed_on)
+            link = self._links[run] = await Link.open(sockets.path_of(run), answered)
         except (OSError, ValueError) as error:  # a TimeoutError is an OSError
             raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
-        self._begin(self._attend(run, link))
         return link
 
-    async def _attend(self, run: str, link: Link) -> None:
-        """Say that a run is over which could not say so itself."""
-        await link.closed.wait()
-        if run not in self._over:
-            await self.say(Over(run=run, result="", reason="the run has gone without a word", seconds=0.0))
+    async def _watch(self, command: Watch) -> None:
+        """Watch a run, together with all others who do; or no more."""
+        hearer = self._hearers.get(command.run)
+        if not (command.state or command.events or command.pictures):
+            if hearer is not None:
+                hearer.watching.leave(hearer)
+            return
+        watching = self._studio.hub.watching(command.run)
+        if hearer is None or hearer.over or hearer.watching is not watching:
+            hearer = self._hearers[command.run] = Hearer(watching)
+            self._begin(self._pass_on(hearer))
+        await watching.watch(hearer, command)
+
+    def _seen(self, command: Seen) -> None:
+        hearer = self._hearers.get(command.run)
+        if hearer is None:
+            raise BadMessage("no_such_run", f"run '{command.run}' is not watched here", "watch")
+        hearer.watching.seen(hearer, command.t)
+
+    async def _pass_on(self, hearer: Hearer) -> None:
+        """Send what a run tells, as this client takes it."""
+        try:
+            async for line in hearer.lines():
+                await self._send(line.decode())
+        finally:
+            hearer.watching.leave(hearer)
+        if hearer.gone:
+            self.shut_out()
 
     def _begin(self, work: Any) -> None:
         task = asyncio.ensure_future(work)

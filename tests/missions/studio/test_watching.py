@@ -1,0 +1,185 @@
+"""Several clients of the studio watch one run: it tells each thing once, and each client hears it at its own pace."""
+
+import asyncio
+import json
+import os
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from typing import Any
+
+from drivers.clock import ManualClock
+from missions.studio import sockets
+from missions.studio.commands import Watch
+from missions.studio.watching import Hearer, Watching
+
+PATIENCE = 60.0
+RUN = str(os.getpid())
+
+
+class ToldRun:
+    """A control socket that answers `watch` with a scene, and tells what the test has it tell."""
+
+    def __init__(self) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self.watchers: list[asyncio.StreamWriter] = []
+        self.gone = 0
+
+    @asynccontextmanager
+    async def served(self) -> AsyncIterator[None]:
+        server = await asyncio.start_unix_server(self._serve, sock=sockets.listen(sockets.path_of(RUN)))
+        async with server:
+            yield
+            server.close()
+        sockets.path_of(RUN).unlink()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.watchers.append(writer)
+        self.tell(say="run", run=RUN)
+        while line := await reader.readline():
+            self.asked.append(json.loads(line))
+            if self.asked[-1]["do"] == "watch":
+                self.tell(say="scene", run=RUN, number=len(self.asked))
+                self.tell(say="answer", id=self.asked[-1]["id"], ok=True)
+        self.gone += 1
+        writer.close()
+
+    def tell(self, **message: object) -> None:
+        for each in self.watchers:
+            each.write(json.dumps(message, separators=(",", ":")).encode() + b"\n")
+
+    def of(self, word: str) -> list[dict[str, Any]]:
+        """Return the commands of a word that it was asked, in order."""
+        return [each for each in self.asked if each["do"] == word]
+
+    def was_asked(self, word: str, number: int) -> bool:
+        return len(self.of(word)) == number
+
+
+class Looking:
+    """A client that takes what comes."""
+
+    def __init__(self, watching: Watching) -> None:
+        self.hearer = Hearer(watching)
+        self.heard: list[dict[str, Any]] = []
+        self.task = asyncio.create_task(self._take())
+
+    async def _take(self) -> None:
+        async for line in self.hearer.lines():
+            self.heard.append(json.loads(line))
+
+    def said(self, word: str) -> list[dict[str, Any]]:
+        return [each for each in self.heard if each["say"] == word]
+
+    def has(self, word: str, number: int) -> bool:
+        return len(self.said(word)) == number
+
+
+async def until(condition: Callable[[], object]) -> None:
+    while not condition():
+        await asyncio.sleep(0)
+
+
+def watched(work: Callable[[ToldRun, Watching, ManualClock], Awaitable[None]]) -> Callable[[], None]:
+    """Make a test of what is done with a run that is watched."""
+
+    def tested() -> None:
+        async def whole() -> None:
+            run, clock = ToldRun(), ManualClock()
+            async with run.served():
+                watching = Watching(RUN, clock)
+                await work(run, watching, clock)
+                await watching.close()
+                await until(lambda: run.gone == len(run.watchers))
+
+        asyncio.run(asyncio.wait_for(whole(), PATIENCE))
+
+    return tested
+
+
+@watched
+async def test_a_run_tells_all_who_watch_it_over_one_connection(
+    run: ToldRun, watching: Watching, clock: ManualClock
+) -> None:
+    del clock
+    lookers = [Looking(watching) for _ in range(3)]
+    for each in lookers:
+        await watching.watch(each.hearer, Watch(run=RUN))
+    assert len(run.watchers) == 1
+    run.tell(say="state", run=RUN, t=1.0)
+    await until(lambda: all(each.said("state") for each in lookers))
+    # Each began with a scene of its own, and nobody heard that of another.
+    assert [[told["number"] for told in each.said("scene")] for each in lookers] == [[1], [2], [3]]
+    assert [each.heard[0]["say"] for each in lookers] == ["scene"] * 3
+
+
+@watched
+async def test_who_takes_nothing_keeps_nothing_from_the_others_and_hears_the_newest_in_one(
+    run: ToldRun, watching: Watching, clock: ManualClock
+) -> None:
+    del clock
+    quick, slow = Looking(watching), Hearer(watching)
+    await watching.watch(slow, Watch(run=RUN))
+    await watching.watch(quick.hearer, Watch(run=RUN))
+    for tick in range(100):
+        run.tell(say="state", run=RUN, t=tick, changed={str(tick % 7): ["running", "", tick]})
+        await until(partial(quick.has, "state", tick + 1))
+    lines = [json.loads(line) for line in iter(slow.next, None)]
+    assert [told["say"] for told in lines] == ["scene", "state"]
+    assert (lines[1]["t"], len(lines[1]["changed"])) == (99, 7)
+
+
+@watched
+async def test_the_run_is_asked_for_what_all_together_watch_and_for_less_when_one_leaves(
+    run: ToldRun, watching: Watching, clock: ManualClock
+) -> None:
+    del clock
+    one, other = Looking(watching), Looking(watching)
+    await watching.watch(one.hearer, Watch(run=RUN))
+    await watching.watch(other.hearer, Watch(run=RUN, state=False, events=True, pictures=10.0))
+    told = run.of("watch")[-1]
+    assert (told["state"], told["events"], told["pictures"]) == (True, True, 10.0)
+    watching.leave(other.hearer)
+    await until(lambda: run.of("watch")[-1]["pictures"] == 0)
+    run.tell(say="state", run=RUN, t=1.0)
+    await until(lambda: one.said("state"))
+    assert other.said("state") == []
+    assert len(one.said("scene")) == 1  # that of the last question was for nobody
+    watching.leave(one.hearer)
+    await until(lambda: run.gone == 1)  # nobody watches: it is hung up
+
+
+@watched
+async def test_a_picture_is_seen_when_one_has_seen_it_and_a_client_that_is_gone_holds_up_none(
+    run: ToldRun, watching: Watching, clock: ManualClock
+) -> None:
+    quick, slow = Looking(watching), Hearer(watching)
+    await watching.watch(slow, Watch(run=RUN, pictures=10.0))
+    run.tell(say="picture", run=RUN, t=0.5, jpeg="")
+    await until(lambda: run.of("watch") and slow._unseen)
+    assert run.of("seen") == []  # one that is on its way is waited for
+    await watching.watch(quick.hearer, Watch(run=RUN, pictures=10.0))
+    for number in range(1, 6):
+        clock.advance(1.0)
+        run.tell(say="picture", run=RUN, t=number, jpeg="")
+        await until(partial(quick.has, "picture", number))
+        watching.seen(quick.hearer, float(number))
+        await until(partial(run.was_asked, "seen", number))
+    watching.leave(quick.hearer)
+    asked = len(run.of("seen"))
+    clock.advance(1.0)
+    run.tell(say="picture", run=RUN, t=6.0, jpeg="")
+    await until(lambda: len(run.of("seen")) > asked)
+
+
+@watched
+async def test_who_watches_a_run_that_dies_hears_that_it_is_over(
+    run: ToldRun, watching: Watching, clock: ManualClock
+) -> None:
+    del clock
+    looker = Looking(watching)
+    await watching.watch(looker.hearer, Watch(run=RUN))
+    run.watchers[0].close()
+    await looker.task
+    assert looker.heard[-1]["say"] == "over"
+    assert looker.heard[-1]["reason"] == "the run has gone without a word"
