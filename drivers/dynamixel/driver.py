@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
-from threading import RLock
+from threading import Event, RLock
 from typing import Literal
 
 from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Quality, Reading, Report, ignore
@@ -39,6 +39,9 @@ FRESH = 0.25
 
 GO_ON = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
+
+GIVEN_WAY = 0.2
+"""Seconds for which readings wait at most while somebody holds or relaxes joints, of which each is to confirm it."""
 
 
 class DynamixelJoints(CommandedJoints):
@@ -78,6 +81,8 @@ class DynamixelJoints(CommandedJoints):
         self._opened = False
         self._connections = 0
         self._went_on_at = 0.0
+        self._calm = Event()  # while nobody holds or relaxes joints, which comes before the next reading
+        self._calm.set()
         self._fault = ""  # the newest of the driver's own that was reported
 
     # --- life ---------------------------------------------------------------------------------------------------------
@@ -198,10 +203,14 @@ class DynamixelJoints(CommandedJoints):
 
     def _command(self, names: Collection[str], *, stiff: bool) -> None:
         """Hold or relax; tell of the joints whose servo did not confirm it, and let the watch look after them."""
-        with self._lock:
-            for joint in self._settle(names, stiff=stiff):
-                joint.checked = -inf
-            self._telling.unsettled(since=self._clock.now() - GRACE if self._bus.is_open else inf)
+        self._calm.clear()
+        try:
+            with self._lock:
+                for joint in self._settle(names, stiff=stiff):
+                    joint.checked = -inf
+                self._telling.unsettled(since=self._clock.now() - GRACE if self._bus.is_open else inf)
+        finally:
+            self._calm.set()
         self._loop.wake()
 
     def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
@@ -262,7 +271,11 @@ class DynamixelJoints(CommandedJoints):
             self._command([name for name, joint in self._joints.items() if joint.wanted], stiff=True)
 
     def _go_on(self) -> None:
-        """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait."""
+        """Send the joints farther on their way that need it: on a slow wire a round takes longer than they wait.
+
+        Who holds or relaxes joints meanwhile has the wire first: a lock is not given to who has waited for longest.
+        """
+        self._calm.wait(GIVEN_WAY)
         now = self._clock.now()
         if now - self._went_on_at >= GO_ON:
             self._went_on_at = now

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from random import Random
+from threading import Thread
 from typing import Any, Literal
 
 import pytest
@@ -20,6 +21,7 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine
+from tests.waiting import wait_until
 
 BOTH = pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
 ROUND = 0.01
@@ -456,3 +458,27 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
     arm.joints.move({"b": 1.2})
     arm.run(1.0)
     assert arm.servo(2).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)
+
+
+def test_who_holds_the_arm_has_the_wire_before_the_next_joint_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.dynamixel.driver.GIVEN_WAY", 60.0)  # in real time, however slow the machine is
+    hand = Hand("AX-12A", "AX-12A", "AX-12A")
+    hand.run(0.1)
+    hand.joints.move({"a": 1.0, "b": 1.0, "c": 1.0})
+    sent: list[bytes] = []
+    holding = Thread(target=hand.joints.hold)
+
+    def seen(frame: bytes) -> bool:
+        sent.append(frame)
+        if code_of(frame) == Instruction.READ and holding.ident is None:
+            holding.start()
+            wait_until(lambda: not hand.joints._calm.is_set())  # it waits for the wire
+        return False
+
+    hand.line.loses = seen
+    hand.run(0.5)
+    holding.join()
+    codes = [code_of(frame) for frame in sent]
+    first = codes.index(Instruction.READ)
+    assert codes[first + 1] == Instruction.SYNC_WRITE
+    assert hand.joints._calm.is_set()
