@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from drivers.clock import SystemClock
+from drivers.feetech.calibration import load, text
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from tests.drivers.chains import chain, mixed_chain
 
@@ -94,3 +96,44 @@ def test_the_plain_sdk_does_all_that_it_can_with_protocol_2() -> None:
     assert seen["EEPROM under torque"] == [0, 7]
     assert seen["beyond the limits"] == [0, 6]
     assert seen["EEPROM without"] == [0, 0]
+
+
+@needs("lerobot")
+def test_lerobots_own_bus_calibrates_reads_and_moves_a_chain_of_feetech_servos(tmp_path: Path) -> None:
+    bus = chain(3, "STS3215")
+    bus.servo(1).turn_by_hand(1.0)
+    seen = told("lerobot_client", bus, "all")
+    assert (seen["models"], seen["firmware"], seen["missing"]) == ([777, 777, 777], ["3.10"], None)
+    assert (seen["unlocked"], seen["locked"]) == ([0, 0, 0], [1, 1, 1])
+    assert set(seen["homed"].values()) == {2047}
+    assert seen["homings"]["pan"] == pytest.approx(1.0 / (radians(360) / 4096), abs=2)
+    assert seen["is calibrated"]
+    assert seen["arrived"]
+    assert seen["positions"] == pytest.approx({"pan": 30, "elbow": -40, "jaw": 25}, abs=0.2)
+    assert seen["beyond the limits"] == seen["calibration"]["pan"]["range_max"] == 3000
+    assert seen["negative goal"] == [-321, -1234]
+    file = tmp_path / "lerobot.json"
+    file.write_text(json.dumps(seen["calibration"], indent=4), encoding="utf-8")
+    assert {name: each.homing_offset for name, each in load(str(file)).items()} == seen["homings"]
+    assert text(load(str(file))).strip() == file.read_text(encoding="utf-8")
+
+
+@needs("lerobot")
+def test_lerobot_finds_a_lone_servo_at_another_rate_and_gives_it_its_id() -> None:
+    bus = VirtualServoBus([VirtualServo(1, model="STS3215")], 115_200)
+    assert told("lerobot_client", bus, "alone") == {"found": 777, "at": 1_000_000}
+    servo = bus.servos[0]
+    servo.power_cycle()
+    assert (servo.number, servo.settings.baud) == (2, 1_000_000)
+
+
+@needs("scservo_sdk")
+def test_feetechs_own_sdk_scans_reads_and_moves_and_hears_what_ails_a_servo() -> None:
+    bus = chain(3, "STS3215")
+    bus.servo(3).temperature = 90.0
+    seen = told("scservo_client", bus)
+    assert (seen["found"], seen["models"]) == ([1, 2, 3], [777, 777, 777])
+    assert seen["errors"] == ["", "[RxPacketError] Overheat error!"]
+    assert (seen["sent"], seen["arrived"], seen["positions"]) == (0, True, [2500, 1500, 2048])
+    assert seen["limits"] == [0, 4095]
+    assert seen["held until action"]

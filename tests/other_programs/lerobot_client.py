@@ -1,0 +1,126 @@
+"""What LeRobot's own bus of Feetech motors sees and does on a chain of three STS3215 with the IDs 1 to 3: PORT.
+
+A program of its own, which knows nothing of ours; one JSON object is its answer. Of torch and its like LeRobot's motors
+use nothing, but a module that they import does: here stand-ins are in their place, and in that of deepdiff.
+"""
+
+import io
+import json
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from threading import Event
+from time import monotonic
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
+
+for missing in ("torch", "accelerate", "datasets", "datasets.utils", "datasets.utils.logging", "deepdiff"):
+    sys.modules.setdefault(missing, MagicMock())
+
+from lerobot.motors import Motor, MotorNormMode, motors_bus  # noqa: E402 - once torch is stood in for
+from lerobot.motors.feetech import FeetechMotorsBus  # noqa: E402
+
+NAMES = ("pan", "elbow", "jaw")
+REPLY_TIMEOUT = 10.0
+"""Seconds in which a servo must have arrived."""
+
+
+def until(done: Callable[[], bool]) -> bool:
+    """Wait until ``done``; return whether it was in time."""
+    end = monotonic() + REPLY_TIMEOUT
+    while not done() and monotonic() < end:
+        Event().wait(0.01)
+    return done()
+
+
+def made(port: str, *, bodies: MotorNormMode = MotorNormMode.DEGREES) -> Any:
+    """Return LeRobot's bus for the three."""
+    modes = (bodies, bodies, MotorNormMode.RANGE_0_100)
+    return FeetechMotorsBus(
+        port, {n: Motor(i, "sts3215", m) for i, (n, m) in enumerate(zip(NAMES, modes, strict=True), 1)}
+    )
+
+
+def calibrated(bus: Any, seen: dict[str, Any]) -> None:
+    """Calibrate as ``lerobot-calibrate`` does: the middle, then ranges that are swept here, not by hand."""
+    bus.disable_torque()
+    seen["unlocked"] = [bus.read("Lock", name) for name in NAMES]
+    seen["homings"] = bus.set_half_turn_homings()
+    seen["homed"] = bus.sync_read("Present_Position", normalize=False)
+    looks = iter(({"pan": 1000, "elbow": 1000, "jaw": 2000}, {"pan": 3000, "elbow": 3100, "jaw": 3500}, None))
+    bus.enable_torque()
+
+    def swept() -> bool:
+        goals = next(looks)
+        if goals is None:
+            return True
+        bus.sync_write("Goal_Position", goals, normalize=False)
+        until(lambda: bus.sync_read("Present_Position", normalize=False) == goals)
+        return False
+
+    motors_bus.enter_pressed = swept
+    with redirect_stdout(io.StringIO()):
+        lowest, highest = bus.record_ranges_of_motion()
+    bus.disable_torque()
+    offsets = seen["homings"]
+    kinds = {n: motors_bus.MotorCalibration(i, 0, offsets[n], lowest[n], highest[n]) for i, n in enumerate(NAMES, 1)}
+    bus.write_calibration(kinds)
+    seen["calibration"] = {name: vars(each) for name, each in kinds.items()}
+    seen["is calibrated"] = bus.is_calibrated
+
+
+def main(port: str) -> dict[str, Any]:
+    """Have its way with the chain."""
+    bus = made(port)
+    seen: dict[str, Any] = {"models": {}}
+    bus.connect()
+    seen["models"] = [bus.ping(name) for name in NAMES]
+    seen["firmware"] = sorted(set(bus._read_firmware_version(bus.ids).values()))
+    seen["missing"] = bus.ping(9)
+    bus.configure_motors()
+    calibrated(bus, seen)
+    bus.enable_torque()
+    seen["locked"] = [bus.read("Lock", name) for name in NAMES]
+    bus.sync_write("Goal_Position", {"pan": 30.0, "elbow": -40.0, "jaw": 25.0})
+    goal = {"pan": 30.0, "elbow": -40.0, "jaw": 25.0}
+    near = SimpleNamespace(at={})
+
+    def there() -> bool:
+        near.at = bus.sync_read("Present_Position")
+        return all(abs(near.at[name] - goal[name]) < 0.2 for name in goal)
+
+    seen["arrived"] = until(there)
+    seen["positions"] = near.at
+    seen["moving"] = bus.sync_read("Moving", normalize=False)
+    bus.write("Goal_Position", "pan", 4000, normalize=False)  # beyond its limits
+    until(lambda: bus.read("Present_Position", "pan", normalize=False) >= 3000)
+    seen["beyond the limits"] = bus.read("Present_Position", "pan", normalize=False)
+    seen["negative goal"] = _signed(bus)
+    seen["load"] = bus.read("Present_Load", "elbow", normalize=False)
+    bus.disconnect()
+    return seen
+
+
+def _signed(bus: Any) -> list[int]:
+    """Write speeds below zero, and read them back."""
+    bus.disable_torque("jaw")
+    bus.write("Goal_Velocity", "jaw", -321, normalize=False)
+    bus.write("Homing_Offset", "jaw", -1234, normalize=False)
+    told = [bus.read("Goal_Velocity", "jaw", normalize=False), bus.read("Homing_Offset", "jaw", normalize=False)]
+    bus.write("Goal_Velocity", "jaw", 0, normalize=False)
+    return told
+
+
+def alone(port: str) -> dict[str, Any]:
+    """Find the one motor on the port at whatever rate, and make it the elbow, as ``lerobot-setup-motors`` does."""
+    bus = made(port)
+    bus.setup_motor("elbow")
+    found = bus.ping("elbow")
+    bus.port_handler.closePort()
+    return {"found": found, "at": bus.get_baudrate()}
+
+
+if __name__ == "__main__":
+    told = alone(sys.argv[2]) if sys.argv[1] == "alone" else main(sys.argv[2])
+    sys.stdout.write(json.dumps(told))
