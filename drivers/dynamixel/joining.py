@@ -113,6 +113,6 @@ def _mode_faults(joint: Joint) -> list[str]:
         if register in joint.model.table and (value := joint.value(register)) & mask != needed:
             found.append(f"{words} ({register.replace('_', ' ')} {value}, not {needed})")
     if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
-        cure = "mission servo calibrate --restore --robot FILE"
+        cure = "mission servo home --restore --robot FILE"
         found.append(f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}")
     return found

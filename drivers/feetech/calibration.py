@@ -57,7 +57,7 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
         found = file.stat()
         return _load(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
-        hint = "mission servo calibrate --homing --robot FILE  (finds the calibration by hand, and writes the file)"
+        hint = f"leave `calibration` out, then: mission servo home --into {path} --robot FILE"
         raise BadRequest(f"calibration {path}: {error.strerror or error}", hint=hint) from error
 
 
@@ -71,7 +71,10 @@ def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
         raise BadRequest(f"calibration {path}: it names no motors", hint='{"elbow_flex": {"id": 3, ...}}')
     faults = [fault for motor, each in told.items() for fault in _faults(motor, each)]
     if faults:
-        raise BadRequest(f"calibration {path}: {'; '.join(faults)}", hint="correct the file, or calibrate anew")
+        raise BadRequest(
+            f"calibration {path}: {'; '.join(faults)}",
+            hint="correct the file, or leave it out and write it anew: mission servo home --into FILE --robot ROBOT",
+        )
     return MappingProxyType({motor: MotorCalibration(**{f: each[f] for f in _BOUNDS}) for motor, each in told.items()})
 
 

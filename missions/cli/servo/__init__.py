@@ -5,6 +5,7 @@ import click
 from missions.cli.servo.calibrate import calibrate
 from missions.cli.servo.change import set_baud, set_id, set_register
 from missions.cli.servo.drive import move, reboot, recover, torque
+from missions.cli.servo.home import home
 from missions.cli.servo.importing import import_joints
 from missions.cli.servo.info import info
 from missions.cli.servo.monitor import monitor
@@ -23,6 +24,6 @@ def command() -> None:
 
 for each in (
     *(scan, info, monitor, set_register, set_id, set_baud, torque, move, reboot, recover),
-    *(calibrate, import_joints, record, play),
+    *(calibrate, home, import_joints, record, play),
 ):
     command.add_command(each)

@@ -11,6 +11,7 @@ from config.library import find
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.errors import BadRequest, DeviceFault, NoReply
+from drivers.feetech.declared import FeetechKeys
 from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
@@ -65,6 +66,9 @@ def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float
     if target.robot is None:
         raise click.UsageError("which robot file is to be written? name it with --robot FILE")
     path = find("robots", target.robot)
+    arm = target.config().keys(FeetechKeys)
+    if arm is not None and arm.calibration:
+        raise click.UsageError(f"how far its joints go is in {arm.calibration}: mission servo home{target.options}")
     require_terminal(seconds)
     try:
         check_keepable(path)
@@ -96,14 +100,19 @@ def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float 
     return found
 
 
-def _begin(bench: Bench, joint: Joint, *, zero: bool) -> Turned:
+def limp(bench: Bench, joint: Joint) -> None:
     """Make a joint limp; raise with its name if that cannot be."""
     bus, number = bench.bus, bench.bus.ping(joint.at)
     if number != joint.model.number:
         hint = f"mission servo info {joint.spec.id}{bench.options}"
         raise DeviceFault(f"{joint.title} is model {number}, not {joint.model.number} ({joint.model.name})", hint=hint)
     bus.write(joint.at, joint.model.table["torque_enable"], 0)
-    ticks = bus.read(joint.at, joint.model.table["present_position"])
+
+
+def _begin(bench: Bench, joint: Joint, *, zero: bool) -> Turned:
+    """Make a joint limp, and see where it stands."""
+    limp(bench, joint)
+    ticks = bench.bus.read(joint.at, joint.model.table["present_position"])
     return Turned(joint, ticks, ticks, ticks if zero else None)
 
 

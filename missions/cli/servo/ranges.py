@@ -66,7 +66,7 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range]) -> Path:
         raise NotEditableError(
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
         )
-    kept = _free(path)
+    kept = free(path)
     kept.write_bytes(path.read_bytes())
     rewrite(path, text)
     return kept
@@ -102,7 +102,7 @@ def _same(one: JointKeys, other: JointKeys) -> bool:
     return near and replace(one, written_zero=other.written_zero, limits=other.limits) == other
 
 
-def _free(path: Path) -> Path:
+def free(path: Path) -> Path:
     """Return a name beside ``path`` that nothing has yet: FILE.bak, then FILE.bak2..."""
     number, kept = 1, path.with_name(f"{path.name}.bak")
     while kept.exists():

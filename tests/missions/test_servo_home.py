@@ -1,0 +1,168 @@
+"""``mission servo home``: Feetech servos calibrated by hand, in their EEPROM and in a file that LeRobot reads."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from math import radians
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from drivers.clock import SystemClock
+from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.joint import Joint, JointSpec
+from drivers.dynamixel.models import MODELS
+from drivers.feetech.calibration import HALF_TURN
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+from missions.cli.servo.home import Homed, offset_for
+from tests.cases import each
+from tests.drivers.wired import Wired
+from tests.missions.command import Outcome, command, wait_until
+
+Mission = Callable[[str], Outcome]
+STS = MODELS["STS3215"]
+
+FILE = """\
+robot: two
+arm:
+  driver: feetech
+  port: PORT
+  at_end: relax
+  joints:
+    elbow: {id: 1}
+    jaw: {id: 2, zero_at: lowest}
+"""
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
+    return lambda line: command(capsys, *line.split())
+
+
+@pytest.fixture
+def servos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualServoBus]:
+    """Two servos with their robot file in the folder of the test."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("missions.cli.servo.bench.REPLY_TIMEOUT", 0.1)
+    servos = VirtualServoBus([VirtualServo(1, model="STS3215", angle=1.0), VirtualServo(2, model="STS3215")])
+    with running(servos) as port:
+        Path("two.yaml").write_text(FILE.replace("PORT", port))
+        yield servos
+
+
+@contextmanager
+def running(servos: VirtualServoBus) -> Iterator[str]:
+    terminal = Terminal("servos", servos, SystemClock())
+    terminal.open()
+    try:
+        yield terminal.path
+    finally:
+        terminal.close()
+
+
+def turned(servos: VirtualServoBus, *angles: float) -> Thread:
+    """Turn all servos by hand to these angles from where they stood (degrees), one after the other."""
+    stood = [servo.angle for servo in servos.servos]
+
+    def turn() -> None:
+        wait_until(lambda: all(servo.limp for servo in servos.servos))
+        for angle in (0.0, *angles):
+            for servo, place in zip(servos.servos, stood, strict=True):
+                servo.turn_by_hand(place + radians(angle))
+            wait_until(partial(_passed, servos, servos.servos[1].shaft.stamp + 0.15))
+
+    thread = Thread(target=turn)
+    thread.start()
+    return thread
+
+
+def _passed(servos: VirtualServoBus, time: float) -> bool:
+    return all(servo.shaft.stamp > time for servo in servos.servos)
+
+
+@pytest.mark.real_time
+def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_be_restored(
+    servos: VirtualServoBus, mission: Mission
+) -> None:
+    elbow, jaw = servos.servos
+    elbow.set("torque_enable", 1)
+    hand = turned(servos, -60.0, 50.0, 0.0)
+    outcome = mission("servo home --robot two.yaml --into two.json --seconds 3 --yes")
+    hand.join()
+    assert outcome.code == 0, outcome.err
+    told = json.loads(Path("two.json").read_text())
+    low, high = (HALF_TURN + round(radians(angle) / STS.tick) for angle in (-58.0, 48.0))
+    for servo, name, offset in ((elbow, "elbow", round(1.0 / STS.tick) + 1), (jaw, "jaw", 1)):
+        assert told[name]["id"] == servo.number
+        assert told[name]["drive_mode"] == 0
+        assert told[name]["homing_offset"] == servo.get("position_offset") == pytest.approx(offset, abs=1)
+        assert told[name]["range_min"] == servo.get("min_position") == pytest.approx(low, abs=2)
+        assert told[name]["range_max"] == servo.get("max_position") == pytest.approx(high, abs=2)
+        assert servo.get("lock") == 1
+        assert servo.limp
+        servo.power_cycle()
+        assert servo.get("position_offset") == told[name]["homing_offset"]
+    assert "the robot file is to say calibration: two.json" in outcome.out
+    Path("two.yaml").write_text(Path("two.yaml").read_text().replace("at_end", "calibration: two.json\n  at_end"))
+    jaw.factory_reset("id")
+    outcome = mission("servo torque on --robot two.yaml")
+    assert "has position offset 0, its calibration says 1" in outcome.err
+    assert mission("servo home --restore --robot two.yaml --yes").code == 0
+    assert mission("servo torque on --robot two.yaml").code == 0
+    assert "the servos are set so already" in mission("servo home --restore --robot two.yaml --yes").out
+    assert "mission servo home --robot two.yaml" in mission("servo calibrate --robot two.yaml --seconds 1").err
+
+
+@pytest.mark.real_time
+def test_what_was_hardly_turned_is_not_written(servos: VirtualServoBus, mission: Mission) -> None:
+    outcome = mission("servo home --robot two.yaml --into two.json --seconds 0.3 --yes")
+    assert outcome.code == 1
+    assert "hardly turned" in outcome.out
+    assert not Path("two.json").exists()
+    assert [servo.get("position_offset") for servo in servos.servos] == [0, 0]
+
+
+@pytest.mark.usefixtures("servos")
+@each(
+    ("line", "words"),
+    [
+        ("servo home --robot two.yaml --seconds 1 --yes", "--into so101.json"),
+        ("servo home --robot two.yaml --into two.json --seconds 1", "add --yes"),
+        ("servo home --robot two.yaml --into two.json --yes", "--seconds N"),
+        ("servo home --robot turtlebot2_arm --into two.json --yes", "no Feetech servos"),
+    ],
+)
+def test_what_is_missing_is_said_before_anything_goes_limp(mission: Mission, line: str, words: str) -> None:
+    outcome = mission(line)
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
+@each("before", [0, 700, -2000])
+@each("angle", [0.0, 2.9, -3.1])
+def test_with_its_offset_a_servo_shows_the_half_turn_where_it_stands(angle: float, before: int) -> None:
+    servo = VirtualServo(1, model="STS3215", angle=angle)
+    servo.set("position_offset", before)
+    bus, place = Wired(VirtualServoBus([servo])).bus(), STS.table["present_position"]
+    servo.set("position_offset", offset_for(bus.read(At(1, "STS"), place), before))
+    assert abs(bus.read(At(1, "STS"), place) - HALF_TURN) <= 1
+
+
+def test_a_range_over_the_seam_is_told_and_one_up_to_it_is_not() -> None:
+    servo = VirtualServo(1, model="STS3215", angle=radians(170))
+    bus: Bus = Wired(VirtualServoBus([servo])).bus()
+    joint = Joint("roll", JointSpec(1, "STS3215"), STS)
+    shown = bus.read(joint.at, STS.table["present_position"])
+    homed = Homed(joint, 0, offset_for(shown, 0))
+    for angle in (300, 349, 200, 60, 0, -5):  # of the servo: its own steps begin anew at 180
+        servo.turn_by_hand(radians(angle))
+        homed.look(bus)
+    assert homed.trouble(0) == ""
+    assert (homed.highest - homed.lowest) * STS.tick == pytest.approx(radians(354), abs=0.01)
+    servo.turn_by_hand(radians(-15))
+    homed.look(bus)
+    assert "begin anew" in homed.trouble(0)
