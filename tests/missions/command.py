@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 
 from missions.cli.root import guarded, mission
+from tests.forked import Forked
 
 PATIENCE = 60.0
 """Seconds that a test waits for a process or for another thread before it fails: machines are shared."""
@@ -40,13 +40,7 @@ class Process:
     def __init__(self, *arguments: str, folder: Path | None = None) -> None:
         self.lines: list[str] = []
         self._more = Event()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "missions", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=folder,
-        )
+        self.process = Forked("missions", *arguments, folder=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self._threads = [Thread(target=self._read, daemon=True), Thread(target=self._read_errors, daemon=True)]
         self.errors: list[str] = []
         for thread in self._threads:

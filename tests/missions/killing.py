@@ -3,7 +3,6 @@
 ``SIGKILL`` is what the out-of-memory killer sends. A stopped program is let go on once all is at rest.
 """
 
-import os
 import random
 import signal
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,10 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 from math import degrees
 from pathlib import Path
+from subprocess import DEVNULL
 from threading import Event
 
 from drivers.clock import SystemClock
-from tests.missions.forked_runs import Forks, forks
+from tests.forked import Forked
 from tests.missions.lone_limbs import JOINTS, SPEED, LoneLimbs, Seen, lone_limbs
 from tests.waiting import wait_until
 
@@ -92,10 +92,9 @@ class Silence:
 class Campaign:
     """Limbs for each kind of program; ``rounds`` of silencing one of each, all at once."""
 
-    def __init__(self, folder: Path, limbs: Mapping[str, LoneLimbs], program: Forks, seed: int) -> None:
+    def __init__(self, folder: Path, limbs: Mapping[str, LoneLimbs], seed: int) -> None:
         self._folder = folder
         self._limbs = limbs
-        self._program = program
         self._chance = random.Random(seed)  # noqa: S311 - chance, not a secret
         self._pause = Event()
         self._round = 0
@@ -105,7 +104,7 @@ class Campaign:
         self._round += 1
         for limbs in self._limbs.values():
             limbs.seen(forget=True)
-        running = {kind: self._program.start(*self._words(kind)) for kind in self._limbs}
+        running = {kind: self._start(kind) for kind in self._limbs}
         try:
             moving = self._silence(running, WAYS[way])
             for kind, limbs in self._limbs.items():
@@ -115,9 +114,9 @@ class Campaign:
                 yield Silence(kind, way, took, moving[kind], fastest, after.step)
         finally:
             for process in running.values():
-                _tell(process, signal.SIGKILL)  # a stopped one too
+                process.kill()  # a stopped one too
 
-    def _silence(self, running: dict[str, int], number: int) -> dict[str, bool]:
+    def _silence(self, running: dict[str, Forked], number: int) -> dict[str, bool]:
         """Silence each program some time after its limbs have begun to move; return which moved at that moment.
 
         On a busy machine servos seem to be missing now and then, and a program ends before anything moves: once more.
@@ -129,25 +128,28 @@ class Campaign:
             for kind in running.keys() - moving.keys():
                 if kind in due and clock.now() >= due[kind]:
                     moving[kind] = self._limbs[kind].seen().moving
-                    _tell(running[kind], number)
+                    running[kind].send_signal(number)
                 elif kind not in due and self._limbs[kind].seen().moved_at > began[kind]:
                     due[kind] = clock.now() + self._chance.uniform(0.0, MAX_MOVING)
-                elif kind not in due and not _runs(running[kind]):
-                    running[kind] = self._program.start(*self._words(kind))
+                elif kind not in due and running[kind].poll() is not None:
+                    running[kind] = self._start(kind)
             self._pause.wait(0.01)
         return moving
 
-    def _let_go_on(self, limbs: LoneLimbs, process: int) -> Seen:
+    def _let_go_on(self, limbs: LoneLimbs, process: Forked) -> Seen:
         """Let a stopped program go on; return what was seen of it until it moved, and a little longer."""
         self._pause.wait(self._chance.uniform(0.0, 1.5))
         limbs.seen(forget=True)
-        _tell(process, signal.SIGCONT)
+        process.send_signal(signal.SIGCONT)
         for _ in range(int(SOON / 0.05)):
             self._pause.wait(0.05)
             if limbs.seen().moving:
                 break
         self._pause.wait(0.5)
         return limbs.seen()
+
+    def _start(self, kind: str) -> Forked:
+        return Forked("missions", *self._words(kind), stdin=DEVNULL, stdout=DEVNULL)
 
     def _words(self, kind: str) -> list[str]:
         part = "head" if kind == "head sweep" else "arm"
@@ -175,27 +177,13 @@ def _quiet(limbs: LoneLimbs) -> bool:
     return (first.heard_at, first.moved_at) == (second.heard_at, second.moved_at)
 
 
-def _runs(process: int) -> bool:
-    return _tell(process, 0)
-
-
-def _tell(process: int, number: int) -> bool:
-    """Send a signal; return whether there is somebody who gets it."""
-    try:
-        os.kill(process, number)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 @contextmanager
 def campaign(folder: Path, kinds: Sequence[str] = KINDS, seed: int = 15) -> Iterator[Campaign]:
-    """Run limbs for each of ``kinds``, and a program to start others from; their files are put into ``folder``."""
+    """Run limbs for each of ``kinds``; their files are put into ``folder``."""
     _write(folder)
     with ExitStack() as lives:
-        program = lives.enter_context(forks())
         limbs = {kind: lives.enter_context(lone_limbs("head" if kind == "head sweep" else "arm")) for kind in kinds}
-        yield Campaign(folder, limbs, program, seed)
+        yield Campaign(folder, limbs, seed)
 
 
 def _write(folder: Path) -> None:

@@ -6,15 +6,16 @@ count.
 """
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from subprocess import PIPE
 
 from drivers.clock import SystemClock
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
+from tests.forked import Forked
 
 
 @dataclass
@@ -78,7 +79,7 @@ class Witness:
 class LoneBase:
     """The process, as the test sees it."""
 
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
+    def __init__(self, process: Forked) -> None:
         self._process = process
         self.port = self._line()
 
@@ -97,8 +98,7 @@ class LoneBase:
 @contextmanager
 def lone_base() -> Iterator[LoneBase]:
     """Run a base in another process."""
-    command = [sys.executable, "-m", "tests.missions.lone_base"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with Forked("tests.missions.lone_base", stdin=PIPE, stdout=PIPE) as process:
         yield LoneBase(process)  # its input is closed next, and so it ends
 
 

@@ -6,19 +6,20 @@ makes anybody wait does not count. Somebody turns those joints of the arm to and
 """
 
 import json
-import subprocess
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from math import radians, sin
+from subprocess import PIPE
 
 from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
+from tests.forked import Forked
 
 JOINTS = {
     "shoulder": "AX-12A",
@@ -141,7 +142,7 @@ class HeadWitness(Witness):
 class LoneLimbs:
     """The process, as the test sees it."""
 
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
+    def __init__(self, process: Forked) -> None:
         self._process = process
         self.port = self._line()
 
@@ -160,8 +161,7 @@ class LoneLimbs:
 @contextmanager
 def lone_limbs(kind: str) -> Iterator[LoneLimbs]:
     """Run an ``arm`` or a ``head`` in another process."""
-    command = [sys.executable, "-m", "tests.missions.lone_limbs", kind]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with Forked("tests.missions.lone_limbs", kind, stdin=PIPE, stdout=PIPE) as process:
         yield LoneLimbs(process)  # its input is closed next, and so it ends
 
 

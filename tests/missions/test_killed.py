@@ -4,17 +4,16 @@ The base lives in a process of its own, behind its pseudo-terminal, and times it
 silence: its firmware waits for 0.4 s (which we assume) and brakes.
 """
 
-import os
 import random
-import signal
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from subprocess import DEVNULL
 from threading import Event
 
 import pytest
 
-from tests.missions.forked_runs import forks
+from tests.forked import Forked
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until
 
@@ -41,23 +40,22 @@ def test_a_process_killed_at_any_moment_of_driving_leaves_a_base_that_comes_to_r
     chance, pause = random.Random(7), Event()  # noqa: S311 - chance, not a secret
     took: list[float] = []
     with ExitStack() as lives:
-        program = lives.enter_context(forks())
         bases = {name: lives.enter_context(lone_base()) for name in MOTIONS}
         for _ in range(ROUNDS):
-            running = {
-                name: program.start(
-                    "run", str(tmp_path / f"{name}.yaml"), "--robot", "turtlebot2", "--port", f"base={base.port}"
-                )
-                for name, base in bases.items()
-            }
+            running = {name: run(tmp_path / f"{name}.yaml", base) for name, base in bases.items()}
             for base in bases.values():
                 wait_until(partial(moving, base))
             for process in running.values():
                 pause.wait(chance.uniform(0.0, 0.4))
-                os.kill(process, signal.SIGKILL)
+                process.kill()
             took += [time_to_rest(base) for base in bases.values()]
     assert len(took) == ROUNDS * len(MOTIONS)
     assert max(took) <= WITHIN
+
+
+def run(mission: Path, base: LoneBase) -> Forked:
+    robot = ("--robot", "turtlebot2", "--port", f"base={base.port}")
+    return Forked("missions", "run", str(mission), *robot, stdin=DEVNULL, stdout=DEVNULL)
 
 
 def moving(base: LoneBase) -> bool:

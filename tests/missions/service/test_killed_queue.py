@@ -1,8 +1,6 @@
 """A thousand tasks, and a server that is killed again and again: none is lost, none is completed twice."""
 
 import random
-import subprocess
-import sys
 from collections import Counter
 from contextlib import closing
 from pathlib import Path
@@ -14,12 +12,11 @@ from missions.service.outbox import Outbox
 from missions.service.queue import Queue
 from missions.service.schema import open_db
 from missions.service.task import NewTask, Policy
+from tests.forked import Forked
 from tests.missions.service.journal_server import CHANNELS
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
-
-ROOT = Path(__file__).parents[3]
 
 TASKS, KILLS = 1000, 25
 
@@ -41,9 +38,8 @@ def test_a_thousand_tasks_survive_a_server_that_is_killed_at_random_moments(tmp_
     check(tmp_path, kills)
 
 
-def server(folder: Path) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", "tests.missions.service.journal_server", str(folder)]
-    return subprocess.Popen(command, cwd=ROOT)
+def server(folder: Path) -> Forked:
+    return Forked("tests.missions.service.journal_server", str(folder))
 
 
 def fill(path: Path) -> None:

@@ -103,7 +103,7 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
     with run_of(tmp_path) as (process, _):
         number = process.process.pid
         process.process.send_signal(signal.SIGSTOP)
-        os.waitid(os.P_PID, number, os.WSTOPPED | os.WNOWAIT)  # until then it may answer
+        wait_until(lambda: stopped(number))  # until then it may answer
         listed = command(capsys, "stop", "--list")
         assert (listed.code, f"{number}: waiting on turtlebot2: hangs" in listed.out) == (1, True)
         assert command(capsys, "stop", "another").err.startswith("no run another")
@@ -114,6 +114,12 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
         )
         process.process.send_signal(signal.SIGCONT)
         assert process.process.wait(20.0) == 130
+
+
+def stopped(process: int) -> bool:
+    """Whether each thread of a process has stopped."""
+    told = [path.read_text() for path in Path(f"/proc/{process}/task").glob("*/stat")]
+    return {line.rpartition(")")[2].split()[0] for line in told} == {"T"}
 
 
 @contextmanager

@@ -14,6 +14,7 @@ import pytest
 
 from config.library import find
 from missions.library.drivers import load_robot
+from tests.forked import Forked
 from tests.missions.command import command
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until
@@ -28,7 +29,7 @@ HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
 class Terminal:
     """A person at a terminal in which ``mission teleop`` runs."""
 
-    def __init__(self, master: int, process: "subprocess.Popen[bytes]") -> None:
+    def __init__(self, master: int, process: Forked) -> None:
         self.process = process
         self.text = ""
         self._master = master
@@ -61,13 +62,7 @@ class Terminal:
 def teleop(*arguments: str) -> Iterator[Terminal]:
     """Run the command in a terminal of its own, of whose session it is the leader."""
     master, slave = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "missions", "teleop", *arguments],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        start_new_session=True,
-    )
+    process = Forked("missions", "teleop", *arguments, stdin=slave, stdout=slave, stderr=slave, leader=True)
     os.close(slave)
     terminal = Terminal(master, process)
     try:
