@@ -87,6 +87,7 @@ class Look(_Looking):
     word = "look"
     pan: float = argument("angle", "positive is to the left", default=0.0, principal=True, low=-math.pi, high=math.pi)
     tilt: float = argument("angle", "positive is down", default=0.0, low=-math.pi / 2, high=math.pi / 2)
+    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
 
     def update(self) -> Status:
         return self.turn(HeadPose(self.pan, self.tilt))

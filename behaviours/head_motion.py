@@ -16,6 +16,7 @@ class _Swinging(Leaf):
 
     needs = frozenset({"head"})
     drives = frozenset({"head"})
+    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
     amplitude: float
     period: float
     _home: HeadPose | None = None  # where it looked before, and looks again in the end

@@ -53,6 +53,7 @@ class Leaf(Stopping):
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
+    head_name: ClassVar[str] = "head"
 
     robot: Robot
     result: object = None
@@ -86,6 +87,20 @@ class Leaf(Stopping):
         """Return what it looks for with the camera where these arguments have a value: its ``senses``, or more."""
         del given
         return cls.senses
+
+    @classmethod
+    def of_head(cls, name: str) -> "type[Leaf]":
+        """Return the leaf that turns the head of this name: that one it needs and claims, and sees as its robot's."""
+        if name == cls.head_name:
+            return cls
+        own = {
+            part: {name if each == cls.head_name else each for each in getattr(cls, part)}
+            for part in ("needs", "drives")
+        }
+        sets = {part: frozenset(names) for part, names in own.items()}
+        return type(
+            cls.__name__, (cls,), {"__module__": cls.__module__, "__doc__": cls.__doc__, "head_name": name, **sets}
+        )
 
     @property
     def claims(self) -> frozenset[str]:

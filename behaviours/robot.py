@@ -1,7 +1,7 @@
 """The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TypeVar
 
 from behaviours.joint_ranges import JointRanges
@@ -20,7 +20,8 @@ class Robot:
 
     ``eye`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
     103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``. ``lag`` is
-    how long the base takes to begin what it is told: all that turn it learn it together.
+    how long the base takes to begin what it is told: all that turn it learn it together. ``heads`` are those that carry
+    no camera, by their own names, such as ``lidar_mast``: a leaf that is told to turn one sees it as its ``head``.
 
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
     forgot to declare one.
@@ -37,6 +38,7 @@ class Robot:
     hearing_part: Hearing | None = None
     screen_part: Screen | None = None
     lag: Lag = field(default_factory=Lag, compare=False)
+    heads: Mapping[str, Head] = field(default_factory=dict)
 
     @property
     def base(self) -> Base:
@@ -82,6 +84,10 @@ class Robot:
     def screen(self) -> Screen:
         """The screen with the robot's face."""
         return _there(self.screen_part, "screen")
+
+    def of_head(self, name: str) -> "Robot":
+        """Return the robot as who turns the head of a name sees it: that one is its head."""
+        return self if name == "head" else replace(self, head_part=self.heads.get(name))
 
 
 def _there(part: Part | None, name: str) -> Part:

@@ -40,6 +40,7 @@ class Scan(Leaf):
     smooth: bool = argument("flag", "go along each row without a halt, instead of look by look", default=False)
     speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1))
     scans: int = argument("count", "how many times; 0 is for ever", default=1, low=0)
+    on: str = argument("head", "which head it turns, of a robot that has several", default="head")
     _arrival: Arrival
     _places: tuple[HeadPose, ...] = ()
     _route: Iterator[tuple[int, HeadPose]] = iter(())

@@ -4,6 +4,7 @@ A part that the file does not name is a part that the robot does not have. What 
 so readers are given the table of drivers. SI units and radians throughout.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
@@ -12,17 +13,21 @@ from typing import Any, Self, TypeVar
 from config.declared import note_mistakes, read_keys
 from config.faults import InvalidFileError, Source, closest, one_of
 from config.fields import Fields, fields_of, value_of
+from config.marked import Mapping as MarkedMapping
 from config.marked import Scalar, read_source
 from config.notices import NoticeConfig, Way, way
 from config.units import seen
 from drivers.api.driver import BrokenDriver, Driver, Drivers
-from drivers.api.keys import key, keys
+from drivers.api.keys import declared, key, keys
 from drivers.api.kinds import KINDS, Kind
 from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 
 K = TypeVar("K")
+
+NAME = "[a-z][a-z0-9_]*"
+"""What a part under a name of its own may be called."""
 
 
 @keys
@@ -37,17 +42,27 @@ class RobotKeys:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What a robot file says of one part: its driver, and the keys of that."""
+    """What a robot file says of one part: its driver, and the keys of that.
+
+    ``name`` is what the part is called, where that is not its kind.
+    """
 
     driver: Driver
     keys: Any
+    name: str = ""
+
+    @property
+    def part(self) -> str:
+        """What the part is called."""
+        return self.name or self.driver.kind
 
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
     """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went.
 
-    ``sections`` are its parts by kind. The properties are the keys that every driver of a kind has.
+    ``sections`` are its parts by name: their kind, or a name of its own for one more of a kind. The properties are the
+    keys that every driver of a kind has.
     """
 
     name: str
@@ -59,16 +74,16 @@ class RobotConfig:
 
     @property
     def parts(self) -> frozenset[str]:
-        """The kinds of the parts that it has."""
+        """The names of the parts that it has."""
         return frozenset(self.sections)
 
     def keys(self, cls: type[K]) -> K | None:
         """Return the keys of the part whose keys are of a class: of a kind (``ArmKeys``), or of one driver."""
         return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
 
-    def with_keys(self, kind: str, keys: object) -> Self:
+    def with_keys(self, part: str, keys: object) -> Self:
         """Return the robot with other keys of a part that it has."""
-        return replace(self, sections={**self.sections, kind: replace(self.sections[kind], keys=keys)})
+        return replace(self, sections={**self.sections, part: replace(self.sections[part], keys=keys)})
 
     @property
     def base(self) -> BaseKeys | None:
@@ -77,8 +92,9 @@ class RobotConfig:
 
     @property
     def head(self) -> HeadKeys | None:
-        """The section ``head``."""
-        return self.keys(HeadKeys)
+        """The section ``head``, not those of other heads."""
+        found = self.sections.get("head")
+        return None if found is None else found.keys
 
     @property
     def arm(self) -> ArmKeys | None:
@@ -119,13 +135,14 @@ def load_robot(path: Path, drivers: Drivers) -> RobotConfig:
 def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> RobotConfig:
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
     fields = fields_of(source, what="a robot file")
-    read = {kind.name: fields.section(kind.name) for kind in KINDS.values()}
+    kinds = {**KINDS, **_named(fields)}
+    read = {name: fields.section(name) for name in kinds}
     sections: dict[str, Section] = {}
-    for kind in KINDS.values():
-        section = read[kind.name]
-        found = None if section is None else _section(section, kind, drivers)
+    for name, kind in kinds.items():
+        section = read[name]
+        found = None if section is None else _section(section, name, kind, drivers)
         if found is not None:
-            sections[kind.name] = found
+            sections[name] = found
     _check_together(read, sections)
     told = read_keys(fields, RobotKeys)
     if fields.faults:
@@ -133,10 +150,32 @@ def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> Robo
     return RobotConfig(told.robot, told.summary, told.rate, sections, tuple(map(way, told.notices)), path)
 
 
-def _section(fields: Fields, kind: Kind, drivers: Drivers) -> Section | None:
+def _named(fields: Fields) -> dict[str, Kind]:
+    """Return the parts under names of their own, each with its kind: the sections that say one."""
+    several = {kind.name: kind for kind in KINDS.values() if kind.several}
+    found: dict[str, Kind] = {}
+    for name, node in fields.node.entries if isinstance(fields.node, MarkedMapping) else ():
+        kind = node.get("kind") if isinstance(node, MarkedMapping) else None
+        if kind is None or name.text in KINDS or name.text in {each.word for each in declared(RobotKeys)}:
+            continue
+        if re.fullmatch(NAME, name.text) is None:
+            hint = "write small letters, digits and '_', beginning with a letter"
+            fields.fault(name.mark, f"a part cannot be called '{name.text}'", hint, sure=True)
+        named = kind.text if isinstance(kind, Scalar) else ""
+        if named not in several:
+            told = f"'kind' cannot be {seen(value_of(kind))}: only of {' and '.join(several)} a robot may have several"
+            fields.fault(kind.mark, told, one_of(named, several), sure=True)
+        found[name.text] = several.get(named) or next(iter(several.values()))
+    return found
+
+
+def _section(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> Section | None:
     """Read the section of a part, by the driver that it names."""
+    named = "" if name == kind.name else name
+    if named:
+        fields.node_of("kind")
     driver = _driver(fields, kind, drivers)
-    return None if driver is None else Section(driver, read_keys(fields, driver.keys))
+    return None if driver is None else Section(driver, read_keys(fields, driver.keys), named)
 
 
 def _driver(fields: Fields, kind: Kind, drivers: Drivers) -> Driver | None:

@@ -93,7 +93,9 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
         start: HeadPose = AHEAD,
+        name: str = "head",
     ) -> None:
+        self.name = name
         if pan.joint == tilt.joint:
             raise ValueError(f"{self.name}: pan and tilt are both joint '{pan.joint}'")
         self._joints = joints

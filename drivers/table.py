@@ -4,7 +4,11 @@ from collections.abc import Mapping
 
 HOUSE: Mapping[str, Mapping[str, str]] = {
     "base": {"kobuki": "drivers.kobuki.declared:KOBUKI", "waveshare": "drivers.waveshare.declared:WAVESHARE"},
-    "head": {"arduino": "drivers.arduino.declared:ARDUINO", "dynamixel": "drivers.dynamixel.declared:NECK"},
+    "head": {
+        "arduino": "drivers.arduino.declared:ARDUINO",
+        "arduino_second": "drivers.arduino.declared:SECOND",
+        "dynamixel": "drivers.dynamixel.declared:NECK",
+    },
     "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR"},
     "camera": {"opencv": "drivers.camera.declared:OPENCV"},

@@ -159,7 +159,7 @@ def load(
     base = asking.base_part
     guard = None if base is None else Guard(base, Reflexes(), run, stream)
     run.variables.update(state_of(asking, run, guard))
-    root = build(plan, run, lambda _: asking)
+    root = build(plan, run, lambda node: asking.of_head(getattr(node, "head_name", "head")))
     executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
     return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
 
@@ -236,4 +236,4 @@ def _texts(params: Params | None) -> dict[str, str]:
 
 
 def _devices(robot: Robot) -> dict[str, object | None]:
-    return {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()}
+    return {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()} | dict(robot.heads)

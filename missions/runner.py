@@ -11,7 +11,6 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
-from drivers.api.kinds import MOVING
 from drivers.clock import Clock, SystemClock
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
@@ -88,8 +87,9 @@ class Runner:
         self._context, self._robot = self._simulated(order) if order.simulation == "fast" else self._real(order)
         self._context.safe_stop = self._robot.safe_stop
         self.watchdog = self._watchdog(PATIENT if limits is None and order.simulation == "fast" else limits)
+        robot = self._robot
         self.latch = StopLatch(
-            self._robot.devices, self._robot.robot.base_part, self._robot.safe_stop, self._hold, self.watchdog.permit
+            robot.devices, robot.stilled, robot.robot.base_part, robot.safe_stop, self._hold, self.watchdog.permit
         )
         self.root, self.executive = self._executive(substitute, on_moment)
         self._process = os.getpid()
@@ -101,7 +101,7 @@ class Runner:
         return Watchdog(
             self._context,
             self.stream,
-            still={part: partial(self._robot.safe_stop, frozenset({part})) for part in MOVING},
+            still={part: partial(self._robot.safe_stop, frozenset({part})) for part in self._robot.moving},
             heard=self._heard,
             abandon=self._abandon,
             limits=limits,

@@ -21,6 +21,7 @@ from drivers.clock import Clock
 class Site:
     """Where a device is made: its clock, its port, and who is told of what.
 
+    ``part`` is what it is called in the robot file, and in all that it tells.
     ``port`` is the one of the robot file, or what the user named instead; empty for a part without one. ``out`` prints
     a line for people. ``parts`` are the devices that it ``needs``, by kind. ``state`` is the folder of what a driver
     keeps from one program to the next; None on a virtual device, of which nothing is to be kept, which has booted
@@ -35,6 +36,7 @@ class Site:
     out: Callable[[str], None] = lambda _: None
     parts: Mapping[str, Any] = field(default_factory=dict)
     state: Path | None = None
+    part: str = ""
 
     @property
     def virtual(self) -> bool:

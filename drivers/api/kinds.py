@@ -19,7 +19,8 @@ class Kind:
     it hold still, None for what does nothing by itself; ``moves`` is False for what is heard and does not move.
     ``usual`` is the driver of a section that names none; where it is empty, the section must name one. ``wired`` parts
     have a port, and stand-ins of their own driver. ``after`` are the kinds that are made before it, where the robot has
-    them. ``step`` is its place among the twins of one moment; None for a part that is not stepped.
+    them. ``step`` is its place among the twins of one moment; None for a part that is not stepped. A robot may have
+    ``several`` of a kind: the others under names of their own, in sections that say ``kind``.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Kind:
     wired: bool = False
     after: tuple[str, ...] = ()
     step: int | None = None
+    several: bool = False
 
 
 def _stop(base: Any) -> None:
@@ -54,6 +56,7 @@ KINDS: Mapping[str, Kind] = {
             still=lambda it: it.stop(),
             wired=True,
             step=1,
+            several=True,
         ),
         Kind("arm", "arm", "Joints.", ArmKeys, "drivers.api:Joints", still=lambda it: it.hold(), wired=True, step=2),
         Kind("range", "ranger", "A range finder that turns.", RangeKeys, "drivers.api:Ranger", wired=True, step=5),
@@ -102,8 +105,14 @@ KINDS: Mapping[str, Kind] = {
 }
 """The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead."""
 
+
+def kind_of(part: str) -> Kind:
+    """Return the kind of a part of a robot, by its name: what has a name of its own is one more head."""
+    return KINDS.get(part, KINDS["head"])
+
+
 STILLED = tuple(kind.name for kind in KINDS.values() if kind.still is not None)
-"""The parts that a stop reaches: those that move, and a voice, which is silenced."""
+"""The kinds of parts that a stop reaches: those that move, and a voice, which is silenced."""
 
 MOVING = tuple(name for name in STILLED if KINDS[name].moves)
 """The parts with actuators."""

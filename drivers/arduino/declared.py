@@ -1,6 +1,6 @@
 """The Rodney head on an Arduino as a driver of heads, and its keys in a robot file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import pi
 
 from drivers.api.device import Away
@@ -47,7 +47,21 @@ class TiltKeys(ServoKeys):
 
 
 @keys
-class ArduinoKeys(HeadKeys, Wired):
+class TwoServoKeys(HeadKeys):
+    """What is said of any two servos of such a board."""
+
+    pan: ServoKeys = key(help="The servo that turns the head left and right.")
+    tilt: ServoKeys = key(help="The servo that turns the head up and down.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield two axes on one servo."""
+        if self.pan.servo == self.tilt.servo:
+            about = (("pan", "servo"), ("tilt", "servo"))
+            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)
+
+
+@keys
+class ArduinoKeys(TwoServoKeys, Wired):
     """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch."""
 
     baud: int = key(default=57_600, low=1, help="The rate of the port, in bits per second.")
@@ -58,11 +72,24 @@ class ArduinoKeys(HeadKeys, Wired):
     tilt: TiltKeys = key(help="The servo that turns the head up and down.")
     away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
 
-    def mistakes(self) -> Iterator[Mistake]:
-        """Yield two axes on one servo."""
-        if self.pan.servo == self.tilt.servo:
-            about = (("pan", "servo"), ("tilt", "servo"))
-            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)
+
+@keys
+class SecondKeys(TwoServoKeys):
+    """A section of one more pan/tilt on the board of the ``head``, such as a mast."""
+
+
+def servos_of_board(second: SecondKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+    """Yield a board that is not there, and servos of it that the head has."""
+    head = others.get("head")
+    if not isinstance(head, ArduinoKeys):
+        told = "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
+        yield Mistake(told, ("driver",))
+        return
+    taken = {head.pan.servo: "pan", head.tilt.servo: "tilt"}
+    for axis, its in (("pan", second.pan), ("tilt", second.tilt)):
+        if its.servo in taken:
+            at = (axis, "servo")
+            yield Mistake(f"servo {its.servo} is the {taken[its.servo]} of the 'head'", at, about=(at,))
 
 
 ARDUINO = Driver(
@@ -75,4 +102,16 @@ ARDUINO = Driver(
     virtual="drivers.virtual.making:rodney",
     probe="drivers.arduino.probe:probe",
     usb=("16c0:0483", "1a86:7523", "2341:*", "2a03:*"),
+)
+
+SECOND = Driver(
+    "arduino_second",
+    "head",
+    "Two more hobby servos on the board of the head.",
+    SecondKeys,
+    make="drivers.arduino.make:second",
+    twin="drivers.sim.twins.making:second_head",
+    virtual="drivers.virtual.making:second_on_rodney",
+    needs=("head",),
+    check=servos_of_board,
 )

@@ -3,7 +3,7 @@
 from drivers.api.driver import Site
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
-from drivers.arduino.declared import ArduinoKeys, ServoKeys
+from drivers.arduino.declared import ArduinoKeys, SecondKeys, ServoKeys, TwoServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
 from drivers.link import Link
@@ -12,15 +12,31 @@ from drivers.link import Link
 def make(keys: ArduinoKeys, site: Site) -> ArduinoHead:
     """Return the driver; where its servos were left is kept, but for a virtual one."""
     board = Board(
-        Link("head", site.port, keys.baud, report=site.report),
+        Link(site.part, site.port, keys.baud, report=site.report),
         site.clock,
         boot_delay=0.0 if site.virtual else keys.boot,
         report=site.report,
         away=keys.away,
         remembered=None if site.state is None else Memory(site.state, site.port),
     )
+    return _on(board, keys, site)
+
+
+def second(keys: SecondKeys, site: Site) -> ArduinoHead:
+    """Return the driver of a second pan/tilt on the board of the robot's head."""
+    first: ArduinoHead = site.parts["head"]
+    return _on(first.board, keys, site)
+
+
+def _on(board: Board, keys: TwoServoKeys, site: Site) -> ArduinoHead:
     return ArduinoHead(
-        board, site.clock, pan=axis(keys.pan), tilt=axis(keys.tilt), speed=keys.speed, acceleration=keys.acceleration
+        board,
+        site.clock,
+        pan=axis(keys.pan),
+        tilt=axis(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        name=site.part,
     )
 
 

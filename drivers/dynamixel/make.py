@@ -41,6 +41,7 @@ def neck(keys: NeckKeys, site: Site) -> DynamixelHead:
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=site.report,
+        name=site.part,
     )
 
 

@@ -28,8 +28,8 @@ class Stage:
     """Where a twin or a virtual device is made.
 
     Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time. ``parts`` are
-    the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by kind, and ``keys`` what the
-    robot file says of each of its parts.
+    the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by name, and ``keys`` what the
+    robot file says of each of its parts. ``part`` is the name of the one that is made.
     """
 
     clock: Clock
@@ -42,6 +42,7 @@ class Stage:
     steered: Steered = ignore
     parts: Mapping[str, Any] = field(default_factory=dict)
     keys: Mapping[str, Any] = field(default_factory=dict)
+    part: str = ""
 
     def wheels(self) -> Wheels:
         """Return wheels that err as they do here, at the place where the robot starts."""

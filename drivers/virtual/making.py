@@ -1,9 +1,10 @@
 """From the keys of a robot file to virtual devices, each on a stage."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 
 from drivers.api import HeadPose
-from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
 from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.kobuki.declared import KobukiKeys
@@ -46,12 +47,26 @@ def waveshare(keys: WaveshareKeys, stage: Stage) -> Plugged:
 def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
     """Return a virtual Rodney head; its state are its four servos in degrees."""
     device = VirtualRodney(baud=keys.baud, logs=True, starts=ATTACHED)
+    return Plugged(
+        device,
+        "nano",
+        looks=_turned(device, keys),
+        state=lambda now: [device.angle(index, now) for index in range(4)],
+    )
+
+
+def second_on_rodney(keys: SecondKeys, stage: Stage) -> Plugged:
+    """Return a second pan/tilt on the board of a virtual Rodney head, whose wire it is on."""
+    return Plugged(None, looks=_turned(stage.parts["head"].device, keys))
+
+
+def _turned(device: VirtualRodney, keys: TwoServoKeys) -> Callable[[float], HeadPose]:
     pan, tilt = axis(keys.pan), axis(keys.tilt)
 
     def looks(time: float) -> HeadPose:
         return HeadPose(pan.to_radians(device.angle(pan.index, time)), tilt.to_radians(device.angle(tilt.index, time)))
 
-    return Plugged(device, "nano", looks=looks, state=lambda now: [device.angle(index, now) for index in range(4)])
+    return looks
 
 
 def servos(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001

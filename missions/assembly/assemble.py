@@ -49,8 +49,8 @@ class Place:
         """
         wishes = self.wishes
         if wishes.world is not None:
-            for kind in sorted((chosen & self.config.sections.keys()).difference(BY_HAND, wishes.ports)):
-                made_by(self.config.sections[kind].driver.virtual, self.config.sections[kind], "virtual device")
+            for part in sorted((chosen & self.config.sections.keys()).difference(BY_HAND, wishes.ports)):
+                made_by(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
             self.simulation = found = resolved("missions.assembly.simulation:Simulation")(
                 self.config, chosen, self.clock, world=wishes.world, answered=self.audience.answered, seed=wishes.seed
             )
@@ -59,7 +59,7 @@ class Place:
     def refuse_other_ports(self, chosen: frozenset[str]) -> None:
         """Raise NotConnected where something stands at the port of a ``chosen`` part that is none."""
         sections = {kind: section for kind, section in self.config.sections.items() if kind in chosen}
-        ports = {kind: self._port(kind, section) for kind, section in sections.items()}
+        ports = {kind: self._port(section) for kind, section in sections.items()}
         refuse_other_than_serial({kind: port for kind, port in ports.items() if port})
 
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
@@ -77,20 +77,21 @@ class Place:
 
     def site(self, section: Section, made: Mapping[str, Any], out: Callable[[str], None] | None = None) -> Site:
         """Return where a device of a section is made; ``out`` prints what people are to read."""
-        kind, audience = section.driver.kind, self.audience
+        audience = self.audience
         return Site(
             self.clock,
-            self._port(kind, section),
+            self._port(section),
             audience.report,
             audience.changed,
             audience.steered,
             audience.out if out is None else out,
             {need: made[need] for need in section.driver.needs if need in made},
             state_folder() if self.simulation is None else None,
+            section.part,
         )
 
-    def _port(self, kind: str, section: Section) -> str:
-        return self._ports.get(kind, section.keys.port if isinstance(section.keys, Wired) else "")
+    def _port(self, section: Section) -> str:
+        return self._ports.get(section.part, section.keys.port if isinstance(section.keys, Wired) else "")
 
 
 def assemble(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from drivers.api import Device, DeviceStatus, Health, Report
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, STILLED, kind_of
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
 from missions.assembly.lags import Lags
@@ -56,6 +56,16 @@ class Assembled:
     simulation: "Simulation | None" = None
     lags: Lags | None = None
 
+    @property
+    def stilled(self) -> tuple[str, ...]:
+        """The parts that a stop reaches: those that move, and a voice, which is silenced."""
+        return tuple(part for part in (*STILLED, *self.robot.heads) if part in self.devices)
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """The parts with actuators."""
+        return tuple(part for part in self.stilled if kind_of(part).moves)
+
     def open(self) -> None:
         """Start everything; returns at once, hardware or not."""
         if self.simulation is not None:
@@ -103,14 +113,15 @@ class Assembled:
 
         Each for itself, whatever goes wrong with another; that is told in the log.
         """
-        for kind in KINDS.values():
-            part = getattr(self.robot, f"{kind.field}_part")
-            if kind.still is None or part is None or kind.name not in claims:
+        parts = {kind.name: getattr(self.robot, f"{kind.field}_part") for kind in KINDS.values()}
+        for name, part in {**parts, **self.robot.heads}.items():
+            still = kind_of(name).still
+            if still is None or part is None or name not in claims:
                 continue
             try:
-                kind.still(part)
+                still(part)
             except Exception:  # the next part must hold still all the same
-                log.exception("%s could not be made to hold still", kind.name)
+                log.exception("%s could not be made to hold still", name)
 
     def close(self) -> list[str]:
         """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""

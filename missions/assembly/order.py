@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from config.robot import RobotConfig
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, kind_of
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
@@ -15,16 +15,16 @@ def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]
 
 
 def making_order(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
-    """Yield the ``chosen`` kinds, each after those that its driver needs and those that its kind comes after."""
+    """Yield the ``chosen`` parts, each after those that its driver needs and those that its kind comes after."""
     made: set[str] = set()
 
-    def make(kind: str) -> Iterator[str]:
-        if kind in made or kind not in chosen or kind not in config.sections:
+    def make(part: str) -> Iterator[str]:
+        if part in made or part not in chosen or part not in config.sections:
             return
-        made.add(kind)
-        for before in (*config.sections[kind].driver.needs, *KINDS[kind].after):
+        made.add(part)
+        for before in (*config.sections[part].driver.needs, *kind_of(part).after):
             yield from make(before)
-        yield kind
+        yield part
 
-    for kind in KINDS:
-        yield from make(kind)
+    for part in (*KINDS, *sorted(config.parts.difference(KINDS))):
+        yield from make(part)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from threading import Timer
 from typing import TypeVar
@@ -68,7 +69,7 @@ class Simulation:
             section = robot.sections[kind]
             if not section.driver.virtual:
                 continue
-            self.parts[kind] = plugged = resolved(section.driver.virtual)(section.keys, stage)
+            self.parts[kind] = plugged = resolved(section.driver.virtual)(section.keys, replace(stage, part=kind))
             if plugged.device is not None:
                 self.terminals[kind] = Terminal(plugged.wire, plugged.device, clock)
 

@@ -8,7 +8,7 @@ from behaviours.robot import Robot
 from config.robot import RobotConfig, Section
 from drivers.api import Base, Device, Head, Report, Steered, ignore
 from drivers.api.driver import resolved
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, kind_of
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
@@ -56,7 +56,7 @@ class Hooks:
 class Stands(Protocol):
     """Where a robot is put together: on the metal or virtual devices, or in simulated time."""
 
-    def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
+    def make(self, part: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:
         """Return the device of a part, and what leaves see of it, which is mostly the same."""
         ...
 
@@ -65,16 +65,18 @@ def put_together(config: RobotConfig, chosen: frozenset[str], stands: Stands) ->
     """Return the robot of the ``chosen`` parts as leaves see it, and its devices, in the order in which they open."""
     made: dict[str, Device] = {}
     seen: dict[str, object] = {}
-    for kind in making_order(config, chosen):
-        made[kind], seen[kind] = stands.make(kind, config.sections[kind], made)
-    return robot_of_parts(config, seen), {kind: made[kind] for kind in KINDS if kind in made}
+    for part in making_order(config, chosen):
+        made[part], seen[part] = stands.make(part, config.sections[part], made)
+    opened = sorted(made, key=lambda part: (list(KINDS).index(kind_of(part).name), part not in KINDS))
+    return robot_of_parts(config, seen), {part: made[part] for part in opened}
 
 
 def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
-    """Return the robot that leaves see, of parts by kind; the others it lacks."""
-    fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items()}
+    """Return the robot that leaves see, of parts by name; the others it lacks."""
+    fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items() if kind in KINDS}
+    heads: dict[str, Any] = {name: part for name, part in parts.items() if name not in KINDS}
     arm = config.arm
-    return Robot(**fields, eye=eye(config), groups={} if arm is None else arm.groups)
+    return Robot(**fields, heads=heads, eye=eye(config), groups={} if arm is None else arm.groups)
 
 
 def eye(config: RobotConfig) -> tuple[float, float, float]:
@@ -88,7 +90,7 @@ def made_by(name: str, section: Section, what: str) -> Callable[..., Any]:
     Raises BadRequest where a driver has no such thing, or a wrong name for it.
     """
     driver = section.driver
-    part = f"{driver.kind}: the driver '{driver.name}'"
+    part = f"{section.part}: the driver '{driver.name}'"
     if not name:
         raise BadRequest(f"{part} has no {what}", hint="its author can declare one: docs/drivers.md")
     try:

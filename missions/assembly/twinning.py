@@ -10,7 +10,7 @@ import numpy as np
 from config.robot import RobotConfig, Section
 from config.world import WorldConfig
 from drivers.api import CameraFrame, Device, Image
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import kind_of
 from drivers.api.senses import CameraKeys
 from drivers.sim.render import Renderer
 from drivers.sim.stage import Stage
@@ -65,9 +65,9 @@ def twin_robot(
     place = _Place(twins, config, world, audience, interests, seed, truth=truth)
     robot, devices = put_together(config, chosen, place)
     place.conversation.begin()
-    stepped = sorted((kind for kind in twins.parts if KINDS[kind].step is not None), key=lambda it: KINDS[it].step or 0)
-    for kind in stepped:
-        twin = twins.parts[kind]
+    steps = {part: step for part in twins.parts if (step := kind_of(part).step) is not None}
+    for part in sorted(steps, key=lambda it: steps[it]):
+        twin = twins.parts[part]
         timeline.every(twin.PERIOD, twin.step)
     return twins, Assembled(config.name, robot, devices, place.looking)
 
@@ -117,7 +117,7 @@ class _Place:
         twin = self.conversation.twin(kind, section.keys)
         if twin is None:
             make = made_by(section.driver.twin, section, "twin")
-            twin = make(section.keys, self._stage)
+            twin = make(section.keys, replace(self._stage, part=kind))
         parts[kind] = twin
         return twin, twin
 

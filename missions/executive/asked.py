@@ -3,7 +3,8 @@
 That is so whether a run is recorded or not, and it is what makes a record enough to decide everything over again:
 whatever a tree is told from outside comes through here. A command that is not permitted is refused here too, as a
 driver would; and a leaf sees the robot so that what it commands is told, with its name on it. In answers the parts go
-by the names that they have in ``behaviours.robot.Robot``: base, head, arm, ranger, voice, sight, hearing, screen.
+by the names that they have in ``behaviours.robot.Robot``: base, head, arm, ranger, voice, sight, hearing, screen, and
+other heads by their own.
 Arguments are those of the protocol in its order, with what may be left out.
 """
 
@@ -16,7 +17,7 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from drivers.api import Utterance
 from drivers.api.driver import resolved
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, kind_of
 from drivers.api.marks import commands
 from missions.executive.answers import Answers
 from missions.executive.proxy import Permit, always, for_leaf, proxied
@@ -30,7 +31,7 @@ FIELDS = tuple(kind.field for kind in KINDS.values())
 @cache
 def protocol_of(part: str) -> type:
     """Return the protocol of what leaves see of a part, by its name in answers."""
-    kind = next(kind for kind in KINDS.values() if kind.field == part)
+    kind = next((kind for kind in KINDS.values() if kind.field == part), kind_of(part))
     protocol: type = resolved(kind.seen or kind.device)
     return protocol
 
@@ -56,6 +57,7 @@ def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
 
 def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
     """Return a ``robot`` that ``asked`` has made as ``node`` sees it: each command that it gives is told."""
+    robot = robot.of_head(getattr(node, "head_name", "head"))
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
     return _with(robot, {part: for_leaf(proxy, source, tell) for part, proxy in _parts(robot) if commands_of(part)})
 
@@ -65,7 +67,9 @@ def _parts(robot: Robot) -> Iterator[tuple[str, Any]]:
         device = getattr(robot, f"{part}_part")
         if device is not None:
             yield part, device
+    yield from robot.heads.items()
 
 
 def _with(robot: Robot, parts: Mapping[str, Any]) -> Robot:
-    return replace(robot, **{f"{part}_part": device for part, device in parts.items()})
+    heads = {part: device for part, device in parts.items() if part not in FIELDS}
+    return replace(robot, heads=heads, **{f"{part}_part": parts[part] for part in parts.keys() - heads.keys()})

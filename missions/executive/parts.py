@@ -139,6 +139,8 @@ class PartsWatch:
                 return _measured(robot.ranger_part.scan(), lambda scan: {"nearest": scan.nearest()})
             case "camera" if self._looked is not None and (stamp := self._looked()) is not None:
                 return Measured(stamp, silent="no new picture" if now - stamp > PICTURE_TIME else "")
+            case _ if part in robot.heads:
+                return _measured(robot.heads[part].pose(), lambda pose: {"pan": pose.pan, "tilt": pose.tilt})
             case _:
                 return None
 

@@ -1,10 +1,9 @@
 """The stop that a person asks for: every actuator still, at once, until somebody releases it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from drivers.api import Base, Device, Latching
-from drivers.api.kinds import STILLED
 from drivers.errors import DeviceFault
 from missions.executive.watchdog import attempt_all
 
@@ -13,7 +12,7 @@ REPLY_TIME = 0.2
 
 
 class StopLatch:
-    """Latches the actuators among ``devices`` still, from any thread, whatever the tick does.
+    """Latches the ``stilled`` among ``devices`` still, from any thread, whatever the tick does.
 
     The ``base`` has a latch of its own, in its driver; the others stop safely, by the names of their parts, and take no
     command of a behaviour: ``permit`` is asked before each, and asks ``before``. ``hold`` keeps the mission where it
@@ -23,12 +22,13 @@ class StopLatch:
     def __init__(
         self,
         devices: Mapping[str, Device],
+        stilled: Sequence[str],
         base: Base | None,
         safe_stop: Callable[[frozenset[str]], None],
         hold: Callable[[bool], None],
         before: Callable[[], None],
     ) -> None:
-        self._devices, self._base, self._safe_stop = devices, base, safe_stop
+        self._devices, self._parts, self._base, self._safe_stop = devices, stilled, base, safe_stop
         self._hold, self._before = hold, before
         self.reason = ""
         """Who has stopped it; empty while nobody has."""
@@ -42,7 +42,7 @@ class StopLatch:
         """
         self.reason = f"stopped by {by}"
         self.number += 1
-        parts = [part for part in STILLED if part in self._devices]
+        parts = list(self._parts)
         told: list[str] = []
         self._hold(True)  # which only sets a flag: a tick that goes on is not waited for
         # Each on a thread of its own: a leaf that hangs may hold what it waits for.

@@ -9,7 +9,7 @@ from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import ours_for
 from config.units import seen
-from missions.language.arguments import read_arguments
+from missions.language.arguments import read_arguments, turning
 from missions.language.counts import COUNTS, read_counts
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import read_modifier
@@ -129,13 +129,14 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     leaf = notes.leaves.get(key.text)
     shown = name or key.text
     if leaf is not None:
+        arguments = read_arguments(notes, leaf, key, value)
         return Step(
             key.text,
             shown,
             key.mark,
             notes.source,
-            leaf=leaf,
-            arguments=read_arguments(notes, leaf, key, value),
+            leaf=turning(leaf, arguments),
+            arguments=arguments,
             text=_text(value),
             written=written_arguments(leaf, value),
         )

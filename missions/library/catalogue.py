@@ -21,6 +21,7 @@ WRITTEN: dict[str, object] = {
     "file": "bell.wav",
     "face": "${person}",
     "phrases": ["yes", "no"],
+    "head": "lidar_mast",
 }
 """A value of each kind that has no unit, as a mission writes it."""
 

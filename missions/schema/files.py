@@ -8,9 +8,10 @@ from config.move import MoveKeys
 from config.object import ObjectKeys
 from config.robot import RobotKeys
 from config.world import WorldConfig
+from drivers.api.kinds import KINDS as OF_PARTS
 from missions.library.drivers import Table
 from missions.schema.keys import keys_schema
-from missions.schema.robots import part_schemas
+from missions.schema.robots import of_kind, part_schemas
 from missions.schema.values import Schema
 from missions.testing.keys import JudgedKeys
 
@@ -34,5 +35,10 @@ def file_schema(kind: str) -> Schema:
     """Return the JSON Schema (draft-07) of the files of a kind, one of ``KINDS``."""
     told, cls = KINDS[kind]
     schema = keys_schema(cls)
-    schema["properties"] |= part_schemas(Table()) if kind == "robots" else {}
+    if kind == "robots":
+        parts = part_schemas(Table())
+        schema["properties"] |= parts
+        schema["additionalProperties"] = {
+            "anyOf": [of_kind(each, parts[each.name]) for each in OF_PARTS.values() if each.several]
+        }
     return {"$schema": DRAFT, "description": told, **schema}

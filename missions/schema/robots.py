@@ -16,6 +16,21 @@ def part_schemas(table: Table) -> dict[str, Schema]:
     return {kind: _section(KINDS[kind], drivers) for kind, drivers in found.items()}
 
 
+def of_kind(kind: Kind, section: Schema) -> Schema:
+    """Return what the section of one more part of a kind may hold: what a ``section`` of it may, and its ``kind``."""
+    word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
+    choices = [
+        {**each, "then": _with_word(each["then"], word)} if "then" in each else each
+        for each in section.get("allOf", [])
+    ]
+    more = {"allOf": choices} if choices else {}
+    return {**_with_word(section, word), **more, "required": ["kind", *section["required"]]}
+
+
+def _with_word(schema: Schema, word: Schema) -> Schema:
+    return {**schema, "properties": {"kind": word, **schema["properties"]}}
+
+
 def _section(kind: Kind, drivers: list[Driver]) -> Schema:
     """Return what a section may hold: the keys of the driver that it names, or of the usual one."""
     names = [driver.name for driver in drivers]

@@ -49,7 +49,9 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
         start: HeadPose = AHEAD,
+        name: str = "head",
     ) -> None:
+        self.name = name
         self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
         super().__init__(
             clock, PanTilt(self.name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed

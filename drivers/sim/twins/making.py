@@ -1,7 +1,8 @@
 """From the keys of a robot file to twins, each on a stage."""
 
+from drivers.api import Away
 from drivers.api.sections import BaseKeys
-from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis as servo
 from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
 from drivers.dynamixel.make import axis as joint
@@ -55,15 +56,26 @@ def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool) ->
 
 def head(keys: ArduinoKeys, stage: Stage) -> HeadTwin:
     """Return the twin of a head of hobby servos."""
+    return _hobby(keys, keys.away, stage)
+
+
+def _hobby(keys: TwoServoKeys, away: Away, stage: Stage) -> HeadTwin:
     return HeadTwin(
         stage.clock,
         pan=servo(keys.pan),
         tilt=servo(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
-        away=keys.away,
+        away=away,
         report=stage.report,
+        name=stage.part,
     )
+
+
+def second_head(keys: SecondKeys, stage: Stage) -> HeadTwin:
+    """Return the twin of a second pan/tilt on the board of a head."""
+    board: ArduinoKeys = stage.keys["head"]
+    return _hobby(keys, board.away, stage)
 
 
 def arm(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
@@ -81,6 +93,7 @@ def neck(keys: NeckKeys, stage: Stage) -> NeckTwin:
         speed=keys.speed,
         acceleration=keys.acceleration,
         report=stage.report,
+        name=stage.part,
     )
 
 

@@ -37,12 +37,13 @@ def answering(
 ) -> Robot:
     """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record."""
     fields: dict[str, Any] = {}
+    heads = {name: Answering(name, protocol_of(name), memory, name) for name in sorted(set(parts).difference(KINDS))}
     for kind in KINDS.values():
         if kind.name == "voice" and kind.name in parts:
             fields["voice_part"] = AnsweringVoice(memory, now)
         elif kind.name in parts:
             fields[f"{kind.field}_part"] = Answering(kind.name, protocol_of(kind.field), memory, kind.field)
-    return Robot(**fields, eye=eye, groups=groups)
+    return Robot(**fields, eye=eye, groups=groups, heads=heads)
 
 
 class Answering:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.errors import DriverError
-from missions.executive.asked import FIELDS, commands_of
+from missions.executive.asked import commands_of
 from missions.executive.tick_record import Answer, Question
 
 
@@ -51,7 +51,7 @@ class Memory:
         """Begin a moment."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
-            if part in FIELDS and what in commands_of(part):
+            if what in commands_of(part):
                 self._commands[part].append(Told(what, arguments, value))
             else:
                 self._answers[part, what, arguments].append(value)

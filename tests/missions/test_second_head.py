@@ -1,0 +1,150 @@
+"""A robot with a second pan/tilt: a part under a name of its own, which missions turn by saying ``on``."""
+
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from behaviours.robot import Robot
+from config.faults import InvalidFileError, Source
+from config.library import find
+from config.robot import RobotConfig
+from drivers.api.driver import Site
+from drivers.arduino.declared import SecondKeys
+from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.make import make, second
+from drivers.clock import ManualClock
+from missions.assembly.assembled import Assembled
+from missions.executive.events import CommandSent, Event
+from missions.library.drivers import robot_of
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.testing.recorders import STOP, Bench, RecordedHead
+from tests.missions.command import command
+
+HEADED = find("robots", "turtlebot2_arm").read_text().replace("robot: turtlebot2_arm", "robot: masted")
+
+MAST = """
+lidar_mast:
+  kind: head
+  driver: arduino_second
+  speed: 90 deg/s
+  pan: {servo: 2, limits: [-60 deg, 60 deg]}
+  tilt: {servo: 3}
+"""
+
+BOTH = """
+mission: both
+tree:
+  sequence:
+    - parallel:
+        - look: {pan: 30 deg}
+        - look: {pan: -40 deg, on: lidar_mast}
+    - scan: {on: lidar_mast, pan: [-30 deg, 30 deg], rows: 1}
+"""
+
+
+def masted(mast: str = MAST, headed: str = HEADED) -> RobotConfig:
+    return robot_of(Source("masted.yaml", headed + mast))
+
+
+def written(folder: Path, mission: str = BOTH) -> tuple[Path, Path]:
+    robot, path = folder / "masted.yaml", folder / "both.yaml"
+    robot.write_text(HEADED + MAST)
+    path.write_text(mission)
+    return path, robot
+
+
+def faults_of(mast: str, headed: str = HEADED) -> list[str]:
+    with pytest.raises(InvalidFileError) as caught:
+        masted(mast, headed)
+    return [fault.message for fault in caught.value.faults]
+
+
+def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
+    robot = masted()
+    assert "lidar_mast" in robot.parts
+    assert robot.head is robot.sections["head"].keys
+    assert isinstance(robot.sections["lidar_mast"].keys, SecondKeys)
+
+
+@pytest.mark.parametrize(
+    ("mast", "told"),
+    [
+        (MAST.replace("kind: head", "kind: arm"), "'kind' cannot be 'arm': only of head a robot may have several"),
+        (MAST.replace("servo: 2", "servo: 1"), "servo 1 is the tilt of the 'head'"),
+        (MAST.replace("servo: 2", "servo: 3"), "'pan' and 'tilt' are both on servo 3"),
+        (MAST.replace("lidar_mast", "Lidar-Mast"), "a part cannot be called 'Lidar-Mast'"),
+        (MAST.replace("  kind: head\n", ""), "a robot file has no key 'lidar_mast'"),
+    ],
+)
+def test_what_is_wrong_with_it_is_told(mast: str, told: str) -> None:
+    assert faults_of(mast) == [told]
+
+
+def test_its_board_must_be_there() -> None:
+    (told,) = faults_of(MAST, "robot: bare\n")
+    assert told.startswith("'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino'")
+
+
+def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
+    config = masted()
+    clock = ManualClock()
+    head = make(config.sections["head"].keys, Site(clock, "/dev/null", part="head"))
+    mast = second(config.sections["lidar_mast"].keys, Site(clock, parts={"head": head}, part="lidar_mast"))
+    assert isinstance(mast, ArduinoHead)
+    assert mast.board is head.board
+    assert (head.name, mast.name) == ("head", "lidar_mast")
+    assert mast.limits.pan == pytest.approx((-radians(60), radians(60)))
+
+
+def test_each_leaf_turns_the_head_that_it_names(tmp_path: Path) -> None:
+    mission, robot = written(tmp_path)
+    events: list[Event] = []
+    result = Runner(RunRequest(str(mission), robot=str(robot), simulate="fast"), listeners=[events.append]).run()
+    looks: dict[str, list[float]] = {}
+    for event in events:
+        if isinstance(event, CommandSent) and "pan" in event.values:
+            looks.setdefault(event.to, []).append(float(str(event.values["pan"])))
+    assert result.result == "success"
+    assert looks["head"] == pytest.approx([radians(30)] * len(looks["head"]), abs=0.01)
+    assert looks["lidar_mast"][0] == pytest.approx(radians(-40), abs=0.01)
+    assert max(looks["lidar_mast"]) == pytest.approx(radians(30), abs=0.01)
+
+
+def test_a_record_of_it_decides_the_same_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mission, robot = written(tmp_path)
+    record = tmp_path / "both.mcap"
+    run = command(capsys, "run", str(mission), "--robot", str(robot), "--simulate", "fast", "--record", str(record))
+    assert run.code == 0
+    again = command(capsys, "replay", str(record), "--rerun")
+    assert again.code == 0
+    assert "no difference" in again.out
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("parallel: [{look: {pan: 3 deg, on: lidar_mast}}, {nod: {on: lidar_mast}}]", "can both drive the lidar_mast"),
+        ("look: {pan: 3 deg, on: lidar_mats}", "needs a lidar_mats; robot 'masted' has none"),
+        ("look: {pan: 3 deg, on: '${1}'}", "which head it turns must be known before the mission runs"),
+        ("track_face: {on: lidar_mast}", "has no argument 'on'"),
+    ],
+)
+def test_the_checker_knows_which_head_a_leaf_drives(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, told: str
+) -> None:
+    mission, robot = written(tmp_path, f"mission: both\ntree:\n  {line}\n")
+    checked = command(capsys, "check", str(mission), "--robot", str(robot))
+    assert checked.code == 2
+    assert told in checked.out + checked.err
+
+
+def test_a_stop_reaches_it_by_its_name() -> None:
+    bench = Bench()
+    mast = RecordedHead(bench.clock)
+    robot = Robot(head_part=bench.head, heads={"lidar_mast": mast})
+    assembled = Assembled("masted", robot, {"head": bench.head, "lidar_mast": mast})
+    assert assembled.moving == ("head", "lidar_mast")
+    assembled.safe_stop(frozenset({"lidar_mast"}))
+    assert (bench.head.commands, mast.commands) == ([], [STOP])
