@@ -190,7 +190,10 @@ def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
     assert counts_of(path)["/moments"] == 3000
 
 
-def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(tmp_path: Path) -> None:
+def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.FAREWELL", 60.0)  # it is not about a writer that is slow
     path = tmp_path / "a.mcap"
     with recording(path, frames=1000.0) as (recorder, told):
         soft, hard = resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE)
