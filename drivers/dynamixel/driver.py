@@ -26,6 +26,7 @@ from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.dynamixel.torque import go, go_on, insisting, recover, settle
 from drivers.dynamixel.watch import GRACE, Watch
 from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
 from drivers.loop import MakeLoop, ThreadLoop
 
 RATE = 100.0
@@ -83,6 +84,8 @@ class DynamixelJoints(CommandedJoints):
         self._went_on_at = 0.0
         self._calm = Event()  # while nobody holds or relaxes joints, which comes before the next reading
         self._calm.set()
+        self._attended: frozenset[str] = frozenset()  # read as if they led
+        self._then: Callable[[], object] = ignore
         self._fault = ""  # the newest of the driver's own that was reported
 
     # --- life ---------------------------------------------------------------------------------------------------------
@@ -166,6 +169,12 @@ class DynamixelJoints(CommandedJoints):
                 self._command(freed, stiff=True)
         self._loop.wake()
 
+    def attend(self, joints: Collection[str], then: Callable[[], object] = ignore) -> None:
+        """Read ``joints`` as often as those that lead, and call ``then`` in each round. BadRequest: unknown joint."""
+        check_names(self.name, set(joints), self._joints)
+        self._attended, self._then = frozenset(joints), guarded(then)
+        self._loop.wake()
+
     def recover(self) -> tuple[str, ...]:
         """Make servos that have shut themselves down stiff again where they stand; return the names of the joints.
 
@@ -235,12 +244,13 @@ class DynamixelJoints(CommandedJoints):
         except BaseException as error:  # SystemExit too: without this thread nobody would see the arm any more
             self._complain(error)
         self._changed()
+        self._then()
         return pause
 
     def _due_at(self) -> float:
         """Return when there is something to be done next."""
         joints, now = self._joints.values(), self._clock.now()
-        return min(self._attention.next_at(joints, self._leading.joints, now), self._watch.due_at())
+        return min(self._attention.next_at(joints, self._leading.joints | self._attended, now), self._watch.due_at())
 
     def _round(self) -> None:
         if not self._watch.connected:
@@ -256,7 +266,7 @@ class DynamixelJoints(CommandedJoints):
             for joint in self._joints.values():
                 joint.strayed = True
             self._stand()
-        wanted = self._attention.wanted(self._joints.values(), self._leading.joints, began)
+        wanted = self._attention.wanted(self._joints.values(), self._leading.joints | self._attended, began)
         self._watch.read(wanted, meanwhile=self._go_on)
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())

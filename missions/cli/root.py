@@ -61,7 +61,7 @@ GROUPS = {
     "Use it by hand": {
         "teleop": "Drive a robot by hand: with keys, also over SSH, or with a game pad.",
         "head": "Move the head by hand: look, center, where, and trim it straight.",
-        "servo": "Find, set up, move and record Dynamixel servos.",
+        "servo": "Find, set up, move and record Dynamixel and Feetech servos.",
         "see": "Look for faces, things and markers in pictures, folders and videos.",
         "hear": "Say what is heard: each phrase, and whether it is sure enough.",
     },

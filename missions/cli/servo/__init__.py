@@ -8,6 +8,7 @@ from missions.cli.servo.drive import move, reboot, recover, torque
 from missions.cli.servo.home import home
 from missions.cli.servo.importing import import_joints
 from missions.cli.servo.info import info
+from missions.cli.servo.mirror import mirror
 from missions.cli.servo.monitor import monitor
 from missions.cli.servo.playing import play
 from missions.cli.servo.recording import record
@@ -24,6 +25,6 @@ def command() -> None:
 
 for each in (
     *(scan, info, monitor, set_register, set_id, set_baud, torque, move, reboot, recover),
-    *(calibrate, home, import_joints, record, play),
+    *(calibrate, home, import_joints, record, play, mirror),
 ):
     command.add_command(each)

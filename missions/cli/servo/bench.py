@@ -163,22 +163,41 @@ def opened_arm(target: Target) -> Iterator[Arm]:
 
     What the servos tell meanwhile goes to stderr. Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
-    target.require_joints()
-    config, clock = target.config(), SystemClock()
-    arm = _arm(config)
-    wishes = Overrides(world=load_world(find("worlds", "empty")) if target.virtual else None)
+    with opened_arms(target) as (arm,):
+        yield arm
+
+
+@contextmanager
+def opened_arms(*targets: Target) -> Iterator[list[Arm]]:
+    """Open the arms of several robots as ``opened_arm`` does; all are closed at the end, the last one first."""
+    for target in targets:
+        target.require_joints()
+    configs, clock = [target.config() for target in targets], SystemClock()
+    arms = [_arm(config) for config in configs]
+    virtual = targets[-1].virtual
     audience = Hooks(tell, ignore, click.echo, ignore, ignore)
-    robot = assemble(config, frozenset({"arm"}), clock, wishes, audience)
-    joints = robot.robot.arm
-    with interruptible(), holding(config.name, simulated=target.virtual), closing(robot):
-        robot.open()
-        while not (joints.health().online and any(reading.good for reading in joints.states().values())):
-            if clock.now() > CONNECT_TIME:
-                health = joints.health()
-                raise NotConnected(health.detail, hint=health.hint)
-            pause()
-        target.tell_if_simulated()
-        yield Arm(joints, robot.robot.reach, arm, clock)
+    robots = []
+    for config in configs:
+        wishes = Overrides(world=load_world(find("worlds", "empty")) if virtual else None)
+        robots.append(assemble(config, frozenset({"arm"}), clock, wishes, audience))
+    names = " and ".join(config.name for config in configs)
+    with interruptible(), holding(names, simulated=virtual), ExitStack() as closings:
+        for robot in robots:
+            closings.enter_context(closing(robot))
+            robot.open()
+        for robot in robots:
+            _wait_for(robot.robot.arm, clock)
+        targets[-1].tell_if_simulated()
+        yield [Arm(robot.robot.arm, robot.robot.reach, arm, clock) for robot, arm in zip(robots, arms, strict=True)]
+
+
+def _wait_for(joints: Joints, clock: Clock) -> None:
+    """Wait until an arm is there. Raises NotConnected, with what is missing, after ``CONNECT_TIME``."""
+    while not (joints.health().online and any(reading.good for reading in joints.states().values())):
+        if clock.now() > CONNECT_TIME:
+            health = joints.health()
+            raise NotConnected(health.detail, hint=health.hint)
+        pause()
 
 
 def _arm(config: RobotConfig) -> DynamixelKeys:

@@ -19,19 +19,30 @@ def require_terminal(seconds: float | None) -> None:
 
 
 @contextmanager
-def patience(clock: Clock, seconds: float | None) -> Iterator[Callable[[], bool]]:
-    """Give out a question that waits a moment, then says whether it is over: Enter was pressed, or the time is up."""
+def patience(
+    clock: Clock, seconds: float | None, wait: Callable[[], object] | None = None
+) -> Iterator[Callable[[], bool]]:
+    """Give out a question that waits a moment, then says whether it is over: Enter was pressed, or the time is up.
+
+    It waits for what ``wait`` waits for, if that is given.
+    """
     if seconds is not None:
         end = clock.now() + seconds
 
         def timed() -> bool:
-            pause()
+            (wait or pause)()
             return clock.now() >= end
 
         yield timed
         return
     with Keys(sys.stdin.fileno()) as keys:
-        yield lambda: keys.read(PAUSE) in ("enter", "end")
+
+        def pressed() -> bool:
+            if wait is not None:
+                wait()
+            return keys.read(PAUSE if wait is None else 0.0) in ("enter", "end")
+
+        yield pressed
 
 
 def show(line: str) -> None:

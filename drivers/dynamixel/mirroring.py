@@ -1,0 +1,46 @@
+"""One arm that copies another on a wire of its own: whoever turns it decides when, after the leader was read."""
+
+from collections.abc import Mapping, Sequence
+
+from drivers.api import Coupling, JointLimits, Joints
+from drivers.dynamixel.following import Following
+
+
+def by_range(leader: str, here: JointLimits, follower: str, there: JointLimits) -> Coupling:
+    """Return what brings a joint as far through its range as the one that leads it."""
+    scale = (there.upper - there.lower) / (here.upper - here.lower)
+    return Coupling(leader, follower, scale, there.lower - scale * here.lower)
+
+
+class Mirroring:
+    """Sends the joints of ``follower`` where those of ``leader`` stand, as ``couplings`` say.
+
+    Followers are brought over slowly at first, and after a pause. A leader that is not heard of leads nobody: its
+    followers come to rest by themselves. For one thread.
+    """
+
+    def __init__(self, leader: Joints, follower: Joints, couplings: Sequence[Coupling]) -> None:
+        self._leader = leader
+        self._follower = follower
+        self._couplings = tuple(couplings)
+        self._following = Following(couplings)
+
+    def step(self, now: float) -> Mapping[str, float]:
+        """Send the followers on; return the goals that they were sent (radians). Raises NotConnected, DeviceFault."""
+        goals = self._following.goals(_places(self._leader))
+        if not goals:
+            return {}
+        limits = self._follower.limits
+        goals = {joint: min(max(goal, limits[joint].lower), limits[joint].upper) for joint, goal in goals.items()}
+        speeds = self._following.speeds(goals, _places(self._follower), now)
+        return self._follower.move(goals, speeds=speeds)
+
+    def pause(self) -> None:
+        """Take note that the follower was away: its joints are brought over anew."""
+        self._following.pause()
+
+
+def _places(arm: Joints) -> dict[str, float]:
+    """Return where joints stand that are heard of."""
+    states = arm.states().items()
+    return {joint: state.value.position for joint, state in states if state.good and state.value is not None}

@@ -1,0 +1,85 @@
+"""``mission servo mirror``: an arm that copies another, which somebody moves by hand; each has a port of its own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import degrees
+from threading import Event
+
+import click
+
+from drivers.api import Coupling, JointLimits
+from drivers.dynamixel.driver import DynamixelJoints
+from drivers.dynamixel.mirroring import Mirroring, by_range
+from drivers.errors import NotConnected
+from missions.cli.numbers import Real
+from missions.cli.root import SUCCESS
+from missions.cli.servo.bench import Arm, opened_arms
+from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.until import patience, require_terminal, show
+
+ROUND = 0.05
+"""Seconds that a reading of the leader is waited for, at most."""
+
+GLANCE = 0.1
+"""Seconds between two lines of where the follower is sent."""
+
+
+@click.command(epilog="Example: mission servo mirror so101_leader --robot so101")
+@target_options
+@click.argument("leader")
+@click.option("--leader-port", metavar="PATH", help="Where the leader is plugged in, instead of what its file says.")
+@click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
+              help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
+@click.option("--seconds", type=Real(min=0.1), metavar="N", help="Mirror for so long; else until Enter.")
+def mirror(target: Target, leader: str, leader_port: str | None, ranged: tuple[str, ...], seconds: float | None) -> int:
+    """Let an arm copy another that is moved by hand.
+
+    LEADER is a robot (a name or a file) with joints of the same names, on another port. It goes limp: hold it. The arm
+    of --robot comes over slowly to where the leader stands, then follows at once. In the end the leader stays limp, and
+    the follower comes to the rest that its file asks for.
+    """
+    require_terminal(seconds)
+    target.require_joints()
+    first = replace(target, robot=leader, port=leader_port, baud=None, simulate=target.virtual)
+    first.check()
+    with opened_arms(first, target) as (leading, following):
+        couplings = coupled(leading.joints.limits, following.joints.limits, ranged)
+        click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
+        leading.joints.relax()
+        _mirror(leading, following, couplings, seconds)
+    return SUCCESS
+
+
+def coupled(
+    leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
+) -> list[Coupling]:
+    """Return who leads whom: joints of one name. Raises click.UsageError where there are none."""
+    found = [
+        by_range(joint, leader[joint], joint, limits) if joint in ranged else Coupling(joint, joint)
+        for joint, limits in follower.items()
+        if joint in leader
+    ]
+    if not found:
+        has = f"the leader has {', '.join(leader)}, the follower {', '.join(follower)}"
+        raise click.UsageError(f"no joint of the one has the name of one of the other: {has}")
+    return found
+
+
+def _mirror(leading: Arm, following: Arm, couplings: Sequence[Coupling], seconds: float | None) -> None:
+    """Send the follower on after each reading of the leader, until it is over."""
+    read, arms = Event(), (leading.joints, following.joints)
+    mirroring = Mirroring(*arms, couplings)
+    if isinstance(leading.joints, DynamixelJoints):
+        leading.joints.attend({each.leader for each in couplings}, read.set)
+    clock, shown = following.clock, 0.0
+    with patience(clock, seconds, lambda: read.wait(ROUND)) as over:
+        while not over():
+            read.clear()
+            try:
+                goals = mirroring.step(clock.now())
+            except NotConnected:  # its driver has told so, and looks for it
+                mirroring.pause()
+                continue
+            if clock.now() - shown > GLANCE:
+                shown = clock.now()
+                show("  ".join(f"{joint} {degrees(goal):+.0f}" for joint, goal in goals.items()) + " deg")

@@ -1,0 +1,87 @@
+"""``mission servo mirror``: one arm copies another, each on a port of its own."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Thread
+
+import click
+import pytest
+
+from drivers.api import Coupling, JointLimits
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+from missions.cli.servo.mirror import coupled
+from tests.missions.command import Outcome, command, wait_until
+
+Mission = Callable[[str], Outcome]
+
+FILE = """\
+robot: NAME
+arm:
+  driver: feetech
+  port: PORT
+  at_end: END
+  joints:
+    elbow: {id: 1, limits: [-90 deg, 90 deg], speed: 180 deg/s}
+    gripper: {id: 2, limits: [0 deg, RANGE deg], speed: 180 deg/s}
+"""
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
+    return lambda line: command(capsys, *line.split())
+
+
+@pytest.fixture
+def arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[VirtualServoBus, VirtualServoBus]]:
+    """A leader and a follower on ports, with their files in the folder of the test."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", 0.1)
+    chains = []
+    with ExitStack() as closings:
+        for name, end, reach in (("leader", "relax", "40"), ("follower", "hold", "80")):
+            servos = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
+            terminal = Terminal(name, servos, SystemClock())
+            terminal.open()
+            closings.callback(terminal.close)
+            told = FILE.replace("NAME", name).replace("PORT", terminal.path).replace("END", end)
+            Path(f"{name}.yaml").write_text(told.replace("RANGE", reach))
+            chains.append(servos)
+        leader, follower = chains
+        yield leader, follower
+
+
+@pytest.mark.real_time
+def test_the_follower_goes_where_the_leader_is_moved_and_stays_there(
+    arms: tuple[VirtualServoBus, VirtualServoBus], mission: Mission
+) -> None:
+    leader, follower = arms
+
+    def move() -> None:
+        wait_until(lambda: not follower.servo(1).limp)
+        leader.servo(1).turn_by_hand(0.3)
+        leader.servo(2).turn_by_hand(0.2)
+        wait_until(lambda: abs(follower.servo(1).angle - 0.3) < 0.01 and abs(follower.servo(2).angle - 0.4) < 0.01)
+
+    hand = Thread(target=move)
+    hand.start()
+    outcome = mission("servo mirror leader.yaml --robot follower.yaml --seconds 4")
+    hand.join()
+    assert outcome.code == 0, outcome.err
+    assert "leader.yaml is limp, and leads" in outcome.err
+    assert follower.servo(1).angle == pytest.approx(0.3, abs=0.02)
+    assert follower.servo(2).angle == pytest.approx(0.4, abs=0.02)  # its gripper opens twice as far
+    assert [servo.limp for servo in leader.servos] == [True, True]
+    assert [servo.limp for servo in follower.servos] == [False, False]
+
+
+def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
+    one = {"elbow": JointLimits(-1.0, 1.0, 1.0), "gripper": JointLimits(0.0, 1.0, 1.0)}
+    other = {"gripper": JointLimits(-0.5, 1.5, 1.0), "elbow": JointLimits(-1.0, 1.0, 1.0)}
+    assert coupled(one, other, ["gripper"]) == [Coupling("gripper", "gripper", 2.0, -0.5), Coupling("elbow", "elbow")]
+    assert coupled(one, other, [])[0] == Coupling("gripper", "gripper")
+    with pytest.raises(click.UsageError, match="the leader has toe, the follower gripper, elbow"):
+        coupled({"toe": one["elbow"]}, other, [])
