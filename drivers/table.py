@@ -3,11 +3,16 @@
 from collections.abc import Mapping
 
 HOUSE: Mapping[str, Mapping[str, str]] = {
-    "base": {"kobuki": "drivers.kobuki.declared:KOBUKI", "waveshare": "drivers.waveshare.declared:WAVESHARE"},
+    "base": {
+        "kobuki": "drivers.kobuki.declared:KOBUKI",
+        "waveshare": "drivers.waveshare.declared:WAVESHARE",
+        "pi_car": "drivers.pi_car.declared:PI_CAR",
+    },
     "head": {
         "arduino": "drivers.arduino.declared:ARDUINO",
         "arduino_second": "drivers.arduino.declared:SECOND",
         "dynamixel": "drivers.dynamixel.declared:NECK",
+        "pca9685": "drivers.pi_car.declared:PI_HEAD",
     },
     "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR"},

@@ -8,11 +8,14 @@ from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
 from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.kobuki.declared import KobukiKeys
+from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
+from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
 from drivers.sim.world import World
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.keeper import VirtualCar, VirtualServos
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.plugged import Plugged
 from drivers.virtual.rodney import ATTACHED, VirtualRodney
@@ -42,6 +45,27 @@ def waveshare(keys: WaveshareKeys, stage: Stage) -> Plugged:
         return asdict(device.pose(now)) | asdict(device.body.velocity)
 
     return Plugged(device, "rover", pose=device.pose, state=state)
+
+
+def pi_car(keys: PiCarKeys, stage: Stage) -> Plugged:
+    """Return a virtual car of a Raspberry Pi: who holds its motors."""
+    device = VirtualCar(stage.body(), TwoWheels(keys.track, keys.speed_at_full))
+
+    def state(now: float) -> object:
+        return asdict(device.pose(now)) | asdict(device.body.velocity)
+
+    return Plugged(device, "car", pose=device.pose, state=state)
+
+
+def pi_head(keys: PiHeadKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+    """Return a virtual pan/tilt on a PCA9685, whose chip has had power for long."""
+    pan, tilt = axis(keys.pan), axis(keys.tilt)
+    device = VirtualServos((pan.awake, tilt.awake))
+
+    def looks(time: float) -> HeadPose:
+        return HeadPose(pan.to_radians(device.angle(0, time)), tilt.to_radians(device.angle(1, time)))
+
+    return Plugged(device, "pan_tilt", looks=looks, state=lambda now: [device.angle(index, now) for index in range(2)])
 
 
 def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001

@@ -1,4 +1,4 @@
-"""What ``drivers.api.Head`` promises, kept by the Rodney head over its wire, a neck of Dynamixels, and both twins."""
+"""What ``drivers.api.Head`` promises, kept by Rodney's and a keeper's on a wire, a neck of Dynamixels, and twins."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -17,10 +17,12 @@ from drivers.dynamixel.head import DynamixelHead
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
 from drivers.joints_head import JointAxis
+from drivers.keeper.head import KeeperHead
 from drivers.pantilt import Trimmable
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
+from drivers.virtual.keeper import VirtualServos
 from drivers.virtual.rodney import VirtualRodney
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
@@ -87,6 +89,36 @@ class WireHead(InSimulatedTime, HeadRig):
     def truth(self) -> HeadPose:
         now = self.clock.now()
         return HeadPose(PAN.to_radians(self.rodney.angle(0, now)), TILT.to_radians(self.rodney.angle(1, now)))
+
+    def unplug(self) -> None:
+        self.wire.unplug()
+
+    def plug_in(self) -> None:
+        self.wire.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class KeptHead(InSimulatedTime, HeadRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self.servos = VirtualServos((90, 120))
+        self.wire = HandWire(self.servos, self.timeline)
+        self.device = KeeperHead(
+            self.wire.link("head", report=self.notices.append),
+            self.clock,
+            pan=PAN,
+            tilt=TILT,
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+
+    def truth(self) -> HeadPose:
+        now = self.clock.now()
+        return HeadPose(PAN.to_radians(self.servos.angle(0, now)), TILT.to_radians(self.servos.angle(1, now)))
 
     def unplug(self) -> None:
         self.wire.unplug()
@@ -201,6 +233,7 @@ class TwinNeck(InSimulatedTime, HeadRig):
 @pytest.fixture(
     params=[
         simulated(WireHead, "wire"),
+        simulated(KeptHead, "keeper"),
         simulated(TwinHead, "twin"),
         simulated(WireNeck, "bus"),
         simulated(TwinNeck, "neck twin"),

@@ -6,9 +6,11 @@ import pytest
 
 from drivers.api import BASE_RADIUS, Lamp, Pose2D, Tune
 from drivers.errors import BadRequest
+from drivers.keeper.base import KeeperBase
 from drivers.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.twins.plain_base import PlainTwin
+from drivers.virtual.keeper import VirtualCar
 from drivers.virtual.waveshare import VirtualWaveshare
 from drivers.waveshare.driver import WaveshareBase
 from drivers.waveshare.wire import FULL
@@ -94,6 +96,33 @@ class WaveRover(Waveshare):
     reckoned = True
 
 
+class PiCar(InSimulatedTime, PlainRig):
+    reckoned = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.car = VirtualCar(Body(ground=Room()), TwoWheels(TRACK, 1.25))
+        self.wire = HandWire(self.car, self.timeline)
+        self.device = KeeperBase(
+            self.wire.link("base", report=self.notices.append),
+            self.clock,
+            track=TRACK,
+            speed_at_full=1.25,
+            cure="look at it",
+            report=self.notices.append,
+            changed=self.changed,
+        )
+
+    def truth(self) -> Pose2D:
+        return self.car.pose(self.clock.now())
+
+    def unplug(self) -> None:
+        self.wire.unplug()
+
+    def plug_in(self) -> None:
+        self.wire.plug_in()
+
+
 class Twin(InSimulatedTime, PlainRig):
     reckoned = True
 
@@ -127,6 +156,7 @@ class MeasuredTwin(Twin):
 RIGS = [
     simulated(Waveshare, "waveshare"),
     simulated(WaveRover, "wave_rover"),
+    simulated(PiCar, "pi_car"),
     simulated(Twin, "twin"),
     simulated(MeasuredTwin, "measured twin"),
 ]

@@ -8,6 +8,7 @@ from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
 from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
 from drivers.kobuki.steered import settings_of
+from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.sim.scanner import looking
@@ -41,6 +42,11 @@ def waveshare(keys: WaveshareKeys, stage: Stage) -> PlainTwin:
     return plain(wheels, keys, stage, reckoned=not keys.encoders)
 
 
+def pi_car(keys: PiCarKeys, stage: Stage) -> PlainTwin:
+    """Return the twin of a car of a Raspberry Pi."""
+    return plain(TwoWheels(keys.track, keys.speed_at_full), keys, stage, reckoned=True)
+
+
 def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool) -> PlainTwin:
     """Return the twin of a base that feels nothing, whose pose may be dead reckoning."""
     return PlainTwin(
@@ -54,7 +60,7 @@ def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool) ->
     )
 
 
-def head(keys: ArduinoKeys, stage: Stage) -> HeadTwin:
+def head(keys: ArduinoKeys | PiHeadKeys, stage: Stage) -> HeadTwin:
     """Return the twin of a head of hobby servos."""
     return _hobby(keys, keys.away, stage)
 

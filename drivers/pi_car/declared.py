@@ -1,0 +1,128 @@
+"""The Raspberry Pi car as a driver of bases, its pan/tilt as one of heads, and their keys in a robot file."""
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from drivers.api.device import Away
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import BaseKeys
+from drivers.arduino.declared import ServoKeys, TwoServoKeys
+
+PINS, CHANNELS = 28, 16
+"""GPIO numbers of a Raspberry Pi, and channels of a PCA9685."""
+
+
+@keys
+class MotorKeys:
+    """One motor: where its driver chip is told which way, and how fast."""
+
+    forward: int = key(low=0, high=PINS - 1, help="The GPIO number, or channel, that turns it forward.")
+    backward: int = key(low=0, high=PINS - 1, help="The one that turns it back.")
+    enable: int | None = key(
+        default=None,
+        low=0,
+        high=PINS - 1,
+        help="The one that takes how fast, where the chip has such an input (ENA, PWMA); else the other two do.",
+    )
+
+    @property
+    def pins(self) -> tuple[int, ...]:
+        """All that it takes."""
+        return (self.forward, self.backward) + (() if self.enable is None else (self.enable,))
+
+
+@keys
+class I2CKeys:
+    """Where a PCA9685 is found."""
+
+    bus: int = key(default=1, low=0, high=255, help="The I2C bus of the PCA9685: 1 is that on the pins of a Pi.")
+    address: int = key(default=0x40, low=0x03, high=0x77, help="Its address on that bus: 64, unless it was soldered.")
+
+
+@keys
+class PiCarKeys(BaseKeys, I2CKeys):
+    """The ``base`` section of a car on a Raspberry Pi."""
+
+    max_speed: float = key("speed", default=0.3, low=0.01, high=5.0, help="The highest speed.")
+    motors: Literal["gpio", "pca9685"] = key(
+        default="gpio", help="What its motors' driver chip is on: the pins of the Pi, or the channels of a PCA9685."
+    )
+    left: MotorKeys = key(help="The motor, or motors, on the left.")
+    right: MotorKeys = key(help="Those on the right.")
+    speed_at_full: float = key(
+        "speed", default=0.5, low=0.05, high=5.0, help="How fast it goes at full power: measure it, docs/rovers.md."
+    )
+    track: float = key("length", default=0.13, low=0.02, high=2.0, help="How far apart its wheels act.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a speed that it does not reach, and pins that are taken twice or are none."""
+        if self.max_speed > self.speed_at_full:
+            most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
+            message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"
+            yield Mistake(message, ("max_speed",), ("speed_at_full",))
+        pins = (*self.left.pins, *self.right.pins)
+        word = "GPIO" if self.motors == "gpio" else "channel"
+        for pin in sorted({pin for pin in pins if pins.count(pin) > 1}):
+            yield Mistake(f"{word} {pin} is taken twice", about=(("left",), ("right",)))
+        if self.motors == "pca9685" and max(pins) >= CHANNELS:
+            yield Mistake(
+                f"a PCA9685 has channels 0 to {CHANNELS - 1}, and no {max(pins)}", about=(("left",), ("right",))
+            )
+
+
+@keys
+class ChannelKeys(ServoKeys):
+    """A hobby servo on a channel of a PCA9685; see ``ServoKeys``."""
+
+    servo: int = key(low=0, high=CHANNELS - 1, help="The channel of the PCA9685 that it is on.")
+    start: int | None = key(
+        default=90, low=0, high=180, help="Where it is taken to stand while nobody knows, in degrees of the servo."
+    )
+
+
+@keys
+class PiHeadKeys(TwoServoKeys, I2CKeys):
+    """The ``head`` section of a pan/tilt on a PCA9685."""
+
+    pan: ChannelKeys = key(help="The servo that turns the head left and right.")
+    tilt: ChannelKeys = key(help="The servo that turns the head up and down.")
+    away: Away = key(default=Away(), help="What it does when it is back after it was silent.")
+
+
+def apart(head: PiHeadKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+    """Yield servos on channels that are motors'."""
+    base = others.get("base")
+    if (
+        not isinstance(base, PiCarKeys)
+        or base.motors != "pca9685"
+        or (base.bus, base.address) != (head.bus, head.address)
+    ):
+        return
+    for word, servo in (("pan", head.pan.servo), ("tilt", head.tilt.servo)):
+        if servo in (*base.left.pins, *base.right.pins):
+            yield Mistake(f"'{word}': channel {servo} is that of a motor", (word, "servo"))
+
+
+PI_CAR = Driver(
+    "pi_car",
+    "base",
+    "A car on a Raspberry Pi: two motors on its pins or on a PCA9685, nothing measured.",
+    PiCarKeys,
+    make="drivers.pi_car.make:base",
+    twin="drivers.sim.twins.making:pi_car",
+    virtual="drivers.virtual.making:pi_car",
+    extra="pi",
+)
+
+PI_HEAD = Driver(
+    "pca9685",
+    "head",
+    "Two hobby servos on a PCA9685 of a Raspberry Pi.",
+    PiHeadKeys,
+    make="drivers.pi_car.make:head",
+    twin="drivers.sim.twins.making:head",
+    virtual="drivers.virtual.making:pi_head",
+    check=apart,
+    extra="pi",
+)

@@ -1,0 +1,66 @@
+"""From the keys of a robot file to the drivers of a Raspberry Pi car; each has a guardian of its own."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.api.driver import Site
+from drivers.arduino.make import axis
+from drivers.keeper import wire
+from drivers.keeper.base import KeeperBase
+from drivers.keeper.head import KeeperHead
+from drivers.kobuki.steered import settings_of
+from drivers.link import Link, dial
+from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
+from drivers.pi_car.dial import Guarded
+
+CURE = "pip install 'missiontree[pi]'; sudo raspi-config (I2C on); i2cdetect -y 1; does another program use the pins?"
+
+
+def base(keys: PiCarKeys, site: Site) -> KeeperBase:
+    """Return the driver of the car."""
+    return KeeperBase(
+        _link(wheels_of(keys), site),
+        site.clock,
+        track=keys.track,
+        speed_at_full=keys.speed_at_full,
+        cure=CURE,
+        **settings_of(keys, site),
+    )
+
+
+def head(keys: PiHeadKeys, site: Site) -> KeeperHead:
+    """Return the driver of its pan/tilt."""
+    told = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
+    return KeeperHead(
+        _link(told, site),
+        site.clock,
+        pan=axis(keys.pan),
+        tilt=axis(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        away=keys.away,
+        report=site.report,
+        name=site.part,
+        cure=CURE,
+    )
+
+
+def wheels_of(keys: PiCarKeys) -> Mapping[str, Any]:
+    """Return what a guardian is told of the motors."""
+    return {
+        "motors": keys.motors,
+        "bus": keys.bus,
+        "address": keys.address,
+        "left": _motor(keys.left),
+        "right": _motor(keys.right),
+    }
+
+
+def _motor(keys: MotorKeys) -> Mapping[str, int | None]:
+    return {"forward": keys.forward, "backward": keys.backward, "enable": keys.enable}
+
+
+def _link(told: Mapping[str, Any], site: Site) -> Link:
+    """Return a link to a guardian, or to whoever plays it at a port."""
+    port = site.port or "the guardian"
+    return Link(site.part, port, wire.BAUD, report=site.report, dial=dial if site.port else Guarded(told))

@@ -1,0 +1,22 @@
+"""A program that drives a car as fast as it may until somebody ends it; what it holds is JSON, as its argument."""
+
+import json
+import sys
+from contextlib import suppress
+from threading import Event
+
+from drivers.api import Velocity
+from drivers.clock import SystemClock
+from drivers.errors import DriverError
+from drivers.keeper.base import KeeperBase
+from drivers.link import Link
+from drivers.pi_car.dial import Guarded
+
+if __name__ == "__main__":
+    link = Link("base", "the guardian", 57_600, dial=Guarded(json.loads(sys.argv[1]), sys.argv[2:]))
+    base = KeeperBase(link, SystemClock(), track=0.13, speed_at_full=0.5)
+    base.open()
+    while True:
+        with suppress(DriverError):
+            base.drive(Velocity(0.4, 0.0))
+        Event().wait(0.05)

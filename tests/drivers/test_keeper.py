@@ -1,0 +1,322 @@
+"""Who holds two actuators for a driver: its lines, its watchdog, its ramp, and what befalls both ends of the wire."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import pairwise
+from math import radians
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.api import DeviceStatus, HeadPose, Velocity
+from drivers.arduino.axis import ServoAxis
+from drivers.errors import DeviceFault, DriverError, NotConnected
+from drivers.keeper import wire
+from drivers.keeper.base import KeeperBase
+from drivers.keeper.head import KeeperHead
+from drivers.keeper.keeper import SERVO_SPEED, Keeper, Servos, Wheels
+from drivers.reckoning import TwoWheels
+from drivers.sim.body import Body
+from drivers.sim.timeline import Timeline
+from drivers.virtual.keeper import VirtualCar, VirtualServos
+from tests.drivers.cranked import PERIOD, HandWire, pass_until
+from tests.drivers.fault_injection import MAX_PAUSE, FaultInjection
+
+TRANSACTIONS = 10_000
+SPEED = 120
+STEP = SERVO_SPEED * 0.02 + 1
+"""Degrees of the widest step: what a keeper leads a servo between two looks at the time, in whole degrees."""
+
+MISHAPS = {"drop": 0.01, "truncate": 0.01, "flip": 0.01, "split": 0.01, "late": 0.01, "noise": 0.01, "echo": 0.01}
+
+
+class Hands:
+    """Keeps what they are told."""
+
+    def __init__(self) -> None:
+        self.aimed: list[tuple[int, int]] = []
+        self.rests = 0
+
+    def aim(self, first: int, second: int, now: float) -> None:  # noqa: ARG002
+        self.aimed.append((first, second))
+
+    def rest(self, now: float) -> None:  # noqa: ARG002
+        self.rests += 1
+
+    def step(self, now: float) -> None:
+        pass
+
+    def present(self) -> tuple[int, int]:
+        return self.aimed[-1] if self.aimed else (0, 0)
+
+
+class Damaged:
+    """A wire on which mishaps befall every line, whichever way it goes."""
+
+    def __init__(self, bench_wire: HandWire, seed: int) -> None:
+        self.faults = FaultInjection(seed, **MISHAPS)
+        self._wire = bench_wire
+        self._waiting: list[tuple[float, bytes]] = []  # what comes late, and then between other lines
+        device = bench_wire.device
+        self._feed, device.feed = device.feed, self.feed  # type: ignore[method-assign]
+        bench_wire.distort = self.distort
+
+    def distort(self, said: bytes) -> bytes:
+        return self._passed(said)
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        return self._feed(self._passed(data), now)
+
+    def _passed(self, data: bytes) -> bytes:
+        now, passed = self._wire.clock.now(), b""
+        for line in data.splitlines(keepends=True):
+            for late, piece in self.faults.arrange(line):
+                if late <= MAX_PAUSE:
+                    passed += piece
+                else:
+                    self._waiting.append((now + late, piece))
+            if self.faults.echoes():
+                passed += line
+        passed += b"".join(piece for at, piece in self._waiting if at <= now)
+        self._waiting = [(at, piece) for at, piece in self._waiting if at > now]
+        return passed
+
+
+class Bench:
+    """A car and a pan/tilt, each with its driver, on wires that are turned by hand."""
+
+    def __init__(self, *, warm: bool = True) -> None:
+        self.timeline = Timeline()
+        self.clock = self.timeline.clock
+        self.notices: list[DeviceStatus] = []
+        self.car = VirtualCar(Body(), TwoWheels(0.2, 0.5))
+        self.servos = VirtualServos((90, 90), warm=warm)
+        self.car_wire, self.head_wire = HandWire(self.car, self.timeline), HandWire(self.servos, self.timeline)
+        self.base = KeeperBase(
+            self.car_wire.link("base"), self.clock, track=0.2, speed_at_full=0.5, report=self.notices.append
+        )
+        self.head = KeeperHead(
+            self.head_wire.link("head"),
+            self.clock,
+            pan=ServoAxis(0, radians(-80), radians(80), start=90),
+            tilt=ServoAxis(1, radians(-60), radians(20), flip=True, start=90),
+            speed=radians(SPEED),
+            acceleration=radians(400),
+            report=self.notices.append,
+        )
+
+    def start(self) -> "Bench":
+        self.base.open()
+        self.head.open()
+        self.until(lambda: self.base.health().online and self.head.health().online)
+        return self
+
+    def until(self, holds: object) -> None:
+        pass_until(self.timeline, holds)  # type: ignore[arg-type]
+
+    def passes(self, seconds: float) -> None:
+        self.timeline.run(self.clock.now() + seconds)
+
+    def drives(self, linear: float, seconds: float) -> None:
+        end = self.clock.now() + seconds
+        while self.clock.now() < end:
+            self.base.drive(Velocity(linear, 0.0))
+            self.passes(0.05)
+
+    def close(self) -> None:
+        self.base.close()
+        self.head.close()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+# --- lines ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_line_is_read_as_it_was_written_and_its_sum_is_the_well_known_one() -> None:
+    assert wire.read(wire.ASK.strip()) == wire.Ask()
+    assert wire.read(wire.go(7, -1000, 1000).strip()) == wire.Go(7, -1000, 1000)
+    assert wire.read(wire.report(32000, 0, -1).strip()) == wire.Report(32000, 0, -1)
+    assert wire._lined("123456789").endswith(b"*29B1\n")
+
+
+@given(st.binary(max_size=60))
+def test_noise_is_no_line(noise: bytes) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        wire.read(noise)
+
+
+@given(st.integers(1, 32000), st.integers(-1000, 1000), st.integers(-1000, 1000), st.data())
+def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: int, data: st.DataObject) -> None:
+    line = bytearray(wire.go(boot, first, second).strip())
+    line[data.draw(st.integers(0, len(line) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    with pytest.raises(ValueError, match=r"."):
+        wire.read(bytes(line))
+
+
+# --- the keeper -------------------------------------------------------------------------------------------------------
+
+
+def test_it_lets_all_rest_when_nobody_talks_and_obeys_nobody_who_knew_another() -> None:
+    hands = Hands()
+    keeper = Keeper(hands, boot=5, now=0.0)
+    assert keeper.feed(wire.go(5, 300, 400), 1.0) == b""
+    assert keeper.feed(wire.go(4, 900, 900) + b"noise\n" + wire.ASK, 1.1) == wire.report(5, 300, 400)
+    assert hands.aimed == [(300, 400)]
+    keeper.poll(1.1 + wire.WATCHDOG - 0.001)
+    assert hands.rests == 0
+    keeper.poll(1.1 + wire.WATCHDOG + 0.001)
+    keeper.poll(9.0)
+    assert hands.rests == 1
+
+
+def test_wheels_take_no_more_than_full_power_and_stand_at_first() -> None:
+    told: list[tuple[float, float]] = []
+    wheels = Wheels(lambda left, right: told.append((left, right)))
+    wheels.aim(2000, -500, 0.0)
+    wheels.aim(2000, -500, 0.1)
+    wheels.rest(0.2)
+    assert told == [(0.0, 0.0), (1.0, -0.5), (0.0, 0.0)]
+
+
+def test_servos_are_led_no_faster_than_they_may_and_stay_where_the_watchdog_finds_them() -> None:
+    sent: list[tuple[int, int]] = []
+    servos = Servos(lambda number, degree: sent.append((number, degree)), (90, None))
+    servos.aim(180, 40, 0.0)
+    assert sent == [(1, 40)], "one that has got no pulse yet goes at once"
+    for step in range(1, 11):
+        servos.step(0.01 * step)
+    assert servos.present() == (120, 40)
+    servos.rest(0.1)
+    for step in range(10):
+        servos.step(0.1 + 0.1 * step)
+    assert servos.present() == (120, 40)
+    pans = [90, *(degree for number, degree in sent if number == 0)]
+    assert max(abs(one - other) for one, other in pairwise(pans)) <= 3
+
+
+# --- both ends --------------------------------------------------------------------------------------------------------
+
+
+def test_a_head_whose_servos_stand_where_nobody_knows_is_sent_nowhere_before_it_is_asked() -> None:
+    bench = Bench(warm=False).start()
+    bench.passes(1.0)
+    assert bench.servos.sent == 0
+    assert [notice.kind for notice in bench.notices] == ["fault"]
+    assert "may leap" in bench.notices[0].what
+    bench.head.look(HeadPose(radians(20), 0.0))
+    bench.passes(1.0)
+    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(110)
+    assert bench.servos.widest <= STEP
+    bench.close()
+
+
+def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_goes_on(bench: Bench) -> None:
+    bench.start()
+    bench.head.look(HeadPose(radians(70), 0.0))
+    bench.drives(0.4, 0.3)
+    bench.servos.reset()
+    bench.car.reset()
+    bench.passes(0.2)
+    here, shares = bench.servos.angle(0, bench.clock.now()), bench.car.shares
+    bench.passes(1.0)
+    assert bench.servos.angle(0, bench.clock.now()) == here < 90 + 65
+    assert shares == bench.car.shares == (0.0, 0.0)
+    assert sum("begun anew" in notice.what for notice in bench.notices) == 2
+    assert bench.head.health().returned is not None
+    assert bench.base.health().returned is not None
+    bench.head.look(HeadPose(0.0, 0.0))
+    bench.passes(2.0)
+    assert bench.servos.angle(0, bench.clock.now()) == 90
+    assert bench.servos.widest <= STEP
+
+
+def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_is_asked_anew(bench: Bench) -> None:
+    bench.start()
+    bench.head.look(HeadPose(radians(70), 0.0))
+    bench.drives(0.4, 0.4)
+    for each in (bench.car_wire, bench.head_wire):
+        each.unplug()
+    bench.passes(1.5)
+    here, there = bench.servos.angle(0, bench.clock.now()), bench.car.pose(bench.clock.now())
+    for each in (bench.car_wire, bench.head_wire):
+        each.plug_in()
+    bench.until(lambda: bench.base.health().online and bench.head.health().online)
+    bench.passes(1.0)
+    assert bench.servos.angle(0, bench.clock.now()) == here
+    assert bench.car.pose(bench.clock.now()) == there
+    assert bench.head.health().returned is not None
+    assert bench.base.health().returned is not None
+    for each in (bench.car_wire, bench.head_wire):
+        each.unplug()
+    bench.passes(6.0)
+    for each in (bench.car_wire, bench.head_wire):
+        each.plug_in()
+    bench.until(lambda: bench.base.health().online and bench.head.health().online)
+    with pytest.raises(DeviceFault, match="away"):
+        bench.head.look(HeadPose(0.0, 0.0))
+    with pytest.raises(DeviceFault, match="away"):
+        bench.base.drive(Velocity(0.1, 0.0))
+    assert bench.servos.widest <= STEP
+
+
+def test_what_a_guardian_says_at_its_end_is_why_it_is_not_there(bench: Bench) -> None:
+    bench.start()
+    for each in (bench.car_wire, bench.head_wire):
+        each.take(b"! OSError: [Errno 121] Remote I/O error\n")
+        each.device.feed = lambda data, now: b""  # type: ignore[method-assign]  # noqa: ARG005 - it is silent
+    bench.passes(1.0)
+    for part in (bench.base, bench.head):
+        assert "Remote I/O error" in part.health().detail
+    with pytest.raises(NotConnected, match="Remote I/O error"):
+        bench.head.look(HeadPose(0.0, 0.0))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_ten_thousand_questions_with_every_mishap_both_ways_and_no_wrong_value(bench: Bench, seed: int) -> None:
+    random = Random(seed)  # noqa: S311 - it must be repeatable, and guards nothing
+    bench.start()
+    sent: set[tuple[int, int]] = set()
+    taken: list[tuple[int, int]] = []
+    keeper = bench.car.keeper
+    assert keeper is not None
+    aim = keeper._hands.aim
+
+    def aimed(first: int, second: int, now: float) -> None:
+        taken.append((first, second))
+        aim(first, second, now)
+
+    keeper._hands.aim = aimed  # type: ignore[method-assign]
+    go = bench.base._go
+
+    def went(left: float, right: float) -> None:
+        sent.add((round(left * 2000), round(right * 2000)))
+        go(left, right)
+
+    bench.base._go = went  # type: ignore[method-assign]
+    wheels, servos = Damaged(bench.car_wire, seed), Damaged(bench.head_wire, seed + 100)
+    lost = 0
+    while bench.base.health().counters["reports"] < TRANSACTIONS:
+        with suppress(DriverError):
+            bench.base.drive(Velocity(random.uniform(-0.4, 0.4), random.uniform(-1.0, 1.0)))
+            bench.head.look(HeadPose(radians(random.uniform(-80, 80)), radians(random.uniform(-60, 20))))
+        bench.passes(random.choice((0.05, 0.2)))
+        lost += not bench.base.health().online
+    assert set(taken) <= sent
+    assert len(taken) > 0.5 * TRANSACTIONS
+    assert bench.servos.widest <= STEP
+    assert bench.base.health().counters["malformed"] > 100
+    assert lost == 0
+    for faults in (wheels.faults, servos.faults):
+        assert min(faults.happened[kind] for kind in MISHAPS) > 20
+    bench.car_wire.distort = bench.head_wire.distort = bytes
+    bench.head.look(HeadPose(radians(33), radians(7)))
+    bench.passes(4.0 + PERIOD)
+    assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(90 + 33)

@@ -1,0 +1,280 @@
+"""A Raspberry Pi car: its chip, its pins, and that its motors stand whatever becomes of the program that drives it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from gpiozero import Device
+from gpiozero.pins.mock import MockFactory, MockPWMPin
+
+from drivers.clock import SystemClock
+from drivers.errors import NotConnected
+from drivers.keeper import wire
+from drivers.pi_car.dial import COMMAND, Guarded, Guardian
+from drivers.pi_car.hands import on_channels, on_pins, servos
+from drivers.pi_car.pca9685 import Pca9685
+from tests.waiting import wait_until
+
+MOCK = (sys.executable, "-m", "tests.drivers.mock_guardian")
+ROOT = Path(__file__).parents[2]
+
+THREE = {"forward": 17, "backward": 27, "enable": 12}
+TWO = {"forward": 5, "backward": 6, "enable": None}
+GPIO = {"motors": "gpio", "left": THREE, "right": TWO}
+CHIP = {
+    "motors": "pca9685",
+    "bus": 1,
+    "address": 0x40,
+    "left": {"forward": 8, "backward": 9, "enable": None},
+    "right": {"forward": 11, "backward": 12, "enable": 10},
+}
+HEAD = {"bus": 1, "address": 0x40, "pan": 0, "tilt": 1}
+
+WITHIN = 1.0
+"""Seconds in which motors stand: a watchdog of 0.3 s, and what a busy machine adds."""
+
+
+class Chip:
+    """A PCA9685 that was just switched on, at the other end of a bus."""
+
+    def __init__(self) -> None:
+        self.registers = {0x00: 0x11, 0x01: 0x04, 0xFE: 0x1E, **{9 + 4 * channel: 0x10 for channel in range(16)}}
+        self.written: list[int] = []
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> Sequence[int]:
+        assert i2c_addr == 0x40
+        return [self.registers.get(register + place, 0) for place in range(length)]
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
+        assert i2c_addr == 0x40
+        self.written.append(register)
+        self.registers.update({register + place: byte for place, byte in enumerate(data)})
+
+    def share(self, channel: int) -> float:
+        """How much of the time a channel is on."""
+        low, high, off_low, off_high = self.read_i2c_block_data(0x40, 6 + 4 * channel, 4)
+        if off_high & 0x10:
+            return 0.0
+        return 1.0 if high & 0x10 else ((off_low + 256 * off_high) - (low + 256 * high)) / 4096
+
+
+# --- the chip and the pins --------------------------------------------------------------------------------------------
+
+
+def test_a_chip_is_woken_at_fifty_hertz_and_one_that_runs_is_left_alone() -> None:
+    chip = Chip()
+    Pca9685(chip, 0x40).wake()
+    assert chip.registers[0xFE] == 121  # the data sheet's formula: 25 MHz / (4096 * 50 Hz) - 1
+    assert not chip.registers[0x00] & 0x10
+    assert chip.registers[0x00] & 0x20
+    chip.written.clear()
+    Pca9685(chip, 0x40).wake()
+    assert chip.written == []
+
+
+@pytest.mark.parametrize("degree", [0, 45, 90, 120, 180])
+def test_a_servo_gets_the_pulses_of_the_arduino_and_is_found_where_it_was_sent(degree: int) -> None:
+    chip = Chip()
+    board = Pca9685(chip, 0x40)
+    assert board.sent(3) is None, "after it was switched on it sends nobody anywhere"
+    board.degree(3, degree)
+    assert chip.share(3) * 20_000 == pytest.approx(544 + (2400 - 544) * degree / 180, abs=3)
+    assert Pca9685(chip, 0x40).sent(3) == degree
+    board.share(4, 1.0)
+    assert board.sent(4) is None, "a motor's channel is no servo's"
+
+
+def test_servos_start_where_the_chip_has_sent_them() -> None:
+    chip = Chip()
+    board = Pca9685(chip, 0x40)
+    assert servos(board, 0, 1).present() == (wire.UNKNOWN, wire.UNKNOWN)
+    board.degree(1, 70)
+    assert servos(board, 0, 1).present() == (wire.UNKNOWN, 70)
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"), [(0.5, (0.5, 0.0)), (-0.25, (0.0, 0.25)), (1.0, (1.0, 0.0)), (0.0, (0.0, 0.0))]
+)
+def test_a_motor_on_channels_turns_both_ways(share: float, expected: tuple[float, float]) -> None:
+    chip = Chip()
+    on_channels(Pca9685(chip, 0x40), {"forward": 8, "backward": 9, "enable": None})(share)
+    assert (chip.share(8), chip.share(9)) == pytest.approx(expected, abs=0.001)
+    on_channels(Pca9685(chip, 0x40), {"forward": 11, "backward": 12, "enable": 10})(share)
+    assert (chip.share(11), chip.share(12), chip.share(10)) == pytest.approx(
+        (float(share > 0), float(share < 0), abs(share)), abs=0.001
+    )
+
+
+@pytest.fixture
+def pins() -> Iterator[Callable[[int], float]]:
+    before = Device.pin_factory
+    Device.pin_factory = factory = MockFactory(pin_class=MockPWMPin)
+    yield lambda number: float(factory.pin(number).state)
+    factory.close()
+    Device.pin_factory = before
+
+
+def test_a_motor_on_pins_turns_both_ways_and_stands(pins: Callable[[int], float]) -> None:
+    two, three = on_pins(TWO), on_pins(THREE)
+    for share in (0.6, -0.3, 1.0, 0.0):
+        two(share)
+        three(share)
+        assert (pins(5), pins(6)) == pytest.approx((max(share, 0.0), max(-share, 0.0)))
+        assert (pins(17), pins(27), pins(12)) == pytest.approx((float(share > 0), float(share < 0), abs(share)))
+
+
+# --- the guardian, a process ------------------------------------------------------------------------------------------
+
+
+class Journal:
+    """What the pins and the chip of mock guardians were told."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.touch()
+
+    def entries(self) -> list[tuple[float, str, Any]]:
+        return [tuple(json.loads(line)) for line in self.path.read_text(encoding="utf-8").splitlines()]
+
+    def motors(self) -> dict[str, float]:
+        """How much each output of a motor is on, by the newest word."""
+        found: dict[str, float] = {}
+        for _, who, what in self.entries():
+            if who.startswith("pin"):
+                found[who] = what
+            elif what[0] >= 6 + 4 * 8 and what[0] != 0xFE:
+                _, on_high, off_low, off_high = what[1]
+                always = float(bool(on_high & 0x10))
+                found[f"channel {(what[0] - 6) // 4}"] = 0.0 if off_high & 0x10 else always + off_low + 256 * off_high
+        return found
+
+    def turns(self) -> bool:
+        return any(self.motors().values())
+
+
+@pytest.fixture
+def journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Journal:
+    journal = Journal(tmp_path / "journal")
+    monkeypatch.setenv("JOURNAL", str(journal.path))
+    monkeypatch.chdir(ROOT)
+    return journal
+
+
+@pytest.fixture
+def drive(journal: Journal) -> Iterator[Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]]:
+    """Start a program that drives; it is ended with the test."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(told: Mapping[str, object]) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-m", "tests.drivers.doomed_car", json.dumps(told), *MOCK]
+        started.append(subprocess.Popen(command))
+        wait_until(journal.turns)
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+    wait_until(lambda: not journal.turns())
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("told", [GPIO, CHIP], ids=["gpio", "pca9685"])
+def test_a_driver_that_is_killed_leaves_motors_that_stand(
+    told: Mapping[str, object], journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
+) -> None:
+    driver = drive(told)
+    killed = SystemClock().now()
+    os.kill(driver.pid, signal.SIGKILL)
+    wait_until(lambda: not journal.turns())
+    assert SystemClock().now() - killed <= WITHIN
+
+
+@pytest.mark.real_time
+def test_a_driver_that_stands_still_leaves_motors_that_stand(
+    journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
+) -> None:
+    driver = drive(CHIP)
+    frozen = SystemClock().now()
+    os.kill(driver.pid, signal.SIGSTOP)
+    wait_until(lambda: not journal.turns())
+    assert SystemClock().now() - frozen <= wire.WATCHDOG + WITHIN
+    os.kill(driver.pid, signal.SIGKILL)
+
+
+@pytest.mark.real_time
+def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(journal: Journal) -> None:
+    guardian = Guarded(CHIP, MOCK)("base", "the guardian", wire.BAUD)
+    try:
+        boot = hello(guardian)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            os.kill(guardian.pid, number)
+        guardian.write(wire.go(boot, 500, -500))
+        wait_until(journal.turns)
+        guardian.write(wire.go(boot + 1, 1000, 1000))  # meant for another
+        assert hello(guardian) == boot
+        assert journal.motors()["channel 8"] == pytest.approx(2048)
+        wait_until(lambda: not journal.turns())  # nobody says anything any more
+    finally:
+        guardian.close()
+    assert guardian._process.returncode == 0
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("journal")
+def test_another_guardian_knows_where_the_servos_stand() -> None:
+    for expected, goal in (((wire.UNKNOWN, wire.UNKNOWN), (80, 100)), ((80, 100), (81, 101))):
+        guardian = Guarded(HEAD, MOCK)("head", "the guardian", wire.BAUD)
+        try:
+            report = asked(guardian)
+            assert (report.first, report.second) == expected
+            guardian.write(wire.go(report.boot, *goal))
+            wait_until(lambda: (asked(guardian).first, asked(guardian).second) == goal)  # noqa: B023 - of this round
+        finally:
+            guardian.close()
+
+
+@pytest.mark.real_time
+def test_a_pi_without_pins_is_told_in_words() -> None:
+    guardian = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)("base", "the guardian", wire.BAUD)
+    said = b""
+    try:
+        while not said.endswith(b"\n"):
+            said += guardian.arrived(1.0)
+        wait_until(lambda: ended(guardian))
+    finally:
+        guardian.close()
+    assert said.startswith(b"! ")
+    with pytest.raises(NotConnected, match="the guardian"):
+        Guarded({}, ["/nowhere/python"])("base", "the guardian", wire.BAUD)
+
+
+def ended(guardian: Guardian) -> bool:
+    """Whether it says that it has ended."""
+    try:
+        guardian.arrived(0.1)
+    except OSError:
+        return True
+    return False
+
+
+def asked(guardian: Guardian) -> wire.Report:
+    """Return how it is."""
+    guardian.write(wire.ASK)
+    said = b""
+    while not said.endswith(b"\n"):
+        said += guardian.arrived(5.0)
+    found = wire.read(said.splitlines()[-1])
+    assert isinstance(found, wire.Report)
+    return found
+
+
+def hello(guardian: Guardian) -> int:
+    """Return its boot."""
+    return asked(guardian).boot
