@@ -58,6 +58,9 @@ class Driver:
     ``probe`` is the dotted name of a ``drivers.api.probing.Probe``, by which the device is found on a serial port; and
     ``usb`` are the adapters that it may be behind, as ``0403:6014``, or with the serial number of one that is in no
     other device, ``0403:6001:kobuki_*``. Without any it is looked for behind every adapter.
+
+    ``checkup`` is the dotted name of a ``drivers.api.findings.Checkup``, by which `mission doctor` looks at the device
+    at rest; a driver without one that has a probe is looked at by that.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Driver:
     extra: str = ""
     probe: str = ""
     usb: tuple[str, ...] = ()
+    checkup: str = ""
 
 
 class Drivers(Protocol):

@@ -9,4 +9,5 @@ OPENCV = Driver(
     "A camera, a video, pictures or an address, as OpenCV reads them.",
     CameraKeys,
     make="drivers.camera.make:make",
+    checkup="drivers.camera.checkup:checkup",
 )

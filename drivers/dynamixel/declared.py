@@ -253,6 +253,7 @@ ARM = Driver(
     twin="drivers.sim.twins.making:arm",
     virtual="drivers.virtual.making:servos",
     probe="drivers.dynamixel.probe:probe",
+    checkup="drivers.dynamixel.checkup:checkup",
     usb=(
         "0403:6001",
         "0403:6014",

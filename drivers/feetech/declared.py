@@ -92,5 +92,6 @@ ARM = Driver(
     twin="drivers.sim.twins.making:arm",
     virtual="drivers.virtual.making:servos",
     probe="drivers.feetech.probe:probe",
+    checkup="drivers.dynamixel.checkup:checkup",
     usb=("1a86:55d3", "1a86:7523"),
 )

@@ -22,5 +22,6 @@ KOBUKI = Driver(
     twin="drivers.sim.twins.making:base",
     virtual="drivers.virtual.making:kobuki",
     probe="drivers.kobuki.probe:probe",
+    checkup="drivers.kobuki.checkup:checkup",
     usb=("0403:6001:kobuki_*",),
 )

@@ -26,6 +26,7 @@ MICROPHONE = Driver(
     "The sound card.",
     MicrophoneKeys,
     make="drivers.microphone.make:sound_card",
+    checkup="drivers.microphone.checkup:checkup",
     extra="listen",
 )
 FILE = Driver(

@@ -63,6 +63,7 @@ AUTO = Driver(
     "The first of espeak, program and print that there is.",
     SpeechKeys,
     make="drivers.voice.make:auto",
+    checkup="drivers.voice.checkup:checkup",
     extra="speak",
 )
 ESPEAK = Driver(

@@ -49,6 +49,7 @@ GROUPS = {
         "stats": "Say how often, how long and how late, over any number of records.",
     },
     "Set up a robot": {
+        "doctor": "Look at everything at rest: computer, ports, servos, camera; say what to cure, and how.",
         "robot": "Show a robot, check it at rest, and make it this computer's own.",
         "ports": "Say what is plugged in, what answers there, and what is in the way.",
         "camera": "List cameras, and calibrate them.",

@@ -1,0 +1,77 @@
+"""How a camera is: whether pictures come, how many a second, and whether anything can be seen on them."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from drivers.api import CameraFrame
+from drivers.api.driver import Site
+from drivers.api.findings import Finding, warning, wrong
+from drivers.api.senses import CameraKeys
+from drivers.camera.choose import open_source
+from drivers.camera.source import Kind, is_number, kind_of
+
+FIRST = 2.0
+"""Seconds in which the first picture must come."""
+
+WATCH = 1.0
+"""Seconds for which pictures are counted."""
+
+SLOW = 12.0
+"""Pictures a second below which a head that follows is late."""
+
+BLACK, DARK, BRIGHT = 6.0, 35.0, 225.0
+"""Mean brightness, of 255: a lid on the lens, a dark room, a lamp in the picture."""
+
+
+def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
+    """Look through it for a second."""
+    frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
+    if kind_of(keys.source) is Kind.DEVICE and not Path(device).exists():
+        yield wrong("pictures", f"{device} is not there", "mission camera list")
+        return
+    with closing(open_source(keys.source, site.clock, size=(keys.width, keys.height), report=site.report)) as camera:
+        camera.open()
+        end = site.clock.now() + FIRST
+        while (left := end - site.clock.now()) > 0:
+            frame = camera.read(left)
+            if frame is not None:
+                end = end if frames else site.clock.now() + WATCH
+                frames.append(frame)
+        health = camera.health()
+    if not frames:
+        yield wrong("pictures", health.detail or "none came", health.hint or "mission camera list")
+        return
+    height, width = frames[-1].image.shape[:2]
+    if (width, height) != (keys.width, keys.height):
+        cure = f"write width: {width} and height: {height}; the sizes that it can: mission camera list"
+        yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)
+    live = kind_of(keys.source) in {Kind.DEVICE, Kind.URL}
+    yield from _rate(
+        frames, device=f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source), live=live
+    )
+    yield from _exposure(float(frames[-1].image.mean()))
+
+
+def _rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Finding]:
+    """Judge how many pictures come, by their numbers: one that nobody took in time came too."""
+    first, last = frames[0], frames[-1]
+    span = last.stamp - first.stamp
+    rate = (last.number - first.number) / span if span > 0 else 0.0
+    if live and rate < SLOW:
+        cure = f"more light; or: v4l2-ctl -d {device} -c exposure_dynamic_framerate=0"
+        yield warning("rate", f"{rate:.0f} pictures a second: many cameras halve them in the dark", cure)
+    else:
+        yield Finding("rate", f"{rate:.0f} pictures a second")
+
+
+def _exposure(brightness: float) -> Iterator[Finding]:
+    told = f"mean brightness {brightness:.0f} of 255"
+    if brightness < BLACK:
+        yield wrong("exposure", f"the pictures are black ({told})", "take the lid off the lens; make light")
+    elif brightness < DARK:
+        yield warning("exposure", f"the pictures are dark ({told})", "make light, in front of the robot")
+    elif brightness > BRIGHT:
+        yield warning("exposure", f"the pictures are overexposed ({told})", "turn it from the lamp or the window")
+    else:
+        yield Finding("exposure", told)

@@ -1,0 +1,68 @@
+"""How a Kobuki is, at rest: its battery, its firmware, what it feels, and how steadily it reports."""
+
+from collections.abc import Iterator
+
+from drivers.api.driver import Site
+from drivers.api.findings import Finding, warning, wrong
+from drivers.api.probing import Ask
+from drivers.finding.asking import OpenedPort
+from drivers.kobuki.commands import Extra, RequestExtra
+from drivers.kobuki.declared import KobukiKeys
+from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion
+from drivers.kobuki.senses import EMPTY_VOLTAGE, LOW_VOLTAGE
+from drivers.kobuki.wire import FrameFinder, Part, decode, encode
+
+LISTEN = 0.5
+"""Seconds in which 25 reports come."""
+
+STEADY = 0.9
+"""The share of its 50 reports a second that must come."""
+
+LATE = 0.05
+"""Seconds that a virtual base may be late."""
+
+
+def checkup(keys: KobukiKeys, site: Site) -> Iterator[Finding]:
+    """Ask for its version, which moves nothing, and listen to its reports."""
+    port = OpenedPort(site.port, site.clock, patience=LATE if site.virtual else 0.0)
+    try:
+        heard = port.ask(Ask(keys.baud, encode(RequestExtra(Extra.FIRMWARE)), LISTEN))
+    finally:
+        port.close()
+    yield from judged([part for payload in FrameFinder().feed(heard) for part in decode(payload, FEEDBACK).parts])
+
+
+def judged(parts: list[Part]) -> Iterator[Finding]:
+    """Say what reports of half a second tell."""
+    reports = [part for part in parts if isinstance(part, Core)]
+    if not reports:
+        yield wrong("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
+        return
+    version = next((part for part in parts if isinstance(part, FirmwareVersion)), None)
+    yield Finding("firmware", "not told" if version is None else str(version))
+    last = reports[-1]
+    span = (last.time_ms - reports[0].time_ms) % 0x10000 / 1000
+    rate = (len(reports) - 1) / span if span else 0.0
+    if rate < 50 * STEADY:
+        yield warning("reports", f"{rate:.0f} of 50 a second arrive", "another cable, and a USB socket without a hub")
+    else:
+        yield Finding("reports", f"{rate:.0f} a second")
+    charge = "put it on its dock, or plug its charger in"
+    if last.voltage < EMPTY_VOLTAGE and not last.charging:
+        yield wrong("battery", f"{last.voltage:.1f} V: it is empty", charge)
+    elif last.voltage < LOW_VOLTAGE and not last.charging:
+        yield warning("battery", f"{last.voltage:.1f} V: it is low", charge)
+    else:
+        yield Finding("battery", f"{last.voltage:.1f} V" + (", charging" if last.charging else ""))
+    for felt, what, cure in (
+        (last.wheel_drop, "a wheel hangs in the air: it does not drive", "put it on the floor"),
+        (
+            last.cliff,
+            "an edge, or a dark or shiny floor: it does not drive ahead",
+            "put it elsewhere; wipe its sensors",
+        ),
+        (last.bumper, "its bumper is pressed", "make room; look whether the bumper sticks"),
+        (last.overcurrent, "a motor takes too much current", "look what blocks the wheel"),
+    ):
+        if felt:
+            yield warning("senses", what, cure)

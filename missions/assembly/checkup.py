@@ -1,0 +1,116 @@
+"""The check-up of a robot at rest: each part of its file is looked at by what its driver declares for that."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+from config.robot import RobotConfig, Section
+from drivers.api.driver import Site, resolved
+from drivers.api.findings import Finding, wrong
+from drivers.api.sections import Wired
+from drivers.clock import Clock
+from drivers.errors import DriverError
+from drivers.finding.asking import look
+from drivers.finding.machine import Machine
+from drivers.finding.serial_ports import SerialPort, serial_ports
+from drivers.finding.usb import ADAPTERS
+from missions.assembly.installed import extras, lacking
+from missions.library.folders import state_folder
+
+PROBE_PATIENCE = 0.02
+"""Seconds beyond what a question waits: here a busy machine is not to be taken for a silent device."""
+
+VIRTUAL = "/dev/pts/"
+"""Where virtual devices are, which answer late."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A part of the robot, and what was found of it."""
+
+    part: str
+    finding: Finding
+
+
+def check_robot(
+    config: RobotConfig,
+    called: str,
+    machine: Machine,
+    clock: Clock,
+    *,
+    ports: Mapping[str, str],
+    resets: bool = False,
+) -> Iterator[Checked]:
+    """Yield what is found of each part of the robot that is ``called`` so, in the order of the file. Nothing moves.
+
+    ``ports`` are instead of those that the file says. A board that starts anew when its port is opened is asked only
+    with ``resets``.
+    """
+    there = {name: port for port in serial_ports(machine) for name in (port.path, *port.names)}
+    for kind, section in config.sections.items():
+        named = ports.get(kind) or (section.keys.port if isinstance(section.keys, Wired) else "")
+        robot = f"{called} --port {named}" if kind in ports else called
+        for finding in chain(_extra(section), _part(section, named, there, machine, clock, resets=resets)):
+            cure = finding.cure.replace("--robot ROBOT", f"--robot {robot}").replace("ROBOT", called)
+            yield Checked(kind, replace(finding, cure=cure.replace("PORT", named)))
+
+
+def _extra(section: Section) -> Iterator[Finding]:
+    """Look whether what a driver wants besides is installed; a voice does without."""
+    wanted = section.driver.extra
+    if wanted and section.driver.kind != "voice" and (missing := lacking(extras().get(wanted, ()))):
+        what = f"{', '.join(missing)}: not installed, and its driver needs it"
+        yield wrong("packages", what, f"pip install 'missiontree[{wanted}]'")
+
+
+def _part(
+    section: Section, named: str, there: Mapping[str, SerialPort], machine: Machine, clock: Clock, *, resets: bool
+) -> Iterator[Finding]:
+    """Look at a part where it is plugged in, if it is one that is, and if nobody else has it."""
+    wired, keys = isinstance(section.keys, Wired), section.keys
+    port = there.get(named) or there.get(machine.real(named)) or SerialPort(named, named)
+    if wired and machine.may_open(port.path) is None:
+        yield wrong("port", f"nothing is plugged in at {named}", "mission ports  (what is, and how to call it)")
+    elif wired and port.shut is not None:
+        yield wrong("port", f"{named}: {port.shut.what}", port.shut.cure)
+    elif wired and _may_start_anew(section, port) and not resets:
+        cure = "mission robot check ROBOT --reset  (hands off the robot)"
+        yield Finding("port", f"{port.title}: left alone, for it starts anew when it is asked, and may move", cure=cure)
+    elif section.driver.checkup:
+        where = str(machine.at(port.path)) if wired else ""
+        virtual = str(Path(where).resolve()).startswith(VIRTUAL)
+        site = Site(clock, where, state=None if virtual else state_folder())
+        yield from _examined(section, replace(keys, port=where) if wired else keys, site)
+    elif wired and section.driver.probe:
+        yield _asked(section, port, machine, clock)
+
+
+def _may_start_anew(section: Section, port: SerialPort) -> bool:
+    """Say whether opening a port may start a board anew; behind an adapter that nobody knows a head may be one."""
+    if port.usb is None:
+        return False
+    return port.usb.resets or (section.driver.kind == "head" and port.usb.ids not in ADAPTERS)
+
+
+def _examined(section: Section, keys: object, site: Site) -> Iterator[Finding]:
+    """Have a driver look at its device; what is wrong with the driver itself is told, too."""
+    found: Iterable[Finding] = ()
+    try:
+        found = resolved(section.driver.checkup)(keys, site)
+        yield from found
+    except DriverError as error:
+        yield wrong("device", str(error), error.hint)
+    except Exception as error:
+        about = f"{section.driver.kind}.{section.driver.name}"
+        yield wrong("driver", f"the check-up of {about} fails: {type(error).__name__}: {error}", "mission list drivers")
+
+
+def _asked(section: Section, port: SerialPort, machine: Machine, clock: Clock) -> Finding:
+    """Ask a port by the probe of the part's driver."""
+    path = str(machine.at(port.path))
+    heard = look(port, [section.driver], clock, consent=True, patience=PROBE_PATIENCE, path=path)
+    trouble = heard.trouble or heard.unasked
+    if trouble is not None:
+        return wrong("device", trouble.what, trouble.cure)
+    return Finding("device", "" if heard.found is None else heard.found.answer.about)

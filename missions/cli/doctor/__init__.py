@@ -1,0 +1,104 @@
+"""``mission doctor``: everything at once, at rest: the computer, what is plugged in, and each part of the robot."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from config.library import MINE, UnknownNameError, find
+from config.robot import RobotConfig
+from drivers.api.findings import Finding
+from drivers.clock import SystemClock, time_of_day
+from drivers.finding.fitness import fitness
+from drivers.finding.machine import Machine
+from drivers.finding.survey import survey
+from missions.assembly.checkup import Checked, check_robot
+from missions.assembly.installed import installation
+from missions.cli.console import echo
+from missions.cli.doctor.report import report
+from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
+from missions.cli.options import pairs
+from missions.cli.outputs import writing
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.drivers import load_robot
+from missions.library.folders import state_folder
+
+COMPUTER = "computer"
+"""What is told as the part of findings that are of no part of the robot."""
+
+STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
+
+
+@click.command(epilog="Example: mission doctor --robot turtlebot2_arm --report doctor.txt")
+@click.option("--robot", type=ROBOT, help="The robot to look at; else this computer's own, or the computer alone.")
+@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=pairs("base=/dev/ttyUSB0"),
+              help="Where a part is plugged in, instead of what the robot file says.")  # fmt: skip
+@click.option("--report", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+              help="Write it into FILE too, for asking others: without names and serial numbers.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
+@click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
+              help="The files of a recorded machine instead of this one's.")  # fmt: skip
+def command(robot: str | None, ports: dict[str, str], file: Path | None, as_json: bool, root: Path) -> int:
+    """Look at everything at once, at rest: this computer, what is plugged in, and each part of the robot.
+
+    Each line is ok, a warning, or wrong, with what to try. Nothing moves, and nothing is written into a device. Exit
+    code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
+    """
+    machine, config = Machine(root), _config(robot)
+    if unknown := sorted(set(ports) - set(config.sections if config else ())):
+        raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
+    found = list[Checked]()
+    with interruptible():
+        for each in _all(machine, config, robot or MINE, ports):
+            found.append(each)
+            if not as_json:
+                _tell(each, new=len(found) < 2 or found[-2].part != each.part)
+    wrong = [each for each in found if each.finding.verdict == "wrong"]
+    if as_json:
+        click.echo(json.dumps({"robot": config.name if config else None, "ok": not wrong, "findings": [
+            {"part": each.part, **asdict(each.finding)} for each in found]}))  # fmt: skip
+    else:
+        warnings = sum(each.finding.verdict == "warning" for each in found)
+        click.echo(f"{len(wrong)} wrong, {warnings} warnings, {len(found) - len(wrong) - warnings} ok")
+    if file is not None:
+        with writing(file, "--report"):
+            file.write_text(report(machine, found), encoding="utf-8")
+        click.echo(f"wrote {file}; look through it before you send it", err=as_json)
+    return FAILURE if wrong else SUCCESS
+
+
+def _config(robot: str | None) -> RobotConfig | None:
+    """Return the robot that is named, else this computer's own; None where it has none."""
+    try:
+        return load_robot(find("robots", robot or MINE))
+    except UnknownNameError:
+        if robot is not None:
+            raise
+        return None
+
+
+def _all(machine: Machine, config: RobotConfig | None, called: str, ports: dict[str, str]) -> Iterator[Checked]:
+    """Yield all that is found, as it is found."""
+    clock, now = SystemClock(), time_of_day().timestamp()
+    installed = Path(__file__).stat().st_mtime
+    computer = fitness(machine, survey(machine), now=now, installed=installed, folder=state_folder())
+    yield from (Checked(COMPUTER, finding) for finding in (*installation(), *computer))
+    if config is None:
+        nobody = Finding("robot", "this computer has none of its own", cure="mission robot use NAME")
+        yield Checked(COMPUTER, nobody)
+        return
+    yield Checked(COMPUTER, Finding("robot", f"{config.name}: {', '.join(config.sections)}"))
+    yield from check_robot(config, called, machine, clock, ports=ports)
+
+
+def _tell(checked: Checked, *, new: bool) -> None:
+    """Print a finding; what is fine needs no cure but where a cure goes on from there."""
+    if new:
+        click.echo(checked.part)
+    finding = checked.finding
+    echo(f"  {finding.verdict:<8}", STYLES[finding.verdict], f"{finding.about}: {finding.what}".rstrip(": "))
+    if finding.cure:
+        click.echo(f"            try: {finding.cure}")

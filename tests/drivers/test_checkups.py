@@ -1,0 +1,252 @@
+"""What check-ups find: of recorded machines, of virtual devices on pseudo-terminals, and of pictures."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api import Health
+from drivers.api.driver import Site
+from drivers.api.findings import Finding
+from drivers.api.microphone import Sound
+from drivers.api.senses import CameraKeys
+from drivers.camera.checkup import checkup as look_through
+from drivers.clock import ManualClock, SystemClock
+from drivers.dynamixel.checkup import checkup as examine
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys
+from drivers.finding.fitness import CPU, THROTTLED, fitness
+from drivers.finding.machine import Machine
+from drivers.finding.survey import survey
+from drivers.kobuki.checkup import judged
+from drivers.kobuki.feedback import Core, FirmwareVersion
+from drivers.kobuki.wire import Part
+from drivers.microphone.checkup import listened
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+from tests.drivers.desks import RecordedMachine, gives_pictures
+
+NOW, INSTALLED = 2_000_000_000.0, 1_900_000_000.0
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> RecordedMachine:
+    return RecordedMachine(tmp_path / "machine")
+
+
+def fit(machine: Machine, *, now: float = NOW, free: float = 50e9) -> Mapping[str, Finding]:
+    """What is found of a machine, by what it is about."""
+    desk = survey(machine, ioctl=gives_pictures)
+    found = fitness(machine, desk, now=now, installed=INSTALLED, folder=Path("/"), free=lambda _: free)
+    return {each.about: each for each in found}
+
+
+def test_a_machine_of_which_nothing_is_known_is_fit(desk: RecordedMachine) -> None:
+    assert {each.verdict for each in fit(desk.machine).values()} == {"ok"}
+
+
+def test_the_groups_that_a_user_lacks_are_told_with_the_command_that_adds_them(desk: RecordedMachine) -> None:
+    desk.write("etc/group", "root:x:0:\ndialout:x:20:\nvideo:x:44:pi\naudio:x:29:")
+    found = fit(desk.stranger(29))["rights"]
+    assert (found.verdict, found.what.split(":")[0]) == ("warning", "you are not in dialout, video")
+    assert found.cure.startswith("sudo usermod -a -G dialout,video $USER")
+    assert fit(desk.stranger(20, 29, 44))["rights"].what == "you are in dialout, video, audio"
+
+
+def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachine) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
+    desk.port("ttyUSB1", "1a86:55d3")
+    desk.process(812, "ModemManager", "/dev/ttyUSB1")
+    desk.camera()
+    found = fit(desk.machine)
+    slow, held = found["port /dev/ttyUSB0"], found["port /dev/ttyUSB1"]
+    assert (slow.verdict, held.verdict) == ("warning", "wrong")
+    assert "for 16 ms" in slow.what
+    assert slow.cure.startswith("echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer")
+    assert "ModemManager (812)" in held.what
+    assert found["camera /dev/video0"] == Finding("camera /dev/video0", "HD Webcam")
+
+
+@pytest.mark.parametrize(("free", "verdict"), [(50e9, "ok"), (1e9, "warning"), (0.1e9, "wrong")])
+def test_the_room_on_the_disk_is_judged(desk: RecordedMachine, free: float, verdict: str) -> None:
+    assert fit(desk.machine, free=free)["disk"].verdict == verdict
+
+
+def test_a_clock_in_the_past_and_one_that_was_not_set_are_told(desk: RecordedMachine) -> None:
+    assert fit(desk.machine, now=INSTALLED - 1)["clock"].verdict == "wrong"
+    desk.write("run/systemd/timesync/other", "")
+    assert fit(desk.machine)["clock"].verdict == "warning"
+    desk.write("run/systemd/timesync/synchronized", "")
+    assert fit(desk.machine)["clock"].verdict == "ok"
+
+
+def test_a_governor_that_saves_power_is_told_unless_the_processor_governs_itself(desk: RecordedMachine) -> None:
+    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_governor", "powersave")
+    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_driver", "cpufreq-dt")
+    found = fit(desk.machine)["processor"]
+    assert found.verdict == "warning"
+    assert "tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" in found.cure
+    desk.write(f"{CPU[1:]}/cpu0/cpufreq/scaling_driver", "intel_pstate")
+    assert fit(desk.machine)["processor"].what == "1 cores, governor powersave"
+
+
+def test_load_heat_memory_and_a_weak_supply_are_told(desk: RecordedMachine) -> None:
+    desk.write("proc/loadavg", "9.10 5.00 3.00 4/300 1234")
+    desk.write(THROTTLED[1:], "50000")
+    desk.write("sys/class/thermal/thermal_zone0/temp", "84500")
+    desk.write("proc/meminfo", "MemTotal:  948012 kB\nMemAvailable:   120000 kB")
+    found = fit(desk.machine)
+    told = {about: found[about].what for about in ("load", "power", "heat", "memory")}
+    assert {found[about].verdict for about in told} == {"warning"}
+    assert told["heat"] == "the processor has 84 degC, and slows down"
+    assert told["memory"] == "123 MB are left"
+
+
+# The arm
+
+
+@pytest.fixture
+def servos() -> list[VirtualServo]:
+    return [VirtualServo(1), VirtualServo(2), VirtualServo(3, model="XM430-W350"), VirtualServo(4)]
+
+
+@pytest.fixture
+def bus(servos: list[VirtualServo]) -> Iterator[Terminal]:
+    with closing(Terminal("u2d2", VirtualServoBus(servos), SystemClock())) as terminal:
+        terminal.open()
+        yield terminal
+
+
+def found_of(bus: Terminal, *joints: JointKeys) -> list[Finding]:
+    keys = DynamixelKeys(port=bus.path, joints={f"joint{joint.id}": joint for joint in joints})
+    return list(examine(keys, Site(SystemClock(), bus.path)))
+
+
+@pytest.mark.real_time
+def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
+    bus: Terminal, servos: list[VirtualServo]
+) -> None:
+    before = [bytes(servo.table) for servo in servos]
+    fine, other = found_of(bus, JointKeys(id=1), JointKeys(id=3, written_model="XM430-W350"))
+    assert (fine.verdict, fine.what) == ("ok", "AX-12A, firmware 24, 12.0 V, 35 degC")
+    assert other.what.startswith("XM430-W350, firmware ")
+    assert [bytes(servo.table)[:36] for servo in servos] == [table[:36] for table in before]
+    assert all(servo.limp for servo in servos)
+
+
+@pytest.mark.real_time
+def test_too_little_voltage_is_told_with_what_it_should_be(bus: Terminal, servos: list[VirtualServo]) -> None:
+    servos[0].voltage, servos[1].voltage = 9.4, 5.5
+    low, empty = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
+    assert (low[0].verdict, low[0].what) == ("warning", "9.4 V is little for a servo of 12 V")
+    assert (empty[0].verdict, empty[0].what) == ("wrong", "5.5 V: below 6.0 V it shuts down")
+
+
+@pytest.mark.real_time
+def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Terminal, servos: list[VirtualServo]) -> None:
+    servos[0].temperature = 66.0
+    servos[1].overload()
+    hot, shut = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
+    assert (hot[0].verdict, hot[0].what) == ("warning", "66 degC: at 70 degC it shuts down")
+    assert hot[0].cure.startswith("mission servo torque off joint1 --robot ROBOT")
+    assert (shut[0].verdict, shut[0].what) == ("wrong", "it has shut down: overload")
+    assert shut[0].cure == "remove the cause, then: mission servo recover --robot ROBOT"
+
+
+@pytest.mark.real_time
+def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
+    bus: Terminal, servos: list[VirtualServo]
+) -> None:
+    servos[3].set("cw_angle_limit", 400)
+    found = found_of(bus, JointKeys(id=1, written_model="AX-18A"), JointKeys(id=9), JointKeys(id=4))
+    assert [(each.about, each.verdict) for each in found] == [
+        ("joint1 (servo 1)", "wrong"),
+        ("joint9 (servo 9)", "wrong"),
+        ("joint4 (servo 4)", "wrong"),
+    ]
+    model, missing, limits = found
+    assert (model.what, model.cure) == ("it is model AX-12A, the robot file says AX-18A", "write model: AX-12A")
+    assert missing.what == "does not answer"
+    assert limits.what.startswith("has angle limits of 400..1023 ticks, and the joint needs")
+
+
+# The base, the camera, the microphone
+
+
+def heard(rate: float = 50.0, count: int = 20, **felt: int) -> list[Part]:
+    times = (round(number * 1000 / rate) for number in range(count))
+    return [FirmwareVersion(0, 2, 1), *(Core(time_ms=time, battery_decivolts=155, **felt) for time in times)]
+
+
+def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -> None:
+    assert list(judged(heard())) == [
+        Finding("firmware", "1.2.0"),
+        Finding("reports", "50 a second"),
+        Finding("battery", "15.5 V"),
+    ]
+
+
+def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
+    assert [each.what for each in judged([])] == ["it is silent"]
+    assert [each.what for each in judged(heard(rate=30.0)) if each.verdict == "warning"] == ["30 of 50 a second arrive"]
+    (empty,) = [
+        each
+        for each in judged([Core(battery_decivolts=130), Core(battery_decivolts=130, time_ms=20)])
+        if each.verdict == "wrong"
+    ]
+    assert empty.what == "13.0 V: it is empty"
+    lifted = [each.what for each in judged(heard(wheel_drop=3)) if each.verdict == "warning"]
+    assert lifted == ["a wheel hangs in the air: it does not drive"]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("grey", "verdict", "words"),
+    [(0, "wrong", "black"), (20, "warning", "dark"), (120, "ok", "120 of 255"), (250, "warning", "overexposed")],
+)
+def test_what_a_camera_shows_is_judged_by_its_brightness(tmp_path: Path, grey: int, verdict: str, words: str) -> None:
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((48, 64, 3), grey, np.uint8))
+    keys = CameraKeys(source=str(tmp_path), width=64, height=48)
+    exposure = next(each for each in look_through(keys, Site(SystemClock())) if each.about == "exposure")
+    assert exposure.verdict == verdict
+    assert words in exposure.what
+
+
+def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
+    (found,) = look_through(CameraKeys(source="987"), Site(ManualClock()))
+    assert (found.verdict, found.what, found.cure) == ("wrong", "/dev/video987 is not there", "mission camera list")
+
+
+class Ear:
+    """A microphone that has heard half a second already."""
+
+    name = "microphone"
+
+    def __init__(self, level: int) -> None:
+        wave = np.resize(np.array([level, -level], np.int16), 8000)
+        self.sound = Sound(0, 0.0, wave)
+        self.closed = False
+
+    def open(self) -> None: ...
+    def rest(self) -> None: ...
+    def health(self) -> Health:
+        return Health(online=True)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def read(self, after: int) -> list[Sound]:
+        del after
+        return [self.sound]
+
+
+@pytest.mark.parametrize(("level", "words"), [(0, "muted"), (1000, "level -30 dB"), (32767, "too loud")])
+def test_what_a_microphone_hears_is_judged_by_its_level(level: int, words: str) -> None:
+    ear = Ear(level)
+    (found,) = listened(ear, Site(ManualClock()))
+    assert words in found.what
+    assert ear.closed

@@ -1,0 +1,240 @@
+"""``mission doctor``: the computer alone, a robot on virtual devices, its report without secrets, and its cures."""
+
+import ast
+import json
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+
+import click
+import pytest
+
+from drivers.api.driver import Driver, Site
+from drivers.api.findings import Finding
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal, WireDevice
+from missions.assembly.checkup import Checked
+from missions.cli.doctor.report import anonymous, report, secrets
+from tests.drivers.desks import RecordedMachine
+from tests.missions.command import Outcome, command
+from tests.missions.test_help import FILES, parsed
+
+Mission = Callable[..., Outcome]
+
+ROOT = Path(__file__).parents[2]
+
+ROBOT = """robot: kit
+base: {driver: kobuki, port: /dev/kobuki}
+head:
+  driver: arduino
+  port: /dev/nano
+  pan: {servo: 0, limits: [-80 deg, 80 deg]}
+  tilt: {servo: 1, limits: [-60 deg, 20 deg]}
+arm:
+  driver: dynamixel
+  port: /dev/u2d2
+  joints: {shoulder: {id: 1, limits: [-90 deg, 90 deg]}, elbow: {id: 2, limits: [-90 deg, 90 deg]}}
+voice: {driver: print}
+"""
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    monkeypatch.chdir(tmp_path)
+    Path("kit.yaml").write_text(ROBOT)
+    return lambda *arguments: command(capsys, "doctor", *arguments)
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> RecordedMachine:
+    return RecordedMachine(tmp_path / "machine")
+
+
+@pytest.fixture
+def servos() -> list[VirtualServo]:
+    return [VirtualServo(1), VirtualServo(2)]
+
+
+@pytest.fixture
+def plugged(desk: RecordedMachine, servos: list[VirtualServo]) -> Iterator[None]:
+    """Plug a Kobuki, the arm and a Nano in."""
+    devices: dict[str, WireDevice] = {"kobuki": VirtualKobuki(), "u2d2": VirtualServoBus(servos)}
+    terminals = [Terminal(name, device, SystemClock()) for name, device in devices.items()]
+    for number, (terminal, name) in enumerate(zip(terminals, devices, strict=True)):
+        terminal.open()
+        ids, serial = ("0403:6001", "kobuki_A6013") if name == "kobuki" else ("0403:6014", "FT4THVLX")
+        desk.port(f"ttyUSB{number}", ids, serial=serial, behind=terminal.path, rule=name, latency=1)
+    desk.port("ttyUSB7", "1a86:7523", rule="nano")
+    yield
+    for terminal in terminals:
+        with closing(terminal):
+            pass
+
+
+def findings(outcome: Outcome) -> dict[tuple[str, str], dict[str, str]]:
+    """What a command has found, by part and what it is about."""
+    return {(each["part"], each["about"]): each for each in json.loads(outcome.out)["findings"]}
+
+
+def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: RecordedMachine) -> None:
+    told = mission("--root", str(desk.root))
+    assert told.code == 0
+    assert told.out.startswith("computer\n  ok      program: MissionTree ")
+    assert "robot: this computer has none of its own\n            try: mission robot use NAME\n" in told.out
+    assert re.search(r"^0 wrong, \d+ warnings, \d+ ok$", told.out.splitlines()[-1])
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_anew_is_left_alone(
+    mission: Mission, desk: RecordedMachine
+) -> None:
+    told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--json")
+    found = findings(told)
+    assert told.code == 0
+    assert found["base", "battery"]["what"] == "16.5 V"
+    assert found["arm", "elbow (servo 2)"]["what"].startswith("AX-12A, firmware")
+    nano = found["head", "port"]
+    assert nano["verdict"] == "ok"
+    assert "left alone" in nano["what"]
+    assert json.loads(told.out)["ok"] is True
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
+    mission: Mission, desk: RecordedMachine, servos: list[VirtualServo]
+) -> None:
+    servos[0].voltage = 9.0
+    servos[1].overload()
+    told = mission("--robot", "kit.yaml", "--root", str(desk.root))
+    assert told.code == 1
+    assert "  warning shoulder (servo 1): 9.0 V is little for a servo of 12 V\n            try: charge" in told.out
+    wanted = (
+        "  wrong   elbow (servo 2): it has shut down: overload\n"
+        "            try: remove the cause, then: mission servo recover --robot kit.yaml\n"
+    )
+    assert wanted in told.out
+
+
+def test_parts_that_are_not_plugged_in_are_told(mission: Mission, desk: RecordedMachine) -> None:
+    told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--json")
+    assert told.code == 1
+    found = findings(told)
+    for part, port in (("base", "/dev/kobuki"), ("head", "/dev/nano"), ("arm", "/dev/u2d2")):
+        assert found[part, "port"]["what"] == f"nothing is plugged in at {port}"
+        assert found[part, "port"]["cure"].startswith("mission ports")
+
+
+def test_a_part_that_the_robot_has_not_cannot_be_plugged_in_elsewhere(mission: Mission) -> None:
+    told = mission("--robot", "kit.yaml", "--port", "screen=/dev/ttyUSB0")
+    assert (told.code, "the robot has no screen" in told.err) == (2, True)
+
+
+def failing(keys: object, site: Site) -> Iterator[Finding]:
+    yield Finding("lamp", str(type(keys).__name__) + str(bool(site.clock)))
+    raise ZeroDivisionError
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_a_driver_whose_check_up_fails_is_told_and_the_others_are_looked_at(
+    mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from drivers.kobuki import declared  # noqa: PLC0415
+
+    foreign = Driver("kobuki", "base", "", declared.KobukiKeys, make="", checkup=f"{__name__}:failing")
+    monkeypatch.setattr(declared, "KOBUKI", foreign)
+    found = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
+    assert found["base", "lamp"]["what"] == "KobukiKeysTrue"
+    assert found["base", "driver"]["what"] == "the check-up of base.kobuki fails: ZeroDivisionError: "
+    assert ("arm", "elbow (servo 2)") in found
+
+
+# The report
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_the_report_tells_all_but_whose_computer_it_is(
+    mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("HOME", "/home/marvin")
+    monkeypatch.setenv("USER", "marvin")
+    desk.write("etc/hostname", "heart-of-gold")
+    desk.write("etc/os-release", 'PRETTY_NAME="Raspberry Pi OS"')
+    desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B")
+    told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--report", "help.txt")
+    assert told.out.splitlines()[-1] == "wrote help.txt; look through it before you send it"
+    text = (tmp_path / "help.txt").read_text()
+    assert "Raspberry Pi 5 Model B" in text
+    assert "Raspberry Pi OS" in text
+    assert "numpy 2" in text
+    assert "ok       base battery: 16.5 V" in text
+    for secret in ("marvin", "heart-of-gold", "FT4THVLX", "A6013"):
+        assert secret not in text
+
+
+def test_names_keys_addresses_and_folders_are_taken_out_of_a_text() -> None:
+    told = (
+        "camera rtsp://ann:pass@192.168.1.7/live?token=abc1 of /home/ann/robots/kit.yaml on zaphod, "
+        "key 3f9a8c7b6d5e4f3a2b1c0d9e, /dev/serial/by-id/usb-FTDI_USB__-__Serial_FT4THVLX-if00-port0"
+    )
+    assert anonymous(told, {"zaphod": "HOST", "ann": "USER"}) == (
+        "camera rtsp://SECRET@ADDRESS/live?token=SECRET of ~/robots/kit.yaml on HOST, "
+        "key SECRET, /dev/serial/by-id/usb-FTDI_USB__-__Serial_SERIAL-if00-port0"
+    )
+
+
+def test_what_is_known_to_be_secret_is_that_of_this_machine(
+    desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("USER", "trillian")
+    desk.port("ttyUSB0", "0403:6014", serial="FT4THVLX")
+    known = secrets(desk.machine)
+    assert known["FT4THVLX"] == "SERIAL"
+    assert known["trillian"] == "USER"
+    assert "" not in known
+    text = report(desk.machine, [Checked("arm", Finding("port", "at FT4THVLX, says trillian"))])
+    assert text.endswith("ok       arm port: at SERIAL, says USER\n")
+
+
+# The cures
+
+
+def cures() -> Iterator[tuple[str, str]]:
+    """Yield every `mission ...` in the texts of what looks at machines and devices, with its file."""
+    files = [*ROOT.glob("drivers/*/checkup.py"), *ROOT.glob("drivers/*/probe.py"), *ROOT.glob("drivers/finding/*.py")]
+    files += [ROOT / "missions/assembly/checkup.py", *ROOT.glob("missions/cli/doctor/*.py")]
+    for file in files:
+        tree = ast.parse(file.read_text())
+        documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+        for node in ast.walk(tree):
+            if id(node) in documentation | inner:
+                continue
+            if isinstance(node, ast.JoinedStr):
+                text = "".join(str(part.value) if isinstance(part, ast.Constant) else "1" for part in node.values)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                text = node.value
+            else:
+                continue
+            for found in re.findall(r"mission (?:[a-z]+)(?: [^;,()`\s]+)*", text.replace("\n", " ; ")):
+                yield file.name, found
+
+
+def test_every_command_that_is_told_as_a_cure_parses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in FILES:
+        Path(name).touch()
+    told = list(cures())
+    assert len(told) > 15
+    for file, text in told:  # the words on the command itself are no command
+        words = [word.replace("ROBOT", "humanoid").replace("NEW", "7") for word in shlex.split(text)[1:]]
+        with suppress(click.exceptions.Exit):  # --help
+            assert parsed(words).command.get_short_help_str(), file
