@@ -2,6 +2,7 @@
 
 const FOLDED = ["later", "preview", "who"]; // panels that nobody needs at first
 const BREATH = 3; // times that it takes to draw something, until it is drawn again
+export const SHARE = 12; // milliseconds of script before a picture of the screen: what is left waits for the next one
 const SVG = "http://www.w3.org/2000/svg";
 
 /** Return an element with attributes (or properties, where the value is no text), listeners ("onclick") and children. */
@@ -89,19 +90,41 @@ export function panel(title, key, ...children) {
 export function soon(work, every = 0) {
   let waiting = false;
   let next = 0;
-  const run = () => requestAnimationFrame((began) => {
+  const drawn = () => {
+    const began = performance.now();
     waiting = false;
     work();
     // When this picture is done is known once what comes after it begins: that has drawn it, too.
     setTimeout(() => (next = began + Math.max(every, BREATH * (performance.now() - began))));
-  });
+  };
   return () => {
     if (waiting) return;
     waiting = true;
     const rest = next - performance.now();
-    if (rest > 0) setTimeout(run, rest);
-    else run();
+    if (rest > 0) setTimeout(() => before_picture(drawn), rest);
+    else before_picture(drawn);
   };
+}
+
+const works = new Set(); // what is to be drawn yet
+let asked = false;
+
+/** Do a work before the next picture of the screen; if other works have taken their share of it, before a later one. */
+export function before_picture(work) {
+  works.add(work);
+  if (!asked) requestAnimationFrame(picture);
+  asked = true;
+}
+
+function picture() {
+  const until = performance.now() + SHARE;
+  for (const work of works) {
+    works.delete(work);
+    work();
+    if (performance.now() > until) break;
+  }
+  asked = works.size > 0;
+  if (asked) requestAnimationFrame(picture);
 }
 
 const notes = document.getElementById("notes");

@@ -191,9 +191,14 @@ export class Stop extends HTMLElement {
   #stay() {
     const seen = window.visualViewport;
     if (!seen) return;
+    const root = document.documentElement.style;
     const place = () => {
-      document.documentElement.style.setProperty("--low", `${Math.max(0, Math.round(innerHeight - seen.height - seen.offsetTop))}px`);
-      document.documentElement.style.setProperty("--high", `${Math.max(0, Math.round(seen.offsetTop))}px`);
+      const low = Math.max(0, Math.round(innerHeight - seen.height - seen.offsetTop));
+      const high = Math.max(0, Math.round(seen.offsetTop));
+      // Whatever is set at the root, even to the same, has the whole page drawn anew.
+      for (const [name, value] of [["--low", `${low}px`], ["--high", `${high}px`]]) {
+        if (root.getPropertyValue(name) !== value && (value !== "0px" || root.getPropertyValue(name))) root.setProperty(name, value);
+      }
     };
     seen.addEventListener("resize", place);
     seen.addEventListener("scroll", place);

@@ -1,6 +1,6 @@
 // The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
 
-import { button, el, put, soon } from "./dom.js";
+import { SHARE, before_picture, button, el, put, soon } from "./dom.js";
 import { SIGNS, seconds } from "./words.js";
 
 const TICKING = 250; // milliseconds from one renewal of "for 3.2 s" to the next
@@ -86,6 +86,8 @@ export class Tree extends HTMLElement {
   #t = 0;
   #ticked = 0;
   #drawn = "";
+  #adding = []; // nodes whose blocks are not there yet
+  #more = () => this.#add();
   follow = false;
 
   /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. */
@@ -95,9 +97,10 @@ export class Tree extends HTMLElement {
       this.clear();
       this.#drawn = text;
       const root = el("ul", { role: "tree", "aria-label": `Tree of ${drawing.mission}` });
-      this.#add(drawing.tree, null, root);
+      this.#adding = [[drawing.tree, null, root]];
       root.addEventListener("keydown", (event) => this.#key(event));
       root.addEventListener("focusin", (event) => this.#roam(event.target.closest("li")));
+      this.#add();
       root.firstChild.tabIndex = 0;
       this.append(root);
     }
@@ -107,6 +110,7 @@ export class Tree extends HTMLElement {
   /** Draw nothing. */
   clear() {
     this.#drawn = "";
+    this.#adding = [];
     this.#blocks.clear();
     this.#badges.clear();
     this.#now.clear();
@@ -127,18 +131,33 @@ export class Tree extends HTMLElement {
     for (const block of this.#blocks.values()) block.toggle(folded && block.parent !== null);
   }
 
-  #add(node, parent, list) {
-    const block = new Block(node, parent, list);
-    this.#blocks.set(node.key, block);
-    for (const [key, badge] of block.badges) this.#badges.set(key, badge);
-    for (const child of node.children) block.children.push(this.#add(child, block, block.inner));
-    return block;
+  /** Make blocks, as many as there is time for, and the others before the next pictures of the screen. */
+  #add() {
+    const until = performance.now() + SHARE;
+    while (this.#adding.length && performance.now() < until) {
+      const [node, parent, list] = this.#adding.pop();
+      const block = new Block(node, parent, list);
+      parent?.children.push(block);
+      this.#blocks.set(node.key, block);
+      for (const [key, badge] of block.badges) this.#badges.set(key, badge);
+      for (const child of node.children.toReversed()) this.#adding.push([child, block, block.inner]);
+    }
+    if (this.#adding.length) before_picture(this.#more);
+    else this.#paint();
   }
 
   #patch() {
     const now = performance.now();
     const due = now - this.#ticked > TICKING;
+    if (this.#adding.length) return; // it is drawn once all blocks are there
+    let moved = false;
     for (const [key, [status, reason, since]] of this.#waiting) {
+      if (performance.now() - now > SHARE) {
+        this.#paint(); // the others before the next picture
+        break;
+      }
+      this.#waiting.delete(key);
+      moved = true;
       this.#now.set(key, status);
       const block = this.#blocks.get(key);
       if (block) {
@@ -146,8 +165,6 @@ export class Tree extends HTMLElement {
         block.tick(this.#t);
       } else if (this.#badges.has(key)) this.#badges.get(key).className = `badge ${status}`;
     }
-    const moved = this.#waiting.size > 0;
-    this.#waiting.clear();
     if (due) {
       this.#ticked = now;
       for (const block of this.#blocks.values()) if (block.status === "running") block.tick(this.#t);

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -167,3 +168,32 @@ def test_a_page_that_has_lost_its_link_says_so_and_that_stop_does_not_reach(brow
     page.wait_for("STOP does not reach the robot")
     page.stop.click()
     page.wait_for("NOT STOPPED")
+
+
+LARGE = """(async () => {
+  await import('/tree.js');
+  const node = (number) => (
+    {key: `1.${number}`, title: 'wait', symbol: '', arguments: {}, modifiers: [], children: []});
+  const tree = document.createElement('studio-tree');
+  document.querySelector('main').append(tree);
+  const clock = performance.now;
+  let ms = 0;
+  performance.now = () => ++ms; // whatever this machine does, each look at the clock is a millisecond later
+  const drawing = {...node(0), key: '1', children: [...Array(300).keys()].map(node)};
+  tree.draw({mission: 'large', tree: drawing});
+  tree.show({'1.299': ['running', '', 0]}, 0);
+  const there = [tree.querySelectorAll('li').length];
+  while (!tree.querySelector('li li.running')) {
+    await new Promise(requestAnimationFrame);
+    there.push(tree.querySelectorAll('li').length);
+  }
+  performance.now = clock;
+  tree.remove();
+  return there;
+})()"""
+
+
+def test_a_large_tree_is_drawn_in_pieces_so_that_the_page_goes_on_to_hear(browser: Browser, served: Served) -> None:
+    there = Page(browser, served, view="#tasks").tab.evaluate(LARGE)
+    assert there[-1] == 301
+    assert max(after - before for before, after in pairwise([0, *there])) <= 12
