@@ -75,10 +75,11 @@ export class Link {
     });
   }
 
-  /** Try now to open a link that is lost. */
-  retry() {
-    if (this.how !== "lost") return;
+  /** Try now to open a link that is lost; or, with a new cookie, one that was refused. */
+  retry(anew = false) {
+    if (this.how !== "lost" && !(anew && this.how === "refused")) return;
     clearTimeout(this.#timer);
+    this.#become("lost");
     this.#open();
   }
 
@@ -132,7 +133,7 @@ export class Link {
   /** A websocket does not say why it was refused: a plain request does. */
   async #ask_why() {
     const found = await fetch("index.html", { cache: "no-store" }).catch(() => null);
-    if (found && (found.status === 401 || found.status === 403)) {
+    if (this.how === "lost" && found && (found.status === 401 || found.status === 403)) {
       clearTimeout(this.#timer);
       this.#become("refused");
     }

@@ -4,8 +4,8 @@ import { button, el, panel, put, tell } from "./dom.js";
 
 const ARMED = 4000; // milliseconds for the second press
 
-/** Return the panel by which an operator makes both links anew. */
-export function links(link) {
+/** Return the panel by which an operator makes both links anew; `stop` has a connection of its own. */
+export function links(link, stop) {
   const found = el("div", { role: "status" });
   let armed = 0;
   const press = button("New links", async () => {
@@ -19,6 +19,7 @@ export function links(link) {
     try {
       const { operator, viewer } = await link.ask({ do: "revoke" });
       await fetch(`/?token=${operator}`, { cache: "no-store" }); // which gives this page its new cookie
+      stop.retry(); // its connection was shut out, and may have been refused since
       const row = (title, token) => el("p", null, `${title}: `, el("code", null, `${location.origin}/?token=${token}`));
       found.replaceChildren(row("For operators", operator), row("To look and stop only", viewer));
     } catch (error) {

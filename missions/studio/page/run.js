@@ -28,10 +28,10 @@ export class Run {
     retry: el("input", { type: "text", inputmode: "numeric", value: "0" }),
   };
 
-  constructor({ link, watcher }) {
+  constructor({ link, watcher, stop }) {
     this.#link = link;
     this.#watcher = watcher;
-    this.#links.append(links(link));
+    this.#links.append(links(link, stop));
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#list);
     this.node = el("div", { class: "view run" },

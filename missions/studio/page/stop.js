@@ -53,6 +53,11 @@ export class Stop extends HTMLElement {
     link.on("how", () => this.#show());
   }
 
+  /** Open the own connection with the cookie that there is now. */
+  retry() {
+    this.#own.retry(true);
+  }
+
   /** Whether something is stopped. */
   get latched() {
     return this.#latched.size > 0;

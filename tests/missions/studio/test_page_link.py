@@ -59,6 +59,41 @@ def test_who_makes_new_links_stays_in_and_sees_them(browser: Browser) -> None:
         wait_until(lambda: "operator" in page.link)
 
 
+SLOW_ENTRY = """
+window.refusals = 0;
+const ask = window.fetch;
+window.fetch = async (url, options) => {
+  if (String(url).includes('token=')) await new Promise((entered) => (window.enter = entered));
+  const answer = await ask(url, options);
+  if (answer.status === 401) window.refusals += 1;
+  return answer;
+};
+"""
+"""Has the page's new cookie come late, and counts what is refused until then."""
+
+
+def test_stop_has_its_connection_again_after_new_links_that_came_late(browser: Browser) -> None:
+    with studio() as served:
+        page = overheard(browser, served, "#run")
+        page.tab.evaluate(SLOW_ENTRY)
+        page.press("Who may")
+        page.press("New links")
+        page.press("Shut all others out?")
+        wait_until(lambda: page.tab.evaluate("window.refusals > 0"))
+        page.tab.evaluate("window.enter()")
+        page.wait_for("For operators:")
+        main = sent(page, "revoke")[0]["socket"]
+
+        def own() -> int:
+            greetings = [each["socket"] for each in sent(page, "hello")]
+            return max((each for each in greetings if each > main and greetings.count(each) > 1), default=0)
+
+        wait_until(own)  # it was let in: only then it says hello again and again
+        page.stop.click()
+        page.wait_for("there was nothing to stop")
+        assert sent(page, "stop")[0]["socket"] == own()
+
+
 def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
     page = overheard(browser, served, "#run")
     wait_until(lambda: sent(page, "library"))
