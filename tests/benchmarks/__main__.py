@@ -20,6 +20,7 @@ from tests.benchmarks import (
     servoing,
     simulating,
     sweeping,
+    teleoperating,
     ticking,
     tracking,
     waking,
@@ -47,6 +48,7 @@ def main() -> None:
         reacting,
         wandering,
         servoing,
+        teleoperating,
         recording,
         running,
     ):

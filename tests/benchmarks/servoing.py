@@ -117,9 +117,9 @@ def readings(bus: Bus) -> float:
 
 
 @contextlib.contextmanager
-def chain(servos: int) -> Iterator[str]:
+def chain(servos: int, model: str = "AX-12A") -> Iterator[str]:
     """Run a chain of so many servos in another process, and give its port."""
-    command = [sys.executable, "-m", "tests.benchmarks.servoing", str(servos)]
+    command = [sys.executable, "-m", "tests.benchmarks.servoing", str(servos), model]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         if process.stdout is None:
             raise RuntimeError("the chain cannot tell its port")
@@ -127,9 +127,9 @@ def chain(servos: int) -> Iterator[str]:
         # Its input is closed next, and so it ends.
 
 
-def run_chain(servos: int) -> None:
+def run_chain(servos: int, model: str) -> None:
     """Be the chain until the input ends; tell its port first."""
-    members = [VirtualServo(number) for number in range(1, servos + 1)]
+    members = [VirtualServo(number, model=model) for number in range(1, servos + 1)]
     bus = VirtualServoBus(members, BAUD, paced=True)
     for servo in members:
         servo.set("return_delay", 0)
@@ -143,4 +143,4 @@ def run_chain(servos: int) -> None:
 
 
 if __name__ == "__main__":
-    run_chain(int(sys.argv[1]))
+    run_chain(int(sys.argv[1]), sys.argv[2])

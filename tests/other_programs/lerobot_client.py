@@ -1,7 +1,9 @@
-"""What LeRobot's own bus of Feetech motors sees and does on a chain of three STS3215 with the IDs 1 to 3: PORT.
+"""What LeRobot's own bus of Feetech motors sees and does on a chain of STS3215.
 
-A program of its own, which knows nothing of ours; one JSON object is its answer. Of torch and its like LeRobot's motors
-use nothing, but a module that they import does: here stand-ins are in their place, and in that of deepdiff.
+What it does (``all``, ``alone`` or ``timed``) and a PORT are its arguments: three servos with the IDs 1 to 3, one alone
+that has any, or six to be timed. A program of its own, which knows nothing of ours; one JSON object is its answer. Of
+torch and its like LeRobot's motors use nothing, but a module that they import does: here stand-ins are in their place,
+and in that of deepdiff.
 """
 
 import io
@@ -9,8 +11,9 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from statistics import median
 from threading import Event
-from time import monotonic
+from time import monotonic, perf_counter
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -121,6 +124,20 @@ def alone(port: str) -> dict[str, Any]:
     return {"found": found, "at": bus.get_baudrate()}
 
 
+def timed(port: str) -> dict[str, Any]:
+    """Read where six motors stand and send each a goal, 200 times; return the median seconds of a round."""
+    motors = {f"motor {i}": Motor(i, "sts3215", MotorNormMode.DEGREES) for i in range(1, 7)}
+    bus, rounds = FeetechMotorsBus(port, motors), list[float]()
+    bus.connect(handshake=False)
+    for number in range(200):
+        begun = perf_counter()
+        bus.sync_read("Present_Position", normalize=False, num_retry=5)
+        bus.sync_write("Goal_Position", dict.fromkeys(motors, 2000 + number % 20), normalize=False)
+        rounds.append(perf_counter() - begun)
+    bus.disconnect(disable_torque=False)
+    return {"median": median(rounds)}
+
+
 if __name__ == "__main__":
-    told = alone(sys.argv[2]) if sys.argv[1] == "alone" else main(sys.argv[2])
+    told = {"alone": alone, "timed": timed, "all": main}[sys.argv[1]](sys.argv[2])
     sys.stdout.write(json.dumps(told))
