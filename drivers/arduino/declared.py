@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from math import pi
+from typing import Literal
 
 from drivers.api.device import Away
 from drivers.api.driver import Driver
@@ -62,8 +63,11 @@ class TwoServoKeys(HeadKeys):
 
 @keys
 class ArduinoKeys(TwoServoKeys, Wired):
-    """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch."""
+    """The ``head`` section of a robot with a pan/tilt head on an Arduino with the Rodney sketch, or with ours."""
 
+    protocol: Literal["rosserial", "lines"] = key(
+        default="rosserial", help="What its sketch speaks: `lines` is that of docs/keeper_head, which needs no ROS."
+    )
     baud: int = key(default=57_600, low=1, help="The rate of the port, in bits per second.")
     boot: float = key(
         "duration", default=2.0, low=0.0, help="How long the board starts when its port is opened; 0 s if it does not."
@@ -71,6 +75,15 @@ class ArduinoKeys(TwoServoKeys, Wired):
     pan: PanKeys = key(help="The servo that turns the head left and right.")
     tilt: TiltKeys = key(help="The servo that turns the head up and down.")
     away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield servos that our sketch numbers otherwise."""
+        yield from super().mistakes()
+        if self.protocol == "lines":
+            for word, servo, its in (("pan", self.pan.servo, 0), ("tilt", self.tilt.servo, 1)):
+                if servo != its:
+                    message = f"'{word}' is servo {its} of the sketch that speaks lines: change its pins there"
+                    yield Mistake(message, (word, "servo"))
 
 
 @keys
@@ -85,6 +98,9 @@ def servos_of_board(second: SecondKeys, others: Mapping[str, object]) -> Iterato
         told = "'driver: arduino_second' sits on the board of a 'head' with 'driver: arduino', which this robot has not"
         yield Mistake(told, ("driver",))
         return
+    if head.protocol == "lines":
+        yield Mistake("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
+        return
     taken = {head.pan.servo: "pan", head.tilt.servo: "tilt"}
     for axis, its in (("pan", second.pan), ("tilt", second.tilt)):
         if its.servo in taken:
@@ -95,7 +111,7 @@ def servos_of_board(second: SecondKeys, others: Mapping[str, object]) -> Iterato
 ARDUINO = Driver(
     "arduino",
     "head",
-    "Two hobby servos on an Arduino with the Rodney sketch.",
+    "Two hobby servos on an Arduino with the Rodney sketch, or with ours.",
     ArduinoKeys,
     make="drivers.arduino.make:make",
     twin="drivers.sim.twins.making:head",

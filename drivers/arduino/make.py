@@ -6,18 +6,37 @@ from drivers.arduino.board import Board
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, ServoKeys, TwoServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
+from drivers.keeper.head import KeeperHead
 from drivers.link import Link
 
+CURE = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
-def make(keys: ArduinoKeys, site: Site) -> ArduinoHead:
+
+def make(keys: ArduinoKeys, site: Site) -> ArduinoHead | KeeperHead:
     """Return the driver; where its servos were left is kept, but for a virtual one."""
+    link = Link(site.part, site.port, keys.baud, report=site.report)
+    remembered = None if site.state is None else Memory(site.state, site.port)
+    if keys.protocol == "lines":
+        return KeeperHead(
+            link,
+            site.clock,
+            pan=axis(keys.pan),
+            tilt=axis(keys.tilt),
+            speed=keys.speed,
+            acceleration=keys.acceleration,
+            away=keys.away,
+            report=site.report,
+            name=site.part,
+            remembered=remembered,
+            cure=CURE,
+        )
     board = Board(
-        Link(site.part, site.port, keys.baud, report=site.report),
+        link,
         site.clock,
         boot_delay=0.0 if site.virtual else keys.boot,
         report=site.report,
         away=keys.away,
-        remembered=None if site.state is None else Memory(site.state, site.port),
+        remembered=remembered,
     )
     return _on(board, keys, site)
 

@@ -5,6 +5,8 @@ from contextlib import suppress
 
 from drivers.api.probing import Answer, Ask
 from drivers.arduino import wire
+from drivers.keeper import wire as lines
+from drivers.lines import LineFinder
 
 RATES = (57_600, 500_000, 115_200)
 """The rate of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""
@@ -18,6 +20,9 @@ def probe() -> Generator[Ask, bytes, Answer | None]:
     for boot in (False, True):
         if boot:
             yield Ask(RATES[0], wait=BOOT)
+        heard = yield Ask(lines.BAUD, lines.ASK, 0.25, _answers)
+        if _answers(heard):
+            return Answer("a head with the sketch of MissionTree", {"protocol": "lines"})
         for baud in RATES:
             heard = yield Ask(baud, wire.PROBE, 0.25, lambda heard: wire.SERVO in _topics(heard))
             if topics := _topics(heard):
@@ -26,6 +31,15 @@ def probe() -> Generator[Ask, bytes, Answer | None]:
                 hint = "flash the Rodney sketch" if lacks else ""
                 return Answer(f"a board with rosserial: {names}", {"baud": baud}, trouble=lacks, hint=hint)
     return None
+
+
+def _answers(heard: bytes) -> bool:
+    """Whether somebody holds two servos there."""
+    for line in LineFinder(lines.LONGEST).feed(heard):
+        with suppress(ValueError):
+            if isinstance(lines.read(line), lines.Report):
+                return True
+    return False
 
 
 def _topics(heard: bytes) -> list[wire.Topic]:

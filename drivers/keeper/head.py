@@ -20,6 +20,7 @@ from drivers.api import (
     ignore,
 )
 from drivers.arduino.axis import TRAILING, ServoAxis
+from drivers.arduino.memory import Memory
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -32,8 +33,9 @@ from drivers.pantilt import AHEAD, PanTilt
 ASKING = 0.05
 """Seconds between two questions."""
 
-SURE = 0.15
-"""Seconds after the newest answer for which it goes on."""
+SURE = 0.07
+"""Seconds after the newest answer for which it goes on: as far as a keeper that begins anew may have led its servos
+without our knowing it."""
 
 SILENT_AFTER = 0.5
 """Seconds without an answer after which it counts as offline."""
@@ -43,7 +45,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
     """A ``drivers.api.Head`` on a link that it owns, led in whole degrees as ``drivers.arduino.driver.ArduinoHead``.
 
     The keeper tells where its servos were sent last, and whether it has begun anew. Where it has sent them nowhere yet,
-    nobody knows where they stand: that is told, and nothing is sent before somebody asks for it.
+    they stand where we left them, or ``remembered`` says; else nobody knows where: that is told, and nothing is sent
+    before somebody asks for it.
     """
 
     TRAILS = TRAILING
@@ -62,6 +65,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         changed: Callable[[], None] = ignore,
         start: HeadPose = AHEAD,
         name: str = "head",
+        remembered: Memory | None = None,
         cure: str = "look at its power and its cable",
     ) -> None:
         self.name = name
@@ -70,6 +74,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._link = link
         self._report = guarded(report)
         self._cure = cure
+        self._remembered = remembered
         self._absence = Absence(away)
         self._lock = RLock()  # over what is sent, whoever sends it
         self._lines = LineFinder()
@@ -77,6 +82,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._boot: int | None = None  # of the keeper whose servos are known; None on a new connection
         self._before: int | None = None  # the same of the connection before
         self._sent: tuple[int, int] | None = None
+        self._told: tuple[int, int] | None = None  # where they were, by the newest answer that said so
         self._newest: Reading[HeadPose] | None = None
         self._heard_at = self._asked_at = self._connected_at = -inf
         self._trouble = ""
@@ -167,7 +173,9 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
             self._report(DeviceStatus(self.name, "offline", self._silence(), self._cure))
 
     def ending(self) -> None:
-        """Do nothing: silence is what a keeper rests by."""
+        """Remember where the servos are left; silence is what a keeper rests by."""
+        if self._remembered is not None and self._sent is not None:
+            self._remembered.keep(dict(enumerate(self._sent)))
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
@@ -187,6 +195,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
                 self._settle(found, now, anew=anew)
             elif (found.first, found.second) != self._sent and wire.UNKNOWN not in (found.first, found.second):
                 self._settled = False  # the last degree was lost on its way, or it is still on it
+            if wire.UNKNOWN not in (found.first, found.second):
+                self._told = (found.first, found.second)
             if self._absence.heard(now, anew=anew):
                 self._hold()
             self._heard_at = now
@@ -196,9 +206,10 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
 
     def _settle(self, found: wire.Report, now: float, *, anew: bool) -> None:
         """Go on from where the servos stand; stay there, but for the first time."""
-        axes, told, before = self._way.axes, (found.first, found.second), self._sent
-        unknown = wire.UNKNOWN in told
-        guess = before or tuple(axis.awake for axis in axes)
+        axes, told = self._way.axes, (found.first, found.second)
+        left = self._remembered.take() if self._remembered is not None and self._told is None else {}
+        unknown = wire.UNKNOWN in told and not {0, 1} <= left.keys()
+        guess = self._told or tuple(left.get(number, axis.awake) for number, axis in enumerate(axes))
         first, second = (old if new == wire.UNKNOWN else new for new, old in zip(told, guess, strict=True))
         self._sent = (first, second)
         pan, tilt = (axis.to_radians(degree) for axis, degree in zip(axes, self._sent, strict=True))
@@ -231,7 +242,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
             steps = self._way.advance(now)
             first, second = (step.axis.next_degree(step.angle, step.heading) for step in steps)
             if (first, second) != sent or self._settled:
-                self._link.write(wire.go(boot, first, second))
+                self._asked_at = now
+                self._link.write(wire.go(boot, first, second) + wire.ASK)
             self._sent = (first, second)
             pan, tilt = (step.axis.to_radians(degree) for step, degree in zip(steps, self._sent, strict=True))
             self._tell(HeadPose(pan, tilt), now)

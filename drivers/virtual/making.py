@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from drivers.api import HeadPose
+from drivers.arduino.axis import ServoAxis
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
 from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
@@ -60,16 +61,23 @@ def pi_car(keys: PiCarKeys, stage: Stage) -> Plugged:
 def pi_head(keys: PiHeadKeys, stage: Stage) -> Plugged:  # noqa: ARG001
     """Return a virtual pan/tilt on a PCA9685, whose chip has had power for long."""
     pan, tilt = axis(keys.pan), axis(keys.tilt)
-    device = VirtualServos((pan.awake, tilt.awake))
+    return _kept(VirtualServos((pan.awake, tilt.awake)), pan, tilt, "pan_tilt")
+
+
+def _kept(device: VirtualServos, pan: ServoAxis, tilt: ServoAxis, wire: str) -> Plugged:
+    """Return two servos in the hands of a keeper; its state are their degrees."""
 
     def looks(time: float) -> HeadPose:
         return HeadPose(pan.to_radians(device.angle(0, time)), tilt.to_radians(device.angle(1, time)))
 
-    return Plugged(device, "pan_tilt", looks=looks, state=lambda now: [device.angle(index, now) for index in range(2)])
+    return Plugged(device, wire, looks=looks, state=lambda now: [device.angle(index, now) for index in range(2)])
 
 
 def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
     """Return a virtual Rodney head; its state are its four servos in degrees."""
+    pan, tilt = axis(keys.pan), axis(keys.tilt)
+    if keys.protocol == "lines":
+        return _kept(VirtualServos((pan.awake, tilt.awake), baud=keys.baud), pan, tilt, "nano")
     device = VirtualRodney(baud=keys.baud, logs=True, starts=ATTACHED)
     return Plugged(
         device,

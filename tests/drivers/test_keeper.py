@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
 from math import radians
+from pathlib import Path
 from random import Random
+from typing import Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from config.faults import InvalidFileError
 from drivers.api import DeviceStatus, HeadPose, Velocity
 from drivers.arduino.axis import ServoAxis
 from drivers.errors import DeviceFault, DriverError, NotConnected
@@ -21,15 +24,17 @@ from drivers.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.virtual.keeper import VirtualCar, VirtualServos
+from missions.executive.events import Event, Logged
+from missions.library.drivers import load_robot
+from missions.order import RunRequest
+from missions.runner import Runner
 from tests.drivers.cranked import PERIOD, HandWire, pass_until
-from tests.drivers.fault_injection import MAX_PAUSE, FaultInjection
+from tests.drivers.damaged import MISHAPS, Damaged
 
 TRANSACTIONS = 10_000
 SPEED = 120
 STEP = SERVO_SPEED * 0.02 + 1
 """Degrees of the widest step: what a keeper leads a servo between two looks at the time, in whole degrees."""
-
-MISHAPS = {"drop": 0.01, "truncate": 0.01, "flip": 0.01, "split": 0.01, "late": 0.01, "noise": 0.01, "echo": 0.01}
 
 
 class Hands:
@@ -50,38 +55,6 @@ class Hands:
 
     def present(self) -> tuple[int, int]:
         return self.aimed[-1] if self.aimed else (0, 0)
-
-
-class Damaged:
-    """A wire on which mishaps befall every line, whichever way it goes."""
-
-    def __init__(self, bench_wire: HandWire, seed: int) -> None:
-        self.faults = FaultInjection(seed, **MISHAPS)
-        self._wire = bench_wire
-        self._waiting: list[tuple[float, bytes]] = []  # what comes late, and then between other lines
-        device = bench_wire.device
-        self._feed, device.feed = device.feed, self.feed  # type: ignore[method-assign]
-        bench_wire.distort = self.distort
-
-    def distort(self, said: bytes) -> bytes:
-        return self._passed(said)
-
-    def feed(self, data: bytes, now: float) -> bytes:
-        return self._feed(self._passed(data), now)
-
-    def _passed(self, data: bytes) -> bytes:
-        now, passed = self._wire.clock.now(), b""
-        for line in data.splitlines(keepends=True):
-            for late, piece in self.faults.arrange(line):
-                if late <= MAX_PAUSE:
-                    passed += piece
-                else:
-                    self._waiting.append((now + late, piece))
-            if self.faults.echoes():
-                passed += line
-        passed += b"".join(piece for at, piece in self._waiting if at <= now)
-        self._waiting = [(at, piece) for at, piece in self._waiting if at > now]
-        return passed
 
 
 class Bench:
@@ -320,3 +293,66 @@ def test_ten_thousand_questions_with_every_mishap_both_ways_and_no_wrong_value(b
     bench.head.look(HeadPose(radians(33), radians(7)))
     bench.passes(4.0 + PERIOD)
     assert bench.servos.angle(0, bench.clock.now()) == pytest.approx(90 + 33)
+
+
+# --- in a robot file --------------------------------------------------------------------------------------------------
+
+ROBOT = """\
+robot: nodding
+head:
+  driver: arduino
+  protocol: lines
+  port: /dev/nano
+  pan: {servo: 0}
+  tilt: {servo: 1}
+"""
+
+CAR = """\
+robot: car
+base:
+  driver: pi_car
+  motors: gpio
+  left: {forward: 17, backward: 27}
+  right: {forward: 2, backward: 3}
+  speed_at_full: 0.5 m/s
+  max_speed: 0.3 m/s
+head:
+  driver: pca9685
+  pan: {servo: 0}
+  tilt: {servo: 1}
+"""
+
+MISSION = """\
+mission: m
+tree:
+  sequence:
+    - look: {pan: 30 deg, tilt: -10 deg}
+    - log: "${round(head.pan / 10 deg)} ${round(head.tilt / 10 deg)}"
+"""
+
+
+@pytest.mark.parametrize("simulate", ["fast", pytest.param("wire", marks=pytest.mark.real_time)])
+def test_a_head_with_our_sketch_is_simulated_as_every_head(simulate: Literal["fast", "wire"], tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text(ROBOT, encoding="utf-8")
+    (tmp_path / "m.yaml").write_text(MISSION, encoding="utf-8")
+    events: list[Event] = []
+    order = RunRequest(str(tmp_path / "m.yaml"), robot=str(tmp_path / "robot.yaml"), simulate=simulate)
+    assert Runner(order, listeners=[events.append]).run().result == "success"
+    assert [event.text for event in events if isinstance(event, Logged) and event.level == "info"] == ["3 -1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (ROBOT.replace("servo: 0", "servo: 2"), "'pan' is servo 0 of the sketch that speaks lines"),
+        (CAR.replace("backward: 27", "backward: 17"), "GPIO 17 is taken twice"),
+        (CAR.replace("motors: gpio", "motors: pca9685"), "a PCA9685 has channels 0 to 15, and no 27"),
+        (CAR.replace("max_speed: 0.3 m/s", "max_speed: 0.6 m/s"), "it cannot go that fast"),
+        (CAR.replace("motors: gpio", "motors: pca9685").replace("27", "7").replace("17", "1"), "channel 1 is that of"),
+        (CAR.replace("servo: 0", "servo: 1"), "'pan' and 'tilt' are both on servo 1"),
+    ],
+)
+def test_what_is_wrong_with_a_robot_file_is_told(text: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidFileError, match=told):
+        load_robot(tmp_path / "robot.yaml")

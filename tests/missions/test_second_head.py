@@ -93,6 +93,7 @@ def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
     head = make(config.sections["head"].keys, Site(clock, "/dev/null", part="head"))
     mast = second(config.sections["lidar_mast"].keys, Site(clock, parts={"head": head}, part="lidar_mast"))
     assert isinstance(mast, ArduinoHead)
+    assert isinstance(head, ArduinoHead)
     assert mast.board is head.board
     assert (head.name, mast.name) == ("head", "lidar_mast")
     assert mast.limits.pan == pytest.approx((-radians(60), radians(60)))
