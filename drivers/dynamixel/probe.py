@@ -13,7 +13,7 @@ from drivers.dynamixel.codec import CODECS, Codec, Reply
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
 from drivers.dynamixel.units import Protocol
-from drivers.dynamixel.wire import BROADCAST, LASTING
+from drivers.dynamixel.wire import BROADCAST, HEADER, LASTING
 
 DELIVERED = (1_000_000, 57_600)
 """The rates at which servos are delivered."""
@@ -25,6 +25,9 @@ IDS = range(31)
 
 REPLY = 0.003
 """Seconds that a servo has to answer, beyond what its bytes take: return delay and a little."""
+
+PATIENT = 30
+"""How many times as long one is waited for that has made itself heard: answers may be late on a busy machine."""
 
 LISTEN = 0.03
 """Seconds in which a device that talks by itself is heard, as a Kobuki is."""
@@ -89,29 +92,33 @@ def _called(baud: int) -> Servos:
     """Call all servos of protocol 2.0; where replies are damaged, ask one by one."""
     codec = CODECS[2]
     each = (codec.overhead + 3) * 10 / baud + REPLY
-    heard = yield Ask(baud, codec.frame(BROADCAST, codec.ping(BROADCAST).code, b""), 0.02 + 12 * each)
+    heard = yield Ask(baud, codec.frame(BROADCAST, codec.ping(BROADCAST).code, b""), 0.06 + 12 * each)
     replies, damaged = _replies(codec, heard)
     there = [reply.id for reply in replies]
-    return (yield from _pinged(baud, 2, IDS if damaged else there)) if there or damaged else []
+    return (yield from _pinged(baud, 2, IDS if damaged else there, PATIENT)) if there or damaged else []
 
 
-def _pinged(baud: int, protocol: Protocol, ids: Sequence[int]) -> Servos:
-    """Ask servos one by one."""
+def _pinged(baud: int, protocol: Protocol, ids: Sequence[int], patience: float = 1) -> Servos:
+    """Ask servos one by one; with more time for each where answers come only while another is asked."""
     codec, found = CODECS[protocol], list[Unit]()
     for number in ids:
-        heard = yield _question(codec, baud, number, None)
-        if heard and (unit := (yield from _asked(codec, baud, number, heard))):
+        heard = yield _question(codec, baud, number, None, patience=patience)
+        if patience == 1 and any(reply.id != number for reply in _replies(codec, heard)[0]):
+            return (yield from _pinged(baud, protocol, ids, PATIENT))
+        if heard and (unit := (yield from _asked(codec, baud, number))):
             found.append(unit)
     return found
 
 
-def _asked(codec: Codec, baud: int, number: int, heard: bytes) -> Generator[Ask, bytes, Unit | None]:
+def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit | None]:
     """Ask one that has answered a ping, or has made a noise, who it is; None for one that is none of these."""
     protocol = codec.protocol
     identity = yield from _read(codec, baud, number, IDENTITY[protocol])
     if identity is None:
+        heard = yield _question(codec, baud, number, None, patience=PATIENT)
         replies, damaged = _replies(codec, heard)
-        return Unit(number, "?", TWO) if replies or damaged else None
+        there = any(reply.id == number for reply in replies)
+        return Unit(number, "?", TWO) if there or (damaged and HEADER in heard) else None
     where, own = MODEL_AND_ID[protocol]
     kind = unpack_from("<H", identity.data, where)[0]
     model = model_of(kind)
@@ -124,21 +131,25 @@ def _asked(codec: Codec, baud: int, number: int, heard: bytes) -> Generator[Ask,
 
 
 def _read(codec: Codec, baud: int, number: int, block: Block) -> Generator[Ask, bytes, Reply | None]:
-    """Read a block of a table, twice where the reply is damaged."""
-    for _ in range(2):
-        heard = yield _question(codec, baud, number, block)
+    """Read a block of a table, once more with more time where no sound reply comes."""
+    for patience in (1, PATIENT):
+        heard = yield _question(codec, baud, number, block, patience=patience)
         for reply in _replies(codec, heard)[0]:
             if reply.id == number and len(reply.data) == block.size:
                 return reply
     return None
 
 
-def _question(codec: Codec, baud: int, number: int, block: Block | None) -> Ask:
+def _question(codec: Codec, baud: int, number: int, block: Block | None, *, patience: float = 1) -> Ask:
     request = codec.ping(number) if block is None else codec.read(number, block)
     size = codec.overhead + (3 if block is None else block.size)
     frame = codec.frame(request.id, request.code, request.parameters)
-    wait = (len(frame) + size) * 10 / baud + REPLY
-    return Ask(baud, frame, wait, lambda heard: any(reply.id == number for reply in _replies(codec, heard)[0]))
+
+    def answered(heard: bytes) -> bool:
+        replies = (reply for reply in _replies(codec, heard)[0] if reply.id == number)
+        return any(block is None or len(reply.data) == block.size for reply in replies)
+
+    return Ask(baud, frame, (len(frame) + size) * 10 / baud + REPLY * patience, answered)
 
 
 def _replies(codec: Codec, heard: bytes) -> tuple[list[Reply], bool]:

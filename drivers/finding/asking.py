@@ -65,7 +65,6 @@ class OpenedPort:
         """Ask."""
         try:
             port = self._opened(question.baud)
-            port.reset_input_buffer()
             port.write(question.send)
             heard, end = b"", self._clock.now() + question.wait + self._extra
             while not question.enough(heard) and (left := end - self._clock.now()) > 0:
@@ -89,6 +88,7 @@ class OpenedPort:
             self._port = open_port("ports", self._path, baud)
         elif self._port.baudrate != baud:
             self._port.baudrate = baud
+            self._port.reset_input_buffer()
         return self._port
 
 

@@ -1,7 +1,7 @@
 """A head that is open for a command at the terminal, and what all these commands do with it."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from math import degrees, radians
@@ -11,6 +11,7 @@ import click
 
 from behaviours.head import Arrival, shown
 from config.library import find
+from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
 from drivers.api.sections import Wired
@@ -103,17 +104,25 @@ def opened(
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
-    keys = config.head
-    if keys is None:
+    if config.head is None:
         raise click.UsageError(f"{config.name} has no head")
     virtual = simulate or name is None
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
-    part = "head" if isinstance(keys, Wired) else "arm"
+    part = "head" if isinstance(config.head, Wired) else "arm"
+    ports = {} if port is None else {part: port}
+    with opened_head(config, ports, virtual=virtual, stay=stay, camera=camera) as bench:
+        yield bench
+
+
+@contextmanager
+def opened_head(
+    config: RobotConfig, ports: Mapping[str, str], *, virtual: bool = False, stay: bool = False, camera: bool = False
+) -> Iterator[Bench]:
+    """Open the head of a robot that has one, with ``ports`` instead of those of its file; see ``opened``."""
+    keys = config.head
     wishes = Overrides(
-        world=load_world(find("worlds", "empty")) if virtual else None,
-        ports={} if port is None else {part: port},
-        interests=Interests(faces=False),
+        world=load_world(find("worlds", "empty")) if virtual else None, ports=ports, interests=Interests(faces=False)
     )
     clock = SystemClock()
     audience = Hooks(ignore if stay else _warned, ignore, click.echo, ignore, ignore)

@@ -22,6 +22,15 @@ LOOK_EVERY = 0.3
 
 Pause = Callable[[], object]
 
+root_option = click.option(
+    "--root",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    default=Path("/"),
+    metavar="DIR",
+    help="The files of a recorded machine instead of this one's.",
+)
+"""Whose /sys, /proc and /dev are read."""
+
 
 @click.command(epilog="Example: mission ports --find")
 @click.option("--no-ask", is_flag=True, help="Say what is plugged in, and open no port.")
@@ -30,8 +39,7 @@ Pause = Callable[[], object]
 @click.option("--find", is_flag=True, help="Find out which is which: unplug it, and plug it in again.")
 @click.option("--watch", is_flag=True, help="Go on, and say what is plugged in and out, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; with --watch a line at each change.")
-@click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
-              help="The files of a recorded machine instead of this one's.")  # fmt: skip
+@root_option
 def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, as_json: bool, root: Path) -> int:
     """Say what is plugged in: serial ports, cameras, sound, game pads; and which device answers on a port.
 

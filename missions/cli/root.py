@@ -50,7 +50,7 @@ GROUPS = {
     },
     "Set up a robot": {
         "doctor": "Look at everything at rest: computer, ports, servos, camera; say what to cure, and how.",
-        "robot": "Show a robot, check it at rest, and make it this computer's own.",
+        "robot": "Make a robot file by answering questions; show, check and use it.",
         "ports": "Say what is plugged in, what answers there, and what is in the way.",
         "camera": "List cameras, and calibrate them.",
         "person": "Let the robot know people by their faces, list them, and forget them.",

@@ -13,11 +13,11 @@ import click
 
 from missions.cli.companion import studio_beside, studio_option
 from missions.cli.leash import leash_option
+from missions.cli.mine import usual
 from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.recording import record_options, record_wish
-from missions.cli.robot.use import usual
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
 from missions.executive.executive import Result

@@ -345,3 +345,33 @@ def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
     ((port, heard),) = found.found
     assert heard.found is not None
     assert (port.path, heard.found.title) == ("/dev/ttyUSB0", "base.kobuki")
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "STS3215", "XL330-M288"])
+def test_answers_that_come_late_are_those_of_their_servos_and_of_no_others(model: str) -> None:
+    """A busy machine hands answers on 20 ms late: no servo is missed, none is taken for two."""
+    device = VirtualServoBus([VirtualServo(number, model=model) for number in (4, 5, 17)])
+    heard, _ = asked(adapter("1a86:55d3"), Late(device))
+    assert heard.found is not None
+    assert heard.trouble is None
+    assert [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units] == [
+        (number, model, "") for number in (4, 5, 17)
+    ]
+
+
+class Late(VirtualServoBus):
+    """A chain whose answers arrive 20 ms after they have left."""
+
+    def __init__(self, chain: VirtualServoBus) -> None:
+        super().__init__(chain.servos)
+        self._on_its_way: list[tuple[float, bytes]] = []
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        self._on_its_way.append((now + 0.02, super().feed(data, now)))
+        return self.poll(now)
+
+    def poll(self, now: float) -> bytes:
+        self._on_its_way.append((now + 0.02, super().poll(now)))
+        come = [each for each in self._on_its_way if each[0] <= now]
+        self._on_its_way = [each for each in self._on_its_way if each[0] > now]
+        return b"".join(said for _, said in come)

@@ -1,16 +1,17 @@
-"""``mission robot``: a robot of one's own: looked at, checked, and taken for this computer's."""
+"""``mission robot``: a robot of one's own: made, looked at, checked, and taken for this computer's."""
 
 import click
 
 from missions.cli.robot.check import check
+from missions.cli.robot.new import new
 from missions.cli.robot.show import show
 from missions.cli.robot.use import use
 
 
-@click.group(epilog="Example: mission robot use turtlebot2_arm")
+@click.group(epilog="Example: mission robot new")
 def command() -> None:
-    """Look at a robot, check what is plugged in against its file, and make it this computer's own."""
+    """Make a robot file by answering questions; look at it, check it, and make it this computer's own."""
 
 
-for each in (show, check, use):
+for each in (new, show, check, use):
     command.add_command(each)

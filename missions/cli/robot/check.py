@@ -16,6 +16,7 @@ from drivers.finding.machine import Machine
 from drivers.finding.others import cameras
 from drivers.finding.serial_ports import SerialPort, Trouble, serial_ports
 from missions.cli.keys import interruptible
+from missions.cli.ports import root_option
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import Table, load_robot
 
@@ -23,8 +24,7 @@ from missions.library.drivers import Table, load_robot
 @click.command(epilog="Example: mission robot check turtlebot2_arm")
 @click.argument("name", required=False, default=MINE)
 @click.option("--reset", is_flag=True, help="Ask Arduinos too, which start anew by it, and may move.")
-@click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
-              help="The files of a recorded machine instead of this one's.")  # fmt: skip
+@root_option
 def check(name: str, reset: bool, root: Path) -> int:
     """Check a robot at rest: its file, its ports, and what answers there; without NAME, this computer's own.
 

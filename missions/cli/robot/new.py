@@ -1,0 +1,184 @@
+"""``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from config.defaults import config_folder, keep_default
+from config.editing import NotEditableError
+from config.faults import InvalidFileError, Source
+from config.library import UnknownNameError, shipped
+from config.robot import RobotConfig
+from config.writing import write_new
+from drivers.api.driver import Driver
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.errors import DriverError
+from drivers.finding.asking import PATIENCE
+from drivers.finding.machine import Machine
+from missions.assembly.target import target_of
+from missions.cli.keys import interruptible
+from missions.cli.ports import root_option
+from missions.cli.robot.desk import plugged_in
+from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.parts import Part, choose, figures, like
+from missions.cli.robot.servos import find_limits, name_joints, part_ids
+from missions.cli.robot.trying import photograph, try_head
+from missions.cli.robot.writing import robot_text, udev_rules
+from missions.cli.root import SUCCESS
+from missions.library.drivers import Table, robot_of
+from missions.library.folders import state_folder
+from missions.library.shipped import load_mission
+
+SHOWN = ("greet", "wave", "look_around", "square_3m")
+"""Missions that are proposed as the first, where the new robot can do them."""
+
+
+@click.command(epilog="Example: mission robot new --yes")
+@click.option("--yes", is_flag=True, help="Take the default of each question: nothing moves, no servo is changed.")
+@click.option("--fresh", is_flag=True, help="Forget what was answered before.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Where to write it, instead of the folder of your robots.",
+)
+@root_option
+def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
+    """Make a robot file: what is plugged in, which parts, names, limits, trims, camera.
+
+    Each question has its default in round brackets. Ctrl-C leaves the dialogue; the same command takes it up again.
+    Nothing moves, and nothing is written into a servo, without a question of its own.
+    """
+    talk = Dialogue(state_folder() / "robot_new.json", yes=yes)
+    if fresh:
+        talk.forget()
+    try:
+        with interruptible():
+            return dialogue(talk, Machine(root), output)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("\nyour answers are kept; `mission robot new` goes on from here, --fresh begins anew", err=True)
+        raise
+
+
+def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience: float = PATIENCE) -> int:
+    """Ask, and write the file."""
+    if talk.begun:
+        talk.tell("going on from where you left; --fresh begins anew")
+    name = talk.text("name", "what is the robot called?", "my_robot", lambda said: _free(said, output))
+    path = output or config_folder() / "robots" / f"{name}.yaml"
+    table = Table()
+    desk, found = plugged_in(talk, machine, table, patience=patience)
+    model = like(talk, found)
+    parts = choose(talk, table, desk, found, model)
+    summary = talk.text("summary", "what is it, in a line?", f"{', '.join(parts) or 'no parts'}.")
+    config = _filled(talk, machine, name, summary, parts, patience)
+    _tried(talk, machine, parts, config, patience)
+    text = robot_text(name, summary, _sections(parts))
+    config = robot_of(Source(str(path), text), path)
+    talk.tell("", *text.splitlines(), "")
+    if not talk.confirm("write", f"write this to {path}?", default=True):
+        talk.forget("write")
+        raise click.Abort
+    used = talk.confirm("use", "make it this computer's robot?", default=True)
+    return _written(talk, path, text, parts, config, used=used)
+
+
+def _free(name: str, output: Path | None) -> None:
+    path = output or config_folder() / "robots" / f"{name}.yaml"
+    if not name.replace("-", "_").isidentifier():
+        raise ValueError(f"'{name}' is no name: letters, digits and _")
+    if name in shipped("robots"):
+        raise ValueError(f"{name} ships with MissionTree: give yours another name")
+    if path.exists():
+        raise ValueError(f"{path} is there already: give another name")
+
+
+def _sections(parts: Mapping[str, Part]) -> dict[str, tuple[Driver, dict[str, Any]]]:
+    return {kind: (part.driver, part.section) for kind, part in parts.items()}
+
+
+def _filled(
+    talk: Dialogue, machine: Machine, name: str, summary: str, parts: dict[str, Part], patience: float
+) -> RobotConfig:
+    """Ask for what the sections say, part by part, until the checker likes it."""
+    whole: dict[str, Part] = {}
+    for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
+        part, before = parts[kind], dict(parts[kind].section)
+        while True:
+            if issubclass(part.driver.keys, DynamixelKeys):
+                if part.port is not None:
+                    part_ids(talk, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
+                name_joints(talk, part)
+            figures(talk, kind, part)
+            whole[kind] = part
+            try:
+                config = robot_of(Source(name, robot_text(name, summary, _sections(whole))))
+                break
+            except InvalidFileError as error:
+                if talk.yes:
+                    raise
+                talk.tell(str(error), f"so the questions about the {kind} come again")
+                talk.forget(f"{kind}.")
+                talk.forget(f"{kind} ")
+                talk.forget(f"{kind}?")
+                part.section = dict(before)
+    return config if parts else robot_of(Source(name, robot_text(name, summary, {})))
+
+
+def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: RobotConfig, patience: float) -> None:
+    """Find out by hand and by eye what no wire tells. What goes wrong is told, and left out."""
+    paths = {kind: str(machine.at(part.port.path)) for kind, part in parts.items() if part.port is not None}
+    try:
+        if "arm" in parts and "arm" in paths:
+            find_limits(talk, parts["arm"], config, paths["arm"], patience=max(patience, 0.004))
+        if "head" in parts:
+            needs = parts["head"].driver.needs or ("head",)
+            try_head(talk, parts, config, {kind: path for kind, path in paths.items() if kind in needs})
+    except DriverError as error:
+        talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
+    camera = config.camera
+    if camera is not None:
+        photograph(talk, camera.source, camera.width, camera.height)
+
+
+def _written(
+    talk: Dialogue, path: Path, text: str, parts: Mapping[str, Part], config: RobotConfig, *, used: bool
+) -> int:
+    """Write the files, and say what to type next."""
+    name = config.name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        write_new(path, text)
+    except FileExistsError as error:
+        raise click.UsageError(str(error)) from error
+    talk.tell(f"wrote {path}")
+    rules = udev_rules(name, {kind: part.port for kind, part in parts.items() if part.port is not None})
+    if rules:
+        beside = path.with_suffix(".rules")
+        beside.write_text(rules, encoding="utf-8")
+        talk.tell(f"wrote {beside}: names, rights and speed of its ports; to install it:")
+        talk.tell(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
+    called = name if path.parent == config_folder() / "robots" else str(path)
+    if used:
+        with suppress(NotEditableError):
+            keep_default("robot", called if called == name else str(path.resolve()))
+    talk.forget()
+    talk.tell("next:", f"  mission robot check {called}")
+    for mission in _able(config)[:1]:
+        talk.tell(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
+        talk.tell(f"  mission run {mission} --robot {called}")
+    return SUCCESS
+
+
+def _able(config: RobotConfig) -> list[str]:
+    """Return which of the first missions the robot can do."""
+    found = []
+    for mission in SHOWN:
+        with suppress(InvalidFileError, UnknownNameError):
+            load_mission(mission, robot=target_of(config))
+            found.append(mission)
+    return found

@@ -1,0 +1,175 @@
+"""The servos of a new robot: their IDs where two have the same, their joints' names, and how far those go."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from math import radians
+from typing import Any
+
+from config.robot import RobotConfig
+from config.units import written
+from drivers.clock import SystemClock
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.census import Found, census
+from drivers.dynamixel.declared import DynamixelKeys, JointKeys
+from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.make import joints as specs
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.probe import IDS, TWO
+from drivers.dynamixel.settings import apply, planned
+from drivers.dynamixel.units import baud_code
+from drivers.errors import DriverError
+from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.parts import Part
+from missions.cli.servo.bench import REPLY_TIMEOUT
+from missions.cli.servo.calibrate import Turned
+from missions.cli.servo.ranges import ranged
+
+MARGIN = radians(2)
+"""How far before the ends that were touched the limits lie."""
+
+DELIVERED = (1_000_000, 57_600)
+
+
+@contextmanager
+def opened(path: str, baud: int, patience: float) -> Iterator[Bus]:
+    """Open a bus; close it whatever comes. Raises NotConnected."""
+    with closing(Bus(path, SystemClock(), baud=baud, patience=patience)) as bus:
+        bus.open()
+        yield bus
+
+
+def name_joints(talk: Dialogue, part: Part) -> None:
+    """Give each servo of an arm the name of a joint, unless the robot that it is like has named them."""
+    if "joints" in part.section:
+        return
+    joints: dict[str, dict[str, Any]] = {}
+
+    def check(answer: str) -> None:
+        if not answer.isidentifier():
+            raise ValueError(f"'{answer}' is no name: letters, digits and _")
+        if answer in joints:
+            raise ValueError(f"'{answer}' is servo {joints[answer]['id']} already")
+
+    usual = JointKeys(id=0).model
+    if not part.units:
+        talk.tell("no servo has answered: their IDs are taken as you say")
+        count = int(talk.text("arm count", "how many servos has the arm?", "1", _count))
+        part.units = tuple((number, usual, "") for number in range(1, count + 1))
+    for number, model, _ in sorted(part.units):
+        name = talk.text(f"arm joint {number}", f"what moves servo {number} ({model})?", f"joint{number}", check)
+        joints[name] = {"id": number} | ({} if model in {usual, "?"} or model not in MODELS else {"model": model})
+    part.section["joints"] = joints
+
+
+def _count(answer: str) -> None:
+    if not answer.isdecimal() or not 0 < int(answer) <= len(IDS):
+        raise ValueError(f"say a number from 1 to {len(IDS)}")
+
+
+def part_ids(talk: Dialogue, part: Part, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
+    """Give servos that share an ID new ones, one after another: each write into the EEPROM is asked for."""
+    if not any(trouble == TWO for _, _, trouble in part.units):
+        return
+    talk.tell("two servos have one ID; servos are delivered with ID 1")
+    if talk.yes or not talk.confirm("arm ids", "give them new IDs now? it writes their EEPROM", default=False):
+        talk.tell("left as they are: mission servo set-id 1 NEW --port PORT, with one plugged in alone")
+        return
+    baud, taken = int(part.section.get("baud", DELIVERED[0])), dict[int, str]()
+    while True:
+        step = f"arm id {len(taken)}"
+        question = "plug in one servo alone; how is its new ID? 'done' after the last"
+        free = next(number for number in range(1, len(IDS)) if number not in taken)
+        answer = talk.text(step, question, str(free), lambda said: said == "done" or _new_id(said, taken))
+        if answer == "done":
+            break
+        model = talk.measured(f"{step} model", lambda: _given(talk, path, baud, int(answer), patience))  # noqa: B023
+        if not model:
+            talk.forget(step)
+            continue
+        taken[int(answer)] = model
+    part.units = tuple((number, model, "") for number, model in taken.items())
+    if taken:
+        talk.tell("plug them all in again")
+
+
+def _new_id(said: str, taken: Mapping[int, str]) -> bool:
+    if not said.isdecimal() or int(said) not in range(253):
+        raise ValueError(f"'{said}' is no ID: 0 to 252")
+    if int(said) in taken:
+        raise ValueError(f"{said} is another's already")
+    return True
+
+
+def _given(talk: Dialogue, path: str, baud: int, new: int, patience: float) -> str:
+    """Give the one servo that is plugged in a new ID, and return its model; empty where that could not be."""
+    try:
+        with opened(path, baud, patience) as bus:
+            found = list(census(bus, tuple(dict.fromkeys((baud, *DELIVERED))), ids=IDS))
+            one = found[0] if len(found) == 1 else None
+            if one is None or one.model is None or one.garbled:
+                talk.tell(f"  {len(found) or 'no'} servos answer, or it is not known: plug in one alone")
+                return ""
+            return one.model.name if _written(talk, bus, one, new, baud) else ""
+    except DriverError as error:
+        talk.tell(f"  {error}")
+        return ""
+
+
+def _written(talk: Dialogue, bus: Bus, one: Found, new: int, baud: int) -> bool:
+    """Write ID and rate of a servo, after asking; say whether it has them now."""
+    if one.model is None:
+        return False
+    bus.baud = one.baud
+    wanted = {"id": new} | ({} if one.baud == baud else {"baud": baud_code(baud, one.model.protocol)})
+    changes = planned(bus, one.at, one.model.table, wanted)
+    told = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
+    if changes and not talk.sure(f"  {one.model.name}: write {told} into the EEPROM?"):
+        return False
+    apply(bus, one.at, one.model.table, changes)
+    talk.tell(f"  {one.model.name} has ID {new}")
+    return True
+
+
+def find_limits(talk: Dialogue, part: Part, config: RobotConfig, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
+    """Find how far joints go, moved by hand: torque goes off for that, where the user wants it."""
+    arm = config.keys(DynamixelKeys)
+    if arm is None or talk.yes or part.port is None:
+        return
+    question = "find the limits of its joints by hand? they get limp: hold the arm, it falls"
+    if not talk.knows("arm ranges") and not talk.consent("arm limits", question):
+        return
+    joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in specs(arm).items()}
+
+    def measure() -> dict[str, tuple[int, int]]:
+        with opened(path, arm.baud, patience) as bus:
+            return _turned(talk, bus, joints)
+
+    ends = talk.measured("arm ranges", measure)
+    kept = {str(name): dict(entries) for name, entries in part.section["joints"].items()}
+    for name, (lowest, highest) in ends.items():
+        turned = Turned(joints[name], lowest, highest)
+        if (found := turned.within(MARGIN)) is None:
+            talk.tell(f"  {name} was hardly turned: left as it is")
+            continue
+        new = ranged(arm.joints[name], found)
+        if new.ticks is not None:
+            kept[name]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
+        else:
+            kept[name]["limits"] = [written(new.lower, "angle"), written(new.upper, "angle")]
+    part.section["joints"] = kept
+
+
+def _turned(talk: Dialogue, bus: Bus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
+    """Make joints limp, and watch how far they are turned, until Enter."""
+    turned = []
+    for joint in joints.values():
+        bus.write(joint.at, joint.model.table["torque_enable"], 0)
+        ticks = bus.read(joint.at, joint.model.table["present_position"])
+        turned.append(Turned(joint, ticks, ticks))
+
+    def look() -> None:
+        for each in turned:
+            each.look(bus)
+
+    talk.watch(look, "turn each joint to both its ends by hand; then press Enter")
+    return {each.joint.name: (each.lowest, each.highest) for each in turned}

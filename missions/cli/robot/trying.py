@@ -1,0 +1,109 @@
+"""What is tried out while a robot file is made: which way the head turns, how it sits, what the camera sees."""
+
+from collections.abc import Mapping
+from contextlib import closing
+from math import radians
+from typing import Any
+
+from config.robot import RobotConfig
+from config.units import in_dimension, written
+from drivers.api import HeadPose
+from drivers.arduino.declared import ArduinoKeys
+from drivers.camera.choose import open_source
+from drivers.camera.exposure import unusable
+from drivers.clock import SystemClock
+from drivers.dynamixel.declared import NeckKeys
+from drivers.errors import DriverError
+from missions.cli.head_bench import opened_head
+from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.parts import Part
+
+STEP = radians(5)
+"""How far the head is moved to see which way it turns."""
+
+FIRST_PICTURES = 5.0
+"""Seconds that a camera has for its first picture."""
+
+SETTLING = 0.7
+"""Seconds of pictures that are not judged: exposure settles in them."""
+
+
+def try_head(talk: Dialogue, parts: Mapping[str, Part], config: RobotConfig, ports: Mapping[str, str]) -> None:
+    """Move the head by 5 degrees, where the user wants it, to find out which way is left and how it is trimmed."""
+    head = parts["head"]
+    if not isinstance(config.head, ArduinoKeys | NeckKeys):
+        return
+    if not talk.knows("head tried"):
+        talk.forget("tried ")
+        question = "may the head move by 5 degrees, to see which way is left? hands off"
+        if not ports or not talk.consent("head moves", question):
+            return
+    answers = talk.measured("head tried", lambda: _tried(talk, config, ports))
+    for axis in ("pan", "tilt"):
+        _correct(parts, head, axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
+
+
+def _tried(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str]) -> dict[str, Any]:
+    """Move the head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
+    found: dict[str, Any] = {}
+    with opened_head(config, ports) as bench:
+        bench.look(HeadPose(0.0, 0.0))
+        for axis, way, pose in (("pan", "to ITS left", HeadPose(STEP, 0.0)), ("tilt", "down", HeadPose(0.0, STEP))):
+            bench.look(pose)
+            found[f"{axis} turned"] = not talk.confirm(f"tried {axis} way", f"did it turn {way}?", default=True)
+            bench.look(HeadPose(0.0, 0.0))
+        for axis in ("pan", "tilt"):
+            side = "left" if axis == "pan" else "down"
+            question = f"by how many degrees is it askew in {axis} now? positive is {side}"
+            askew = talk.text(f"tried {axis} askew", question, "0", lambda said: in_dimension(f"{said} deg", "angle"))
+            found[f"{axis} trim"] = -in_dimension(f"{askew} deg", "angle")
+    return found
+
+
+def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, trim: float) -> None:
+    """Write into the section of the head, or of the arm's joint, what was found out."""
+    section = dict(head.section[axis])
+    if turned and "joint" in section:
+        joints = parts["arm"].section["joints"]
+        joint = dict(joints[section["joint"]])
+        joint["reverse"] = not joint.get("reverse", False)
+        parts["arm"].section["joints"] = {**joints, section["joint"]: joint}
+    elif turned:
+        section["flip"] = not section.get("flip", False)
+    if trim:
+        trim = -trim if section.get("flip", False) else trim  # it is told in the servo's own direction
+        before = in_dimension(section["trim"], "angle") if "trim" in section else 0.0
+        section["trim"] = written(before + trim, "angle")
+    head.section[axis] = section
+
+
+def photograph(talk: Dialogue, source: str, width: int, height: int) -> None:
+    """Take a picture, where the user wants it, and say whether it shows anything."""
+    number = 0
+    question = f"take a picture with camera {source}, to see whether it works?"
+    while not talk.yes and talk.confirm(f"picture {number}", question, default=number == 0):
+        told = talk.measured(f"picture {number} told", lambda: _picture(source, width, height))
+        if told is None:
+            talk.tell("  the picture shows something")
+            return
+        talk.tell(f"  {told[0]}", f"    try: {told[1]}")
+        number, question = number + 1, "take another one?"
+
+
+def _picture(source: str, width: int, height: int) -> list[str] | None:
+    """Return what is wrong with a picture, and what to try; None where it shows something."""
+    clock = SystemClock()
+    try:
+        with closing(open_source(source, clock, size=(width, height), loop=False)) as camera:
+            camera.open()
+            image = None
+            while clock.now() < (FIRST_PICTURES if image is None else SETTLING):
+                frame = camera.read(0.1)
+                image = image if frame is None else frame.image
+            if image is None:
+                health = camera.health()
+                return [health.detail or "it gives no picture", health.hint or "mission camera list"]
+    except DriverError as error:
+        return [str(error), error.hint]
+    wrong = unusable(image)
+    return None if wrong is None else list(wrong)

@@ -1,0 +1,80 @@
+"""A robot file as text, with a comment behind each figure; and the udev rules of its ports."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import yaml
+
+from drivers.api.driver import Driver
+from drivers.api.keys import declared
+from drivers.finding.serial_ports import SerialPort
+
+WIDTH = 30
+"""Where comments begin, at the least."""
+
+LONGEST = 70
+"""Letters of a comment at most."""
+
+
+def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mapping[str, Any]]]) -> str:
+    """Return the text of a robot file."""
+    lines = [
+        "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
+        f"robot: {_plain(name)}",
+        f"summary: {_plain(summary, '{}')}",
+    ]
+    for kind, (driver, section) in parts.items():
+        lines += ["", f"{kind}:", f"  driver: {driver.name}  # {driver.about}"]
+        helps = {key.word: key.help for key in declared(driver.keys)}
+        for word, value in section.items():
+            lines += _entry(word, value, helps.get(word, ""))
+    return "\n".join(lines) + "\n"
+
+
+def _entry(word: str, value: Any, told: str) -> Iterator[str]:
+    """Yield a key of a section; what holds sections of its own takes a line for each."""
+    if isinstance(value, Mapping) and value and all(isinstance(each, Mapping | list) for each in value.values()):
+        yield f"  {word}:"
+        for name, inner in value.items():
+            yield f"    {_plain(name)}: {flow(inner)}"
+        return
+    line, comment = f"  {word}: {flow(value)}", told.partition(". ")[0].rstrip(".")
+    yield f"{line.ljust(WIDTH)}  # {comment}" if comment and len(comment) <= LONGEST else line
+
+
+def flow(value: Any) -> str:
+    """Return a value on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_plain(name)}: {flow(inner)}" for name, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(flow(inner) for inner in value) + "]"
+    return _plain(value) if isinstance(value, str) else json.dumps(value)
+
+
+def _plain(text: str, within: str = "[{}]") -> str:
+    """Write a text without quotes where YAML takes it for that text, also in a list."""
+    try:
+        read = yaml.safe_load(within.format(text))
+        plain = read in (text, [text]) and yaml.safe_load(f"a: {text}") == {"a": text}
+    except yaml.YAMLError:
+        plain = False
+    return text if plain else json.dumps(text, ensure_ascii=False)
+
+
+def udev_rules(robot: str, ports: Mapping[str, SerialPort]) -> str:
+    """Return udev rules that give each port, by its part, a name, rights and speed; empty where none is on USB."""
+    rules = []
+    for kind, port in ports.items():
+        usb = port.usb
+        if usb is None:
+            continue
+        ids = f'ATTRS{{idVendor}}=="{usb.vendor}", ATTRS{{idProduct}}=="{usb.product}"'
+        own = f'ATTRS{{serial}}=="{usb.serial}"' if usb.serial else f'KERNELS=="{usb.socket}"'
+        link = re.sub(r"\W", "_", f"{robot}_{kind}")
+        rights = 'GROUP="dialout", MODE="0660", ENV{ID_MM_DEVICE_IGNORE}="1"'
+        rules.append(f'SUBSYSTEM=="tty", {ids}, {own}, SYMLINK+="{link}", {rights}')
+        if port.latency is not None and usb.serial:
+            rules.append(f'ACTION=="add", SUBSYSTEM=="usb-serial", {own}, ATTR{{latency_timer}}="1"')
+    return "".join(f"{rule}\n" for rule in [f"# The serial ports of {robot}.", *rules]) if rules else ""

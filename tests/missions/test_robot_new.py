@@ -1,0 +1,312 @@
+"""``mission robot new``: from nothing to a mission, in few answers; left after each of them, and taken up again.
+
+What is plugged in is virtual, on pseudo-terminals; the machine is recorded. Somebody answers the questions by what
+they ask for, and every byte on the wires is kept.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass, field
+from functools import partial
+from math import degrees
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+import pytest
+
+from config.defaults import config_folder, load_defaults
+from config.library import find
+from drivers.arduino import wire as rosserial
+from drivers.clock import SystemClock
+from drivers.dynamixel import wire
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.dynamixel.wire import Instruction
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal, WireDevice
+from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.new import dialogue, new
+from missions.library.drivers import load_robot
+from tests.drivers.desks import RecordedMachine
+from tests.missions.command import command
+
+PATIENCE = 0.03
+"""Seconds that virtual devices may be late, on a machine that has other things to do."""
+
+MOST = 40
+"""Answers within which a robot file is made."""
+
+
+@dataclass
+class Person:
+    """Answers questions by what they ask for, else by Enter; leaves after ``stays`` answers."""
+
+    answers: Mapping[str, str] = field(default_factory=dict)
+    stays: int = 1000
+    asked: list[str] = field(default_factory=list)
+
+    def __call__(self, question: str, **_: object) -> str:
+        if len(self.asked) >= self.stays:
+            raise click.Abort
+        self.asked.append(question)
+        return next((answer for asks, answer in self.answers.items() if re.search(asks, question)), "")
+
+
+class Workbench:
+    """A recorded machine with virtual devices at its ports, and what is written to each of them."""
+
+    def __init__(self, folder: Path, stack: ExitStack, patch: pytest.MonkeyPatch) -> None:
+        self.desk = RecordedMachine(folder / "machine")
+        self.kept = folder / "state" / "robot_new.json"
+        self.written: dict[str, list[bytes]] = {}
+        self._stack, self._patch = stack, patch
+
+    def plug(self, name: str, device: WireDevice, ids: str, serial: str = "") -> Terminal:
+        log, feed = self.written.setdefault(name, []), device.feed
+
+        def logged(data: bytes, now: float) -> bytes:
+            log.append(data)
+            return feed(data, now)
+
+        self._patch.setattr(device, "feed", logged)
+        terminal = self._stack.enter_context(closing(Terminal(name, device, SystemClock())))
+        terminal.open()
+        self.desk.port(name, ids, serial=serial, by_id=f"usb-{serial}" if serial else "", behind=terminal.path)
+        return terminal
+
+    def session(self, person: Person, *, yes: bool = False) -> None:
+        self._patch.setattr(click, "prompt", person)
+        with click.Context(new):
+            dialogue(Dialogue(self.kept, yes=yes), self.desk.machine, None, patience=PATIENCE)
+
+    def instructions(self, name: str) -> set[int]:
+        """Return the instructions in frames of protocol 1.0, as Feetech's are too, that a port was sent."""
+        return {packet.code for packet in wire.Parser().feed(b"".join(self.written[name]))}
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workbench]:
+    with ExitStack() as stack:
+        yield Workbench(tmp_path, stack, monkeypatch)
+
+
+def plug_turtlebot(bench: Workbench) -> VirtualRodney:
+    nano = VirtualRodney(starts=ATTACHED)
+    bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
+    bench.plug("ttyUSB1", VirtualServoBus([VirtualServo(number) for number in range(1, 11)]), "0403:6014", "FT7")
+    bench.plug("ttyUSB2", nano, "1a86:7523")
+    return nano
+
+
+def plug_so101(bench: Workbench) -> VirtualServoBus:
+    chain = VirtualServoBus([VirtualServo(number, model="STS3215") for number in range(1, 7)])
+    bench.plug("ttyACM0", chain, "1a86:55d3", "5A7A01")
+    return chain
+
+
+READS = {Instruction.PING, Instruction.READ}
+ROSIE = {"what is the robot called": "rosie", "ask /dev/ttyUSB2": "y"}
+ADA = {"what is the robot called": "ada"}
+
+
+@pytest.mark.real_time
+def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
+    bench: Workbench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nano = plug_turtlebot(bench)
+    person = Person(ROSIE)
+    bench.session(person)
+    told = capsys.readouterr().out
+    assert len(person.asked) < MOST
+    assert "which of these is it like? its names, limits and figures are taken over (turtlebot2_arm)" in person.asked
+    config = load_robot(find("robots", "rosie"))
+    assert config.parts == {"base", "head", "arm", "camera", "microphone", "voice", "screen"}
+    assert load_defaults().robot == "rosie"
+    text = (config_folder() / "robots/rosie.yaml").read_text()
+    assert "port: /dev/serial/by-id/usb-kobuki_7" in text
+    assert "# The highest speed" in text
+    rules = (config_folder() / "robots/rosie.rules").read_text()
+    assert 'ATTRS{serial}=="kobuki_7", SYMLINK+="rosie_base"' in rules
+    assert 'KERNELS=="1-3", SYMLINK+="rosie_head"' in rules
+    assert "mission run greet --robot rosie --simulate" in told
+    assert not bench.kept.exists()
+    # Nothing moved, and nothing was written into a servo.
+    assert bench.written["ttyUSB0"] == []
+    assert bench.instructions("ttyUSB1") == READS
+    assert nano.commands == []
+    assert set(bench.written["ttyUSB2"]) == {rosserial.PROBE}
+    ran = command(capsys, "run", "greet", "--simulate", "fast", "--eyes", "truth")
+    assert ran.code == 0, ran.err
+
+
+@pytest.mark.real_time
+def test_an_so101_is_known_after_few_answers(bench: Workbench) -> None:
+    plug_so101(bench)
+    person = Person({**ADA, r"like\?": "so101"})
+    bench.session(person)
+    assert len(person.asked) < MOST
+    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    assert arm is not None
+    assert [joint.id for joint in arm.joints.values()] == [1, 2, 3, 4, 5, 6]
+    assert arm.port == "/dev/serial/by-id/usb-5A7A01"
+    assert bench.instructions("ttyACM0") == READS
+
+
+@pytest.mark.real_time
+def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) -> None:
+    bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(4, model="MX-28"), VirtualServo(7)]), "0403:6014", "FT7")
+    person = Person({"called": "kit", r"like\?": "none", "servo 4": "hip", "servo 7": "knee"})
+    bench.session(person)
+    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    assert arm is not None
+    assert {name: (joint.id, joint.model) for name, joint in arm.joints.items()} == {
+        "hip": (4, "MX-28"),
+        "knee": (7, "AX-12A"),
+    }
+    assert len(person.asked) < MOST
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("robot", ["turtlebot", "so101"])
+def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot: str) -> None:
+    plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
+    answers = ROSIE if robot == "turtlebot" else ADA
+    asked: list[str] = []
+    for _ in range(MOST):
+        person = Person(answers, stays=1)
+        with suppress(click.Abort):
+            bench.session(person)
+            break
+        asked += person.asked
+    else:
+        pytest.fail(f"not done after {MOST} answers: {asked}")
+    assert len(asked) == len(set(asked)), "nothing is asked twice"
+    assert find("robots", "mine").is_file()
+    assert all(bench.instructions(name) <= READS for name in bench.written if name in {"ttyUSB1", "ttyACM0"})
+
+
+@pytest.mark.real_time
+def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) -> None:
+    nano = plug_turtlebot(bench)
+    person = Person()
+    bench.session(person, yes=True)
+    assert person.asked == []
+    assert find("robots", "my_robot").is_file()
+    assert nano.commands == []
+    assert bench.written["ttyUSB2"] == []
+    assert bench.instructions("ttyUSB1") == READS
+
+
+@pytest.mark.real_time
+def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Workbench) -> None:
+    one, other = VirtualServo(1, angle=0.4), VirtualServo(1, angle=-0.7)
+    bench.plug("ttyUSB0", VirtualServoBus([one, other]), "0403:6014", "FT7")
+
+    class Hand(Person):
+        """Plugs in one servo after the other, as it is asked to."""
+
+        def __call__(self, question: str, **told: object) -> str:
+            if "plug in one servo alone" in question:
+                done = sum("plug in one servo alone" in each for each in self.asked)
+                one.present, other.present = done == 0, done == 1
+                super().__call__(question)
+                return ("1", "2", "done")[done]
+            return super().__call__(question, **told)
+
+    person = Hand({"called": "kit", r"like\?": "none", "give them new IDs": "y", "into the EEPROM": "y"})
+    bench.session(person)
+    assert (one.number, other.number) == (1, 2)
+    assert [each for each in person.asked if "EEPROM?" in each] == ["  AX-12A: write id 1 -> 2 into the EEPROM? [y/N]"]
+    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    assert arm is not None
+    assert [joint.id for joint in arm.joints.values()] == [1, 2]
+
+
+@pytest.mark.real_time
+def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(1, angle=0.4), VirtualServo(1)]), "0403:6014", "FT7")
+    with suppress(click.Abort):
+        bench.session(Person({"called": "kit", r"like\?": "none"}, stays=20))
+    assert "two servos have one ID" in capsys.readouterr().out
+    assert bench.instructions("ttyUSB0") == READS
+
+
+@pytest.mark.real_time
+def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
+    servo = VirtualServo(1)
+    terminal = bench.plug("ttyUSB0", VirtualServoBus([servo]), "0403:6014", "FT7")
+
+    def turned(_: Dialogue, look: object, question: str) -> None:
+        assert "turn each joint" in question
+        assert callable(look)
+        for angle in (-0.5, 0.9):
+            terminal.ask(partial(servo.turn_by_hand, angle))
+            look()
+
+    monkeypatch.setattr(Dialogue, "watch", turned)
+    bench.session(Person({"called": "kit", r"like\?": "none", "find the limits": "y"}))
+    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    assert arm is not None
+    lower, upper = (degrees(end) for end in arm.joints["joint1"].ends)
+    assert lower == pytest.approx(-28.6 + 2, abs=0.5)
+    assert upper == pytest.approx(51.6 - 2, abs=0.5)
+
+
+@pytest.mark.real_time
+def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(bench: Workbench) -> None:
+    nano = plug_turtlebot(bench)
+    person = Person({**ROSIE, "may the head move": "y", "did it turn to ITS left": "n", "askew in tilt": "3"})
+    bench.session(person)
+    head = load_robot(find("robots", "rosie")).head
+    assert head is not None
+    text = (config_folder() / "robots/rosie.yaml").read_text()
+    assert re.search(r"pan: \{servo: 0, .*flip: true\}", text)
+    assert re.search(r"tilt: \{servo: 1, .*flip: true, trim: 3 deg\}", text)
+    moved = {index for index, _ in nano.commands}
+    assert moved == {0, 1}
+    assert all(abs(angle - 90) <= 10 for _, angle in nano.commands)
+
+
+@pytest.mark.parametrize(("grey", "told"), [(0, "the picture is black"), (128, "all of one colour")])
+def test_a_camera_that_shows_nothing_is_told(
+    bench: Workbench, capsys: pytest.CaptureFixture[str], tmp_path: Path, grey: int, told: str
+) -> None:
+    picture = tmp_path / "dark.png"
+    cv2.imwrite(str(picture), np.full((480, 640, 3), grey, np.uint8))
+    person = Person({"called": "kit", r"like\?": "wave_rover", "has it the base": "n", "camera source": str(picture)})
+    bench.session(person)
+    assert told in capsys.readouterr().out
+
+
+def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    class Slow(Person):
+        def __call__(self, question: str, **told: object) -> str:
+            super().__call__(question, **told)
+            names = [each for each in self.asked if "called" in each]
+            return ("turtlebot2", "two words", "kit")[len(names) - 1] if "called" in question else ""
+
+    bench.session(Slow())
+    out = capsys.readouterr().out
+    assert "turtlebot2 ships with MissionTree: give yours another name" in out
+    assert "'two words' is no name" in out
+    assert find("robots", "kit").is_file()
+
+
+def test_the_command_keeps_the_answers_when_it_is_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    root = str(RecordedMachine(tmp_path / "machine").root)
+    monkeypatch.setattr(click, "prompt", Person({"called": "kit"}, stays=2))
+    left = command(capsys, "robot", "new", "--root", root)
+    assert left.code == 130
+    assert "`mission robot new` goes on from here" in left.err
+    monkeypatch.setattr(click, "prompt", Person())
+    done = command(capsys, "robot", "new", "--root", root)
+    assert done.code == 0
+    assert "what is the robot called?: kit  (answered before)" in done.out
+    assert find("robots", "kit").is_file()
