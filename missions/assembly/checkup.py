@@ -75,7 +75,7 @@ def _part(
     elif wired and port.shut is not None:
         yield wrong("port", f"{named}: {port.shut.what}", port.shut.cure)
     elif wired and _may_start_anew(section, port) and not resets:
-        cure = "mission robot check ROBOT --reset  (hands off the robot)"
+        cure = "mission doctor --move --robot ROBOT  (hands off the robot)"
         yield Finding("port", f"{port.title}: left alone, for it starts anew when it is asked, and may move", cure=cure)
     elif section.driver.checkup:
         where = str(machine.at(port.path)) if wired else ""

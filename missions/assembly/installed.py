@@ -15,11 +15,12 @@ FOR_DEVELOPERS = "dev"
 
 
 def extras() -> dict[str, list[str]]:
-    """Return the distributions that each extra asks for; those that are always needed under an empty name."""
+    """Return the distributions that each extra asks for on this machine; those always needed under an empty name."""
     found: dict[str, list[str]] = {}
     for need in requires(OURS) or ():
         match = _NEED.match(need)
-        if match is not None and match[2] != FOR_DEVELOPERS:
+        elsewhere = "platform_machine" in need and platform.machine() not in need
+        if match is not None and match[2] != FOR_DEVELOPERS and not elsewhere:
             found.setdefault(match[2] or "", []).append(match[1])
     return found
 

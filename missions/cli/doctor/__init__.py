@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import click
@@ -17,6 +18,7 @@ from drivers.finding.survey import survey
 from missions.assembly.checkup import Checked, check_robot
 from missions.assembly.installed import installation
 from missions.cli.console import echo
+from missions.cli.doctor.moving import tried
 from missions.cli.doctor.report import report
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
@@ -36,33 +38,43 @@ STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 @click.option("--robot", type=ROBOT, help="The robot to look at; else this computer's own, or the computer alone.")
 @click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=pairs("base=/dev/ttyUSB0"),
               help="Where a part is plugged in, instead of what the robot file says.")  # fmt: skip
+@click.option("--move", is_flag=True, help="Try what moves, a little, with a question before and after each.")
 @click.option("--report", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
               help="Write it into FILE too, for asking others: without names and serial numbers.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
 @click.option("--root", type=click.Path(path_type=Path, file_okay=False, exists=True), default=Path("/"), metavar="DIR",
               help="The files of a recorded machine instead of this one's.")  # fmt: skip
-def command(robot: str | None, ports: dict[str, str], file: Path | None, as_json: bool, root: Path) -> int:
+def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | None, as_json: bool, root: Path) -> int:
     """Look at everything at once, at rest: this computer, what is plugged in, and each part of the robot.
 
-    Each line is ok, a warning, or wrong, with what to try. Nothing moves, and nothing is written into a device. Exit
-    code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
+    Each line is ok, a warning, or wrong, with what to try. Nothing moves without --move, and nothing is written into a
+    device. Exit code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
     """
     machine, config = Machine(root), _config(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
         raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
+    if move and config is None:
+        raise click.UsageError("--move: which robot?\n  try: mission doctor --move --robot NAME")
     found = list[Checked]()
     with interruptible():
-        for each in _all(machine, config, robot or MINE, ports):
-            found.append(each)
+        for each in _all(machine, config, robot or MINE, ports, found, move=move):
             if not as_json:
-                _tell(each, new=len(found) < 2 or found[-2].part != each.part)
-    wrong = [each for each in found if each.finding.verdict == "wrong"]
+                _tell(each, new=not found or found[-1].part != each.part)
+            found.append(each)
+    return _end(machine, config, found, file, as_json=as_json)
+
+
+def _end(
+    machine: Machine, config: RobotConfig | None, found: list[Checked], file: Path | None, *, as_json: bool
+) -> int:
+    """Say it all as JSON, or how much of it is wrong; write the report; return the exit code."""
+    wrong = sum(each.finding.verdict == "wrong" for each in found)
     if as_json:
-        click.echo(json.dumps({"robot": config.name if config else None, "ok": not wrong, "findings": [
-            {"part": each.part, **asdict(each.finding)} for each in found]}))  # fmt: skip
+        findings = [{"part": each.part, **asdict(each.finding)} for each in found]
+        click.echo(json.dumps({"robot": config.name if config else None, "ok": not wrong, "findings": findings}))
     else:
         warnings = sum(each.finding.verdict == "warning" for each in found)
-        click.echo(f"{len(wrong)} wrong, {warnings} warnings, {len(found) - len(wrong) - warnings} ok")
+        click.echo(f"{wrong} wrong, {warnings} warnings, {len(found) - wrong - warnings} ok")
     if file is not None:
         with writing(file, "--report"):
             file.write_text(report(machine, found), encoding="utf-8")
@@ -80,8 +92,16 @@ def _config(robot: str | None) -> RobotConfig | None:
         return None
 
 
-def _all(machine: Machine, config: RobotConfig | None, called: str, ports: dict[str, str]) -> Iterator[Checked]:
-    """Yield all that is found, as it is found."""
+def _all(
+    machine: Machine,
+    config: RobotConfig | None,
+    called: str,
+    ports: dict[str, str],
+    found: list[Checked],
+    *,
+    move: bool,
+) -> Iterator[Checked]:
+    """Yield all that is found, as it is found; ``found`` is what was yielded so far."""
     clock, now = SystemClock(), time_of_day().timestamp()
     installed = Path(__file__).stat().st_mtime
     computer = fitness(machine, survey(machine), now=now, installed=installed, folder=state_folder())
@@ -91,7 +111,12 @@ def _all(machine: Machine, config: RobotConfig | None, called: str, ports: dict[
         yield Checked(COMPUTER, nobody)
         return
     yield Checked(COMPUTER, Finding("robot", f"{config.name}: {', '.join(config.sections)}"))
-    yield from check_robot(config, called, machine, clock, ports=ports)
+    ask = partial(click.confirm, err=True)
+    move = move and ask(f"{config.name} is going to move a little. Is there room, and are all hands off it?")
+    yield from check_robot(config, called, machine, clock, ports=ports, resets=move)
+    if move:
+        unwell = frozenset(each.part for each in found if each.finding.verdict == "wrong")
+        yield from tried(config, called, ports, unwell=unwell, ask=ask)
 
 
 def _tell(checked: Checked, *, new: bool) -> None:

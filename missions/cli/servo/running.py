@@ -1,20 +1,24 @@
 """One leaf run as a mission of its own, so that all that makes missions safe holds for commands by hand too."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 from behaviours.leaf import Leaf
+from behaviours.node import Node
 from config.faults import Source
 from config.robot import RobotConfig
+from drivers.api import ignore
 from missions.assembly.target import target_of
 from missions.cli.live import Watcher
 from missions.cli.run import EXIT_CODES
 from missions.cli.running import tell_unreachable
 from missions.cli.servo.target import Target
+from missions.executive.executive import Result
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
+from missions.language.plan import Plan
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio.control import ControlSocket
@@ -37,14 +41,24 @@ def run_leaf(
     source = Source(kind.word, f"mission: {kind.word}\ntree:\n  {kind.word}: {arguments}\n")
     plan = check_plan(source, {kind.word: kind}, things, robot=target_of(config))
     ports = {} if target.port is None else {"arm": target.port}
-    watcher = Watcher(sys.stdout)
     order = RunRequest(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
+    result, root = run_plan(plan, order, target.tell_if_simulated)
+    return EXIT_CODES[result.result], next(node for node in root.iterate() if isinstance(node, kind))
+
+
+def run_plan(
+    plan: Plan, order: RunRequest, before: Callable[[], None] = ignore, out: TextIO | None = None
+) -> tuple[Result, Node]:
+    """Run a plan that was made here, and show on ``out``, or stdout, what happens; return how it ended, and its tree.
+
+    ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet.
+    """
+    watcher = Watcher(out or sys.stdout)
     runner = Runner(order, listeners=[watcher], plan=plan)
     watcher.watch(runner.root)
-    target.tell_if_simulated()
+    before()
     control = ControlSocket(runner, Pictures(), simulated=order.simulation or "")
     runner.stream.listeners.append(control)
     with watcher, control:
         tell_unreachable(control)
-        result = runner.run()
-    return EXIT_CODES[result.result], next(node for node in runner.root.iterate() if isinstance(node, kind))
+        return runner.run(), runner.root

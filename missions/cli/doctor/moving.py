@@ -1,0 +1,91 @@
+"""Trying what moves, a little, with a question before and after each: what a robot is told, and what a person saw."""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from behaviours.catalogue import LEAVES
+from config.faults import Source
+from config.robot import RobotConfig, Section
+from drivers.api.findings import Finding, warning, wrong
+from drivers.api.sections import ArmKeys
+from missions.assembly.checkup import Checked
+from missions.assembly.target import target_of
+from missions.cli.doctor.nudge import Nudge
+from missions.cli.servo.running import run_plan
+from missions.language.document import check_plan
+from missions.library.things import THINGS
+from missions.order import RunRequest
+
+Ask = Callable[[str], bool]
+"""Asks a person a question."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A movement: what it is ``about``, what it ``does``, the steps, whether that was seen, and the ``cure`` if not."""
+
+    about: str
+    does: str
+    steps: tuple[str, ...]
+    question: str
+    cure: str
+
+    @property
+    def source(self) -> Source:
+        """The mission."""
+        steps = "".join(f"    - {step}\n" for step in self.steps)
+        return Source("doctor", f"mission: doctor\ntree:\n  sequence:\n{steps}")
+
+
+def tried(
+    config: RobotConfig, called: str, ports: Mapping[str, str], *, unwell: frozenset[str], ask: Ask
+) -> Iterator[Checked]:
+    """Yield what came of each movement; parts that are ``unwell`` are not tried."""
+    for part, section in config.sections.items():
+        for trial in trials(part, section):
+            if part in unwell:
+                cure = "mend what is wrong first"
+                yield Checked(part, warning(trial.about, "not tried, for something is wrong with it", cure))
+            elif not ask(f"{part}: {trial.does}. May it?"):
+                yield Checked(part, Finding(trial.about, "not tried"))
+            else:
+                yield Checked(part, _tried(trial, config, RunRequest("doctor", robot=called, ports=ports), ask))
+
+
+def trials(part: str, section: Section) -> Iterator[Trial]:
+    """Yield what there is to try of a part."""
+    kind = section.driver.kind
+    if kind == "base":
+        does = "it turns by 10 degrees to its left, and back; the floor around it must be free"
+        cure = "look whether the plugs of its wheels or motors are swapped"
+        yield Trial("turning", does, ("turn: 10 deg", "turn: -10 deg"), "Did it turn to its left first?", cure)
+    elif kind == "head":
+        of = "" if part == "head" else f", on: {part}"
+        poses = ((0, 0), (8, 0), (0, 0), (0, -8), (0, 0))
+        steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
+        does = "it looks straight ahead, a little to its left, and a little up"
+        cure = "in the robot file, turn the axis round that went wrong; askew: mission head trim --robot ROBOT"
+        yield Trial("looking", does, steps, "Did it look ahead, then to its left, then up?", cure)
+    elif kind == "arm" and isinstance(section.keys, ArmKeys):
+        for joint in section.keys.limits:
+            does = f"{joint} goes 4 degrees to one side, and back; the arm becomes stiff"
+            cure = "mission servo scan --robot ROBOT  (has it the ID of another joint?)"
+            yield Trial(joint, does, (f"nudge: {joint}",), f"Did {joint} move, and nothing else?", cure)
+    elif kind == "voice":
+        cure = "speaker-test -t wav -c 1 -l 1  (do you hear that? else: alsamixer)"
+        yield Trial("speaking", "it says a few words", ("say: one, two, three",), "Did you hear it?", cure)
+
+
+def _tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) -> Finding:
+    """Have a robot do something, and say what came of it."""
+    plan = check_plan(trial.source, {**LEAVES, Nudge.word: Nudge}, THINGS, robot=target_of(config))
+    cure = trial.cure.replace("ROBOT", str(order.robot))
+    result, _ = run_plan(plan, order, out=sys.stderr)
+    if result.result == "interrupted":
+        raise KeyboardInterrupt
+    if result.result != "success":
+        return wrong(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {order.robot}")
+    if not ask(trial.question):
+        return wrong(trial.about, "it has done something else than it was told", cure)
+    return Finding(trial.about, "done, and seen")

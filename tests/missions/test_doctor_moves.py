@@ -1,0 +1,129 @@
+"""``mission doctor --move``: what is asked of a person, what moves and how little, and what came of it."""
+
+import math
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from behaviours.leaf import FAILURE, SUCCESS
+from drivers.clock import SystemClock
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+from missions.assembly.checkup import Checked
+from missions.cli.doctor.moving import trials, tried
+from missions.cli.doctor.nudge import WAY, Nudge
+from missions.library.drivers import load_robot
+from missions.testing.recorders import Bench
+from tests.behaviours.servo_arm import moves, play, with_servos
+from tests.missions.command import command
+
+ROBOT = """robot: kit
+arm:
+  driver: dynamixel
+  port: /dev/u2d2
+  joints: {shoulder: {id: 1, limits: [-90 deg, 90 deg]}, elbow: {id: 2, limits: [-90 deg, 90 deg]}}
+"""
+
+
+def nudged(bench: Bench) -> Nudge:
+    return bench.put(Nudge("nudge"), joint="elbow")
+
+
+def test_a_joint_goes_a_little_way_and_back_and_no_other_moves() -> None:
+    bench, servos = with_servos()
+    leaf = nudged(bench)
+    play(bench, leaf)
+    assert leaf.status is SUCCESS
+    told = [move["elbow"] for move in moves(servos)]
+    assert all(set(move) == {"elbow"} for move in moves(servos))
+    assert max(told) == pytest.approx(WAY, abs=math.radians(0.2))
+    assert told[-1] == pytest.approx(0.0, abs=1e-6)
+    assert max(speed["elbow"] for speed in servos.speeds) < math.radians(30)
+
+
+def test_a_joint_that_stands_outside_its_limits_is_not_moved() -> None:
+    bench, servos = with_servos()
+    servos.turn_by_hand("elbow", -0.3)
+    leaf = nudged(bench)
+    play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert "it stands at -17 deg; its limits are 0 to" in leaf.reason
+    assert not moves(servos)
+
+
+def test_a_joint_that_does_not_move_is_told() -> None:
+    bench, servos = with_servos()
+    servos.stuck.add("elbow")
+    leaf = nudged(bench)
+    play(bench, leaf)
+    assert leaf.status is FAILURE
+    assert leaf.reason == "it was sent 4 deg, and went 0.0"
+
+
+def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None:
+    config = load_robot(Path("config/robots/turtlebot2_arm.yaml").absolute())
+    told = {part: [trial.about for trial in trials(part, section)] for part, section in config.sections.items()}
+    assert told["base"] == ["turning"]
+    assert told["head"] == ["looking"]
+    assert told["arm"] == list(config.arm.limits if config.arm else ())
+    assert told["voice"] == ["speaking"]
+    assert told["camera"] == []
+    (mast,) = trials("lidar_mast", config.sections["head"])
+    assert all("on: lidar_mast" in step for step in mast.steps)
+
+
+@pytest.fixture
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+    """An arm of two servos, and its robot file in this folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("kit.yaml").write_text(ROBOT)
+    servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
+    with closing(Terminal("u2d2", servos, SystemClock())) as terminal:
+        terminal.open()
+        yield terminal
+
+
+def _tried(plugged: Terminal, *answers: bool, unwell: frozenset[str] = frozenset()) -> tuple[list[Checked], list[str]]:
+    """Try the arm with a person who answers so; return what was found, and what was asked."""
+    asked, left = list[str](), list(answers)
+
+    def ask(question: str) -> bool:
+        asked.append(question)
+        return left.pop(0)
+
+    config = load_robot(Path("kit.yaml").absolute())
+    return list(tried(config, "kit.yaml", {"arm": plugged.path}, unwell=unwell, ask=ask)), asked
+
+
+@pytest.mark.real_time
+def test_each_joint_is_asked_for_moved_and_asked_about(plugged: Terminal) -> None:
+    found, asked = _tried(plugged, True, True, True, False)
+    assert [(each.finding.about, each.finding.verdict, each.finding.what) for each in found] == [
+        ("shoulder", "ok", "done, and seen"),
+        ("elbow", "wrong", "it has done something else than it was told"),
+    ]
+    assert asked == [
+        "arm: shoulder goes 4 degrees to one side, and back; the arm becomes stiff. May it?",
+        "Did shoulder move, and nothing else?",
+        "arm: elbow goes 4 degrees to one side, and back; the arm becomes stiff. May it?",
+        "Did elbow move, and nothing else?",
+    ]
+    assert found[1].finding.cure.startswith("mission servo scan --robot kit.yaml")
+
+
+def test_what_may_not_and_what_is_unwell_does_not_move(plugged: Terminal) -> None:
+    found, asked = _tried(plugged, False, False)
+    assert [each.finding.what for each in found] == ["not tried", "not tried"]
+    assert len(asked) == 2
+    found, asked = _tried(plugged, unwell=frozenset({"arm"}))
+    assert [each.finding.verdict for each in found] == ["warning", "warning"]
+    assert not asked
+
+
+def test_without_a_robot_nothing_can_be_moved(capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "doctor", "--move")
+    assert outcome.code == 2
+    assert "try: mission doctor --move --robot NAME" in outcome.err
