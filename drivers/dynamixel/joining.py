@@ -111,7 +111,7 @@ def _mode_faults(joint: Joint) -> list[str]:
     found = []
     for register, mask, needed, words in NEEDED:
         if register in joint.model.table and (value := joint.value(register)) & mask != needed:
-            found.append(f"{words} ({register.replace('_', ' ')} {value}, not {needed})")
+            found.append(f"{words} ({register.replace('_', ' ')} {value}, not {value & ~mask | needed})")
     if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
         cure = "mission servo home --restore --robot FILE"
         found.append(f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}")

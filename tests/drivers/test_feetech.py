@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import radians
+from random import Random
 
 import pytest
 
@@ -11,12 +12,13 @@ from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.legs import AHEAD
 from drivers.dynamixel.settings import apply, planned
-from drivers.errors import BadRequest, DeviceFault
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import STALL_TIME, VirtualServo
 from tests.cases import each
 from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain
+from tests.drivers.cranked import PERIOD
 from tests.drivers.wired import Wired
 
 STS = "STS3215"
@@ -212,6 +214,41 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     assert arm.told("flex (servo 4) stands at")
 
 
+def test_unplugged_at_any_moment_for_any_time_it_never_leaps(make: Make) -> None:
+    chance = Random(19)  # noqa: S311 - chance, not a secret
+    arm = six(make).start()
+    before = [servo.angle for servo in arm.chain.servos]
+    slack = 3 * arm.chain.servos[0].model.tick
+
+    def pass_by(seconds: float) -> None:
+        nonlocal before
+        end = arm.clock.now() + seconds
+        while arm.clock.now() < end:
+            for _ in range(4):
+                arm.timeline.run(arm.clock.now() + PERIOD)
+            for servo in arm.chain.servos:
+                servo.advance(arm.clock.now())
+            now = [servo.angle for servo in arm.chain.servos]
+            way = max(abs(one - other) for one, other in zip(now, before, strict=True))
+            assert way <= 2.0 * 4 * PERIOD * 1.3 + slack  # no faster than its joints may
+            before = now
+
+    for _ in range(60):
+        try:
+            arm.joints.move({name: chance.uniform(-2.0, 2.0) for name in SIX})
+        except DeviceFault:
+            arm.joints.recover()  # away for longer than five seconds, it is latched
+        except NotConnected:
+            arm.until(lambda: arm.joints.health().online)
+        pass_by(chance.uniform(0.0, 1.0))
+        arm.line.plugged = False
+        pass_by(chance.choice((0.02, 0.3, 0.8, 2.0, 6.0)))
+        if chance.random() < 0.3:
+            chance.choice(arm.chain.servos).power_cycle()
+        arm.line.plugged = True
+        pass_by(0.6)
+
+
 def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(make: Make) -> None:
     arm = six(make).start()
     arm.joints.hold()
@@ -252,8 +289,8 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
     ("register", "value", "words"),
     [
         ("mode", 1, "does not go to positions"),
-        ("phase", 8, "counts speeds or turns in another way"),
-        ("phase", 28, "counts speeds or turns in another way"),
+        ("phase", 8, "counts speeds or turns in another way (phase 8, not 12)"),
+        ("phase", 28, "counts speeds or turns in another way (phase 28, not 12)"),
         ("response_level", 0, "acknowledges no writes"),
         ("position_offset", 5, "has position offset 5, its calibration says 7: mission servo home --restore"),
     ],

@@ -1,9 +1,12 @@
 """``mission servo home``: Feetech servos calibrated by hand, in their EEPROM and in a file that LeRobot reads."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from math import radians
 from pathlib import Path
 from threading import Thread
@@ -25,6 +28,7 @@ from tests.missions.command import Outcome, command, wait_until
 
 Mission = Callable[[str], Outcome]
 STS = MODELS["STS3215"]
+LEROBOT = Path(__file__).parent.parent / "other_programs" / "lerobot_client.py"
 
 FILE = """\
 robot: two
@@ -107,6 +111,15 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
         servo.power_cycle()
         assert servo.get("position_offset") == told[name]["homing_offset"]
     assert "the robot file is to say calibration: two.json" in outcome.out
+    if find_spec("lerobot") is not None:
+        for servo in (elbow, jaw):
+            servo.turn_by_hand(servo.angle + radians(20))
+        port = Path("two.yaml").read_text().split("port: ")[1].split()[0]
+        client = [sys.executable, str(LEROBOT), "recognised", port, "two.json"]
+        seen = json.loads(subprocess.run(client, capture_output=True, text=True, check=True).stdout)
+        assert seen["is calibrated"]
+        # Its 0 is the middle of the range, -5 degrees from the middle that was shown.
+        assert seen["positions"] == pytest.approx({"elbow": 25.0, "jaw": 25.0}, abs=0.5)
     Path("two.yaml").write_text(Path("two.yaml").read_text().replace("at_end", "calibration: two.json\n  at_end"))
     jaw.factory_reset("id")
     outcome = mission("servo torque on --robot two.yaml")

@@ -1,9 +1,9 @@
 """What LeRobot's own bus of Feetech motors sees and does on a chain of STS3215.
 
-What it does (``all``, ``alone`` or ``timed``) and a PORT are its arguments: three servos with the IDs 1 to 3, one alone
-that has any, or six to be timed. A program of its own, which knows nothing of ours; one JSON object is its answer. Of
-torch and its like LeRobot's motors use nothing, but a module that they import does: here stand-ins are in their place,
-and in that of deepdiff.
+What it does and a PORT are its arguments: ``all`` with three servos of the IDs 1 to 3, ``alone`` with one of any ID,
+``timed`` with six, ``recognised`` with those of a calibration file, which comes last. A program of its own, which knows
+nothing of ours; one JSON object is its answer. Of torch and its like LeRobot's motors use nothing, but a module that
+they import does: here stand-ins are in their place, and in that of deepdiff.
 """
 
 import io
@@ -11,6 +11,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from pathlib import Path
 from statistics import median
 from threading import Event
 from time import monotonic, perf_counter
@@ -124,6 +125,18 @@ def alone(port: str) -> dict[str, Any]:
     return {"found": found, "at": bus.get_baudrate()}
 
 
+def recognised(port: str, file: str) -> dict[str, Any]:
+    """Take a calibration file for its own; tell whether the motors are set so, and where they stand by it."""
+    told = json.loads(Path(file).read_text(encoding="utf-8"))
+    kinds = {name: motors_bus.MotorCalibration(**each) for name, each in told.items()}
+    motors = {name: Motor(each.id, "sts3215", MotorNormMode.DEGREES) for name, each in kinds.items()}
+    bus = FeetechMotorsBus(port, motors, kinds)
+    bus.connect()
+    seen = {"is calibrated": bus.is_calibrated, "positions": bus.sync_read("Present_Position")}
+    bus.disconnect()
+    return seen
+
+
 def timed(port: str) -> dict[str, Any]:
     """Read where six motors stand and send each a goal, 200 times; return the median seconds of a round."""
     motors = {f"motor {i}": Motor(i, "sts3215", MotorNormMode.DEGREES) for i in range(1, 7)}
@@ -139,5 +152,6 @@ def timed(port: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    told = {"alone": alone, "timed": timed, "all": main}[sys.argv[1]](sys.argv[2])
-    sys.stdout.write(json.dumps(told))
+    does: dict[str, Callable[..., dict[str, Any]]]
+    does = {"alone": alone, "timed": timed, "all": main, "recognised": recognised}
+    sys.stdout.write(json.dumps(does[sys.argv[1]](*sys.argv[2:])))
