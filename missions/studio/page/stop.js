@@ -22,7 +22,6 @@ export class Stop extends HTMLElement {
   #watcher = null;
   #latched = new Map(); // by run: who has stopped it, and which stop that is
   #pending = false;
-  #tries = 0;
   #timer = 0;
   #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
   #said = el("p", { class: "said", role: "alert" });
@@ -66,7 +65,6 @@ export class Stop extends HTMLElement {
   /** Stop every run of this machine, now; tried again until it is answered. */
   stop() {
     this.#pending = true;
-    this.#tries = 0;
     this.dispatchEvent(new Event("stop"));
     this.#show();
     this.#send();
@@ -82,10 +80,9 @@ export class Stop extends HTMLElement {
 
   #send() {
     clearTimeout(this.#timer);
-    const open = [this.#own, this.#main].filter((link) => link?.open);
-    // The own link first; all that there are, where that one does not answer.
-    for (const link of this.#tries++ ? open : open.slice(0, 1)) {
-      link.ask({ do: "stop" }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
+    // The own link first, and the other one besides: what is lost of one on its way is sent again only after a while.
+    for (const link of [this.#own, this.#main]) {
+      if (link?.open) link.ask({ do: "stop" }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
     }
     this.#timer = setTimeout(() => this.#pending && this.#send(), AGAIN);
   }

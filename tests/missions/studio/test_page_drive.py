@@ -1,12 +1,16 @@
 """Driving and stopping from the page, at a virtual base: whatever is lost, it comes to rest."""
 
 import json
+import os
+import signal
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tests.browser import Browser
+from missions.studio.wheels import ANEW
+from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.page import PHONE, VIEWS, Page
@@ -99,6 +103,44 @@ def test_the_base_rests_when_the_tab_is_closed(
     wait_until(moving(base))
     browser.open("about:blank")
     assert seconds_to_rest(base, base.seen().heard_at) < REST
+
+
+def family(process: int) -> list[int]:
+    """Return a process and all that it has started."""
+    parents = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            parents[int(path.parent.name)] = int(path.read_text(encoding="ascii").rpartition(")")[2].split()[1])
+    found = [process]
+    for each in found:
+        found += [child for child, parent in parents.items() if parent == each]
+    return found
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped, as by a laptop's lid"])
+def test_the_base_rests_when_the_browser_is_killed_or_stopped(
+    served: Served, scene: tuple[Process, LoneBase], number: signal.Signals
+) -> None:
+    with Browser(chromium()) as browser:
+        page, base = driver(browser, served), scene[1]
+        processes = family(browser._process)
+        x, y = page.middle(STICK)
+        page.mouse("mousePressed", x, y)
+        page.mouse("mouseMoved", x, y - 60)
+        wait_until(moving(base))
+        for each in processes if number == signal.SIGSTOP else processes[:1]:
+            with suppress(ProcessLookupError):
+                os.kill(each, number)
+        since = base.seen().heard_at
+        rest = seconds_to_rest(base, since)
+        wait_until(lambda: base.seen().heard_at > since + rest + ANEW)
+        base.seen(forget=True)
+        if number == signal.SIGSTOP:
+            for each in processes:
+                os.kill(each, signal.SIGCONT)
+            page.tab.evaluate("new Promise((done) => setTimeout(done, 500))")  # the stick is held all the while
+        assert rest < REST
+        assert base.seen().top == 0
 
 
 def test_a_viewer_stops_on_every_view_and_only_an_operator_releases(

@@ -1,14 +1,18 @@
 """What the studio's page says over its connections, and when."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 
+from drivers.clock import SystemClock
 from tests.browser import Browser
+from tests.missions.studio.lossy import lossy
 from tests.missions.studio.page import Page
-from tests.missions.studio.running import run_of
+from tests.missions.studio.running import Client, run_of
 from tests.missions.studio.serving import Served, studio
 from tests.waiting import wait_until
 
@@ -92,6 +96,43 @@ def test_stop_has_its_connection_again_after_new_links_that_came_late(browser: B
         page.stop.click()
         page.wait_for("there was nothing to stop")
         assert sent(page, "stop")[0]["socket"] == own()
+
+
+def tells_of(stop: int, told: Mapping[str, Any]) -> bool:
+    return told["say"] == "run" and int(told["stops"]) >= stop
+
+
+@pytest.mark.parametrize("lost", [1, 2], ids=["its own", "the page's other one"])
+def test_stop_takes_no_longer_where_one_connection_loses_it(browser: Browser, tmp_path: Path, lost: int) -> None:
+    losing: list[int] = []  # the connections whose next segment upwards is lost
+
+    def loses(number: int, up: bool) -> bool:
+        if up and number in losing:
+            losing.remove(number)
+            return True
+        return False
+
+    with run_of(tmp_path) as (process, _), studio() as served, lossy(served.port, DELAY, loses) as network:
+        served.port = network.port
+        page = Page(browser, served, view="#live")
+        page.wait_for("waiting", "mission")
+        client, clock, took = Client(str(process.process.pid)), SystemClock(), list[float]()
+        for stop in range(9):
+            losing[:] = [lost]
+            began = clock.now()
+            page.tab.evaluate("document.querySelector('.stop').dispatchEvent(new PointerEvent('pointerdown'))")
+            client.hear(partial(tells_of, 2 * stop + 1))
+            took.append(clock.now() - began)
+            client.hear(partial(tells_of, 2 * stop + 2))
+        client.link.close()
+    assert median(took) < BOUND, took
+
+
+DELAY = 0.1
+"""Seconds from the page to the studio, and as long back."""
+
+BOUND = 0.2
+"""Seconds within which a stop is to be latched, with that delay and with losses."""
 
 
 def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
