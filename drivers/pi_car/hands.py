@@ -39,7 +39,11 @@ def servos(board: Pca9685, pan: int, tilt: int) -> Servos:
     def pulse(number: int, degree: int) -> None:
         board.degree(channels[number], degree)
 
-    return Servos(pulse, (board.sent(pan), board.sent(tilt)))
+    standing = board.sent(pan), board.sent(tilt)
+    for channel, degree in zip(channels, standing, strict=True):
+        if degree is None:
+            board.share(channel, 0.0)  # no pulse at all, so that the next guardian knows no more than this one
+    return Servos(pulse, standing)
 
 
 def chip(told: Mapping[str, Any]) -> Pca9685:

@@ -42,12 +42,14 @@ class Pca9685:
 
     def __init__(self, bus: Bus, address: int) -> None:
         self._bus, self._address = bus, address
+        self._kept = False  # it makes the pulses of who had it before
 
     def wake(self) -> None:
-        """Let it make pulses at 50 Hz; one that does so already is left alone."""
+        """Let it make pulses at 50 Hz; one that does so already is left alone, and what it sends is taken for true."""
         (mode,) = self._bus.read_i2c_block_data(self._address, MODE1, 1)
         (scale,) = self._bus.read_i2c_block_data(self._address, PRESCALE, 1)
-        if not mode & SLEEP and mode & INCREMENT and scale == SCALE:
+        self._kept = bool(not mode & SLEEP and mode & INCREMENT and scale == SCALE)
+        if self._kept:
             return
         self._write(MODE1, SLEEP | INCREMENT)  # the prescaler is set in its sleep alone
         self._write(PRESCALE, SCALE)
@@ -70,7 +72,12 @@ class Pca9685:
         self._put(channel, 0, round(pulse * COUNTS / PERIOD_US))
 
     def sent(self, channel: int) -> int | None:
-        """Return the degree to which a channel sends its servo now; None where it sends none."""
+        """Return the degree to which a channel has sent its servo; None where nobody knows.
+
+        That is so after it was switched on, and after somebody had it make other pulses.
+        """
+        if not self._kept:
+            return None
         low, high, off_low, off_high = self._bus.read_i2c_block_data(self._address, FIRST + 4 * channel, 4)
         if low or high or off_high & ALWAYS:
             return None

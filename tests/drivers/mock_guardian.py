@@ -1,6 +1,6 @@
 """The guardian of a Raspberry Pi car, on gpiozero's mock pins and on an I2C bus that is none; a program of its own.
 
-What pins and bus are told is written to the file that JOURNAL names: time, who, what. What the chips on the bus were
+What pins and bus are told is written to the file that JOURNAL names: who, what. What the chips on the bus were
 told by guardians before it is read from there: chips outlive who tells them.
 """
 
@@ -14,7 +14,6 @@ import smbus2
 from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
-from drivers.clock import SystemClock
 from drivers.pi_car.guardian import main
 
 JOURNAL = Path(os.environ["JOURNAL"])
@@ -23,7 +22,7 @@ JOURNAL = Path(os.environ["JOURNAL"])
 def note(who: str, what: object) -> None:
     """Write a line of the journal, whole."""
     with JOURNAL.open("a", encoding="utf-8") as file:
-        file.write(json.dumps([SystemClock().now(), who, what]) + "\n")
+        file.write(json.dumps([who, what]) + "\n")
 
 
 class NotedPin(MockPWMPin):  # type: ignore[misc]
@@ -39,7 +38,7 @@ class NotedBus:
 
     def __init__(self, number: int) -> None:
         self.registers = {0x00: 0x11, 0x01: 0x04, 0xFE: 0x1E, **{9 + 4 * channel: 0x10 for channel in range(16)}}
-        for _, who, what in map(json.loads, JOURNAL.read_text(encoding="utf-8").splitlines()):
+        for who, what in map(json.loads, JOURNAL.read_text(encoding="utf-8").splitlines()):
             if who == f"bus {number}":
                 self._take(*what)
         self._number = number
