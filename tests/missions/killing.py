@@ -16,7 +16,7 @@ from threading import Event
 
 from drivers.clock import SystemClock
 from tests.forked import Forked
-from tests.missions.lone_limbs import JOINTS, SPEED, LoneLimbs, Seen, lone_limbs
+from tests.missions.lone_limbs import FEETECH, JOINTS, SPEED, LoneLimbs, Seen, lone_limbs
 from tests.waiting import wait_until
 
 WAYS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP, "crash": signal.SIGSEGV}
@@ -60,6 +60,8 @@ MISSIONS: Mapping[str, str] = {
   mirror: {leader: [shoulder, hip], follower: [elbow, knee], scale: -1}""",
     "head sweep": """
   sweep_head: {amplitude: 60 deg, period: 3 s}""",
+    "feetech sweep": f"""
+  sweep: {{joints: {_ALL}, between: [-70 deg, 70 deg], period: 3 s}}""",
 }
 """The trees of the missions that are ended, by what they do."""
 
@@ -152,14 +154,21 @@ class Campaign:
         return Forked("missions", *self._words(kind), stdin=DEVNULL, stdout=DEVNULL)
 
     def _words(self, kind: str) -> list[str]:
-        part = "head" if kind == "head sweep" else "arm"
-        robot = ["--robot", str(self._folder / f"{part}.robot.yaml")]
+        limbs = limbs_of(kind)
+        part = "head" if limbs == "head" else "arm"
+        robot = ["--robot", str(self._folder / f"{limbs}.robot.yaml")]
         port = self._limbs[kind].port
         if kind in MISSIONS:
             return ["run", str(self._folder / f"{kind}.yaml"), *robot, "--port", f"{part}={port}"]
         angle = "80" if self._round % 2 else "-80"
         words = [word.replace("FOLDER", str(self._folder)).replace("ANGLE", angle) for word in COMMANDS[kind]]
         return [*words, *robot, "--port", port]
+
+
+def limbs_of(kind: str) -> str:
+    """Return which limbs a kind of program moves."""
+    first = kind.split(maxsplit=1)[0]
+    return first if first in ("head", "feetech") else "arm"
 
 
 def time_to_rest(limbs: LoneLimbs) -> float:
@@ -182,7 +191,7 @@ def campaign(folder: Path, kinds: Sequence[str] = KINDS, seed: int = 15) -> Iter
     """Run limbs for each of ``kinds``; their files are put into ``folder``."""
     _write(folder)
     with ExitStack() as lives:
-        limbs = {kind: lives.enter_context(lone_limbs("head" if kind == "head sweep" else "arm")) for kind in kinds}
+        limbs = {kind: lives.enter_context(lone_limbs(limbs_of(kind))) for kind in kinds}
         yield Campaign(folder, limbs, seed)
 
 
@@ -193,11 +202,13 @@ def _write(folder: Path) -> None:
     for kind, tree in MISSIONS.items():
         put(f"{kind}.yaml", f"mission: {kind.replace(' ', '_')}\ntree:{tree}\n")
     bounds = f"limits: [-100 deg, 100 deg], speed: {degrees(SPEED):.0f} deg/s"
-    joints = "".join(
-        f"    {name}: {{id: {number}, model: {model}, {bounds}}}\n"
-        for number, (name, model) in enumerate(JOINTS.items(), 1)
-    )
-    put("arm.robot.yaml", f"robot: lone_arm\narm:\n  driver: dynamixel\n  port: /dev/none\n  joints:\n{joints}")
+    for limbs, driver, models in (("arm", "dynamixel", JOINTS), ("feetech", "feetech", FEETECH)):
+        joints = "".join(
+            f"    {name}: {{id: {number}, model: {model}, {bounds}}}\n"
+            for number, (name, model) in enumerate(models.items(), 1)
+        )
+        told = f"robot: lone_{limbs}\narm:\n  driver: {driver}\n  port: /dev/none\n  joints:\n{joints}"
+        put(f"{limbs}.robot.yaml", told)
     put(
         "head.robot.yaml",
         "robot: lone_head\nhead:\n  driver: arduino\n  port: /dev/none\n  boot: 0 s\n  speed: 120 deg/s\n"

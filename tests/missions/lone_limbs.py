@@ -8,7 +8,7 @@ makes anybody wait does not count. Somebody turns those joints of the arm to and
 import json
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from math import radians, sin
@@ -30,6 +30,9 @@ JOINTS = {
     "ankle": "XM430-W350",
 }
 """The joints of the arm, with their servos: of both protocols, and read in all three ways."""
+
+FEETECH = dict.fromkeys(JOINTS, "STS3215")
+"""The joints of an arm of Feetech servos."""
 
 SPEED = radians(170)
 """rad/s at most, of each joint of the arm."""
@@ -111,8 +114,8 @@ class Witness(ABC):
 
 
 class ArmWitness(Witness):
-    def __init__(self) -> None:
-        servos = [VirtualServo(number, model=model) for number, model in enumerate(JOINTS.values(), 1)]
+    def __init__(self, models: Iterable[str]) -> None:
+        servos = [VirtualServo(number, model=model) for number, model in enumerate(models, 1)]
         super().__init__(VirtualServoBus(servos))
         self._servos = servos
 
@@ -160,14 +163,15 @@ class LoneLimbs:
 
 @contextmanager
 def lone_limbs(kind: str) -> Iterator[LoneLimbs]:
-    """Run an ``arm`` or a ``head`` in another process."""
+    """Run an ``arm``, a ``feetech`` arm or a ``head`` in another process."""
     with Forked("tests.missions.lone_limbs", kind, stdin=PIPE, stdout=PIPE) as process:
         yield LoneLimbs(process)  # its input is closed next, and so it ends
 
 
 def main(kind: str) -> None:
     """Be the device until the input ends; tell its port first."""
-    witness: Witness = ArmWitness() if kind == "arm" else HeadWitness()
+    arms = {"arm": JOINTS, "feetech": FEETECH}
+    witness: Witness = ArmWitness(arms[kind].values()) if kind in arms else HeadWitness()
     terminal = Terminal(kind, witness, SystemClock())
     terminal.open()
     try:

@@ -8,7 +8,7 @@ from tests.missions.killing import WITHIN, campaign
 
 pytestmark = pytest.mark.real_time
 
-KINDS = ("move", "mirror", "head sweep")
+KINDS = ("move", "mirror", "head sweep", "feetech sweep")
 """What is tried here; ``python -m tests.benchmarks.killing`` tries everything that moves limbs, 200 times."""
 
 

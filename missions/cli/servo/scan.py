@@ -18,7 +18,10 @@ from missions.cli.servo.target import Target, target_options
 VIRTUAL_REPLY_TIMEOUT = 0.015
 """Seconds that a virtual servo may take to answer: less than elsewhere, for most of the IDs are not there."""
 
-RATES = (1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000)
+RATES = (
+    *(1_000_000, 57_600, 115_200, 500_000, 2_000_000, 200_000, 250_000, 400_000, 9600, 19_200, 3_000_000, 4_000_000),
+    *(128_000, 76_800, 38_400),  # of Feetech's alone
+)
 """The rates that servos are used at, the usual ones first."""
 
 DELIVERED = RATES[:2]
