@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test fuzz check bench docs constraints clean
+.PHONY: help setup demo test fuzz storm check bench docs constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -56,6 +56,9 @@ test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 fuzz: $(OTHERS_STAMP) ## the tests with random examples, new ones at each run, ten times over
 	for round in 1 2 3 4 5 6 7 8 9 10; do \
 		$(BIN)/pytest -q -m hypothesis --hypothesis-profile fuzz --numprocesses $$(nproc) --dist worksteal || exit 1; done
+
+storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1 for more, or others
+	$(BIN)/mission storm --seeds $(or $(SEEDS),2000) --first $(or $(FIRST),1)
 
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .

@@ -12,6 +12,7 @@ from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.twins.ears import HearingTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.screen import ScreenTwin
+from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import World
@@ -53,6 +54,11 @@ class Twins:
     def microphone(self) -> HearingTwin[Words] | None:
         """The ears."""
         return self._of("microphone", HearingTwin)
+
+    @property
+    def voice(self) -> VoiceTwin | None:
+        """The voice."""
+        return self._of("voice", VoiceTwin)
 
     @property
     def screen(self) -> ScreenTwin | None:

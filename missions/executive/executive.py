@@ -79,6 +79,8 @@ class Executive:
         self._halt_by: float | None = None
         self._period = 1.0 / rate
         self._woken = run.woken
+        self.idle: Callable[[float], object] = run.woken.wait
+        """Lets time pass while the mission is paused: real time, unless somebody puts a simulated one in its place."""
         self._stop_reason: str | None = None
         self._paused = False
         self._held = False
@@ -147,7 +149,7 @@ class Executive:
                     # A sentence is not broken off for a pause.
                     self.run.safe_stop(frozenset(part for part in self.root.claims if kind_of(part).moves))
                     held = True
-                self._woken.wait(GLANCE)
+                self.idle(GLANCE)
                 self._woken.clear()
                 due = self.run.now()
                 self.run.beat()

@@ -9,13 +9,14 @@ from config.faults import did_you_mean, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import article, seen
+from drivers.api.kinds import KINDS
 from missions.language.arguments import default_value
 from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
 from missions.language.plan import Step
 from missions.testing.context import Setting
 from missions.testing.keys import EITHER
-from missions.testing.mishaps import JOINT, Mishap, read_mishap
+from missions.testing.mishaps import JOINT, RUN, Mishap, read_mishap
 from missions.testing.mocks import RESULT_OF_FACE, MockSpec, fits
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
@@ -41,10 +42,11 @@ def read_given(fields: Fields, setting: Setting) -> tuple[tuple[MockSpec, ...], 
 
 
 def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
-    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown)
+    heads = setting.config.parts - KINDS.keys()
+    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown, sorted(heads))
     if not mishap.state or setting.plan is None:
         return mishap
-    if mishap.part not in setting.parts:
+    if mishap.part not in setting.parts | {RUN}:
         parts = ", ".join(sorted(setting.parts)) or "nothing"
         hint = f"it uses {parts}"
         fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)

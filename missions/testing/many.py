@@ -1,18 +1,22 @@
-"""Plays many cases at a time, each in a process that has nothing else to do."""
+"""Plays many cases, or whatever else takes long, at a time, each in a process that has nothing else to do."""
 
 import os
 import signal
 import threading
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
+from typing import TypeVar
 
 import cv2
 
 from missions.testing.play import Verdict, play
 from missions.testing.suite import Case
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 GONE = "its process came to an end: a behaviour held a tick for good, or ended it"
 
@@ -23,16 +27,23 @@ def cores() -> int:
 
 
 def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict, None, None]:
-    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there.
+    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there. See ``do_all``."""
+    return do_all(play, cases, lambda case: Verdict(case, error=GONE), jobs=jobs)
 
-    Once the generator is closed, or interrupted, all that is being played ends at once. A case whose process ends
-    itself takes down those beside it; they are played again, each alone, so that it is clear which it was.
+
+def do_all(
+    work: Callable[[T], R], things: Sequence[T], gone: Callable[[T], R], *, jobs: int
+) -> Generator[R, None, None]:
+    """Do ``work`` with each of some ``things`` in up to ``jobs`` processes; yield what comes of each when it is there.
+
+    Once the generator is closed, or interrupted, all that is being done ends at once. What ends its process takes down
+    those beside it; they are done again, each alone, so that it is clear which it was: of that comes ``gone``.
     """
-    lost: list[Case] = []
+    lost: list[T] = []
     others = active_children()
-    with _pool(min(jobs, len(cases))) as pool:
+    with _pool(min(jobs, len(things))) as pool:
         with _deaf():
-            playing = {pool.submit(play, case): case for case in cases}
+            playing = {pool.submit(work, thing): thing for thing in things}
         try:
             for future in as_completed(playing):
                 if isinstance(future.exception(), BrokenProcessPool):
@@ -45,18 +56,18 @@ def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict, None, No
                 if process not in others:
                     process.kill()  # a run would take any other signal for its own
             raise
-    for case in lost:
-        yield _alone(case)
+    for thing in lost:
+        yield _alone(work, thing, gone)
 
 
-def _alone(case: Case) -> Verdict:
+def _alone(work: Callable[[T], R], thing: T, gone: Callable[[T], R]) -> R:
     with _pool(1) as pool:
         with _deaf():
-            playing = pool.submit(play, case)
+            playing = pool.submit(work, thing)
         try:
             return playing.result()
         except BrokenProcessPool:
-            return Verdict(case, error=GONE)
+            return gone(thing)
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:

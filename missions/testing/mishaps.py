@@ -1,6 +1,7 @@
 """What goes wrong with the robot during a test, as its file writes it: ``camera frozen from 5 s to 8 s``."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from drivers.api.kinds import KINDS
@@ -11,20 +12,27 @@ from missions.testing.phrases import Phrase
 UNPLUGGED = ("unplugged",)
 
 STATES: dict[str, tuple[str, ...]] = {
-    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked"),
+    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven"),
     "head": UNPLUGGED,
     "arm": ("unplugged", "overloaded", "turned"),
     "range": UNPLUGGED,
-    "camera": ("unplugged", "frozen", "covered"),
+    "camera": ("unplugged", "frozen", "covered", "slow"),
     "microphone": ("unplugged", "deaf"),
-    "voice": UNPLUGGED,
+    "voice": ("unplugged", "hanging"),
     "screen": UNPLUGGED,
+    "run": ("stalled", "paused", "stopped"),
 }
-"""What can happen to each part; to one that is not here, only that it is ``UNPLUGGED``."""
+"""What can happen to each part, and to the run itself; to one that is not here, only that it is ``UNPLUGGED``."""
+
+RUN = "run"
+"""What stands for the tick loop, which is no part of the robot."""
 
 SIDES = ("left", "centre", "right")
 LASTING = ("battery", "overloaded", "turned")
 """States that do not end by themselves."""
+
+PASSING = ("stalled", "paused", "stopped")
+"""States in which nothing of the mission goes on, and which must end for that."""
 
 JOINT = {"overloaded": "elbow", "turned": "elbow to 30 deg"}
 """States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain."""
@@ -49,11 +57,14 @@ class Mishap:
     moment: EventSpec | None = None
 
 
-def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
-    """Read ``PART STATE [from T [to T] | at T [for T] | for T | when MOMENT [for T]]``."""
-    part = phrase.took(*KINDS)
+def read_mishap(phrase: Phrase, known: KnownNode, heads: Collection[str] = ()) -> Mishap:
+    """Read ``PART STATE [from T [to T] | at T [for T] | for T | when MOMENT [for T]]``.
+
+    ``heads`` are further parts of this robot, by names of their own.
+    """
+    part = phrase.took(*KINDS, RUN, *heads)
     if not part:
-        phrase.wrong("what something happens to", tuple(KINDS))
+        phrase.wrong("what something happens to", (*KINDS, RUN, *heads))
         return Mishap("", "")
     states = STATES.get(part, UNPLUGGED)
     state = phrase.took(*states)
@@ -64,6 +75,8 @@ def read_mishap(phrase: Phrase, known: KnownNode) -> Mishap:
     start, seconds, moment = _when(phrase, known)
     if state in LASTING and seconds < math.inf:
         phrase.fault(f"'{state}' does not end by itself", "leave out when it ends")
+    if state in PASSING and seconds == math.inf:
+        phrase.fault(f"'{part} {state}' has to end", f"such as '{part} {state} at 3 s for 2 s'")
     phrase.end()
     return Mishap(part, state, detail, amount, start, seconds, moment)
 

@@ -60,7 +60,7 @@ class Stage:
         if twins is None:
             raise TypeError("a run in simulated time has twins")
         history.watch(runner.root, _velocity(twins))
-        Trouble(twins, history).arrange(case.mishaps)
+        Trouble(runner, history).arrange(case.mishaps)
         twins.timeline.at(case.timeout, lambda: self._stop(runner))
         try:
             history.result = runner.run()

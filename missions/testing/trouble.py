@@ -2,24 +2,44 @@
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
-from drivers.api import Sides
+from drivers.api import Sides, Source, Velocity
+from drivers.errors import DriverError
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.plug import Plug
 from missions.assembly.twins import Twins
+from missions.runner import Runner
 from missions.testing.history import History
-from missions.testing.mishaps import Mishap
+from missions.testing.mishaps import RUN, Mishap
 from missions.testing.moments import Happening
+
+BY_HAND = Velocity(0.15, 0.4)
+"""How a base is driven by hand, again and again after so many seconds."""
+
+RENEWED = 0.1
+
+SOMEBODY = "a mishap"
+"""Who stops a run that is stopped."""
 
 
 class Trouble:
-    """All that goes wrong with the twins of one run."""
+    """All that goes wrong with the twins of one run. Raises TypeError for one that is not in simulated time.
 
-    def __init__(self, twins: Twins, history: History) -> None:
-        self._twins = twins
+    Time passes while the run is paused or stopped: else it would never end.
+    """
+
+    def __init__(self, runner: Runner, history: History) -> None:
+        if runner.twins is None:
+            raise TypeError("only a run in simulated time has twins")
+        self._runner, self._twins = runner, runner.twins
         self._history = history
         self._felt: list[Mishap] = []  # what the base is made to feel now
+        self._driven = 0  # by so many hands
+        self.struck: list[Mishap] = []
+        """What has gone wrong so far, each with when it began."""
 
     def arrange(self, mishaps: Iterable[Mishap]) -> None:
         """See to it that each happens when it is due; what is so from the beginning is so at once."""
@@ -42,6 +62,10 @@ class Trouble:
         self._history.told.append(hear)
 
     def _begin(self, mishap: Mishap) -> None:
+        self.struck.append(replace(mishap, start=self._now()))
+        if mishap.part == RUN:
+            self._hold_up(mishap)
+            return
         self._switch(mishap, on=True)
         if mishap.seconds < math.inf:
             self._twins.timeline.at(self._now() + mishap.seconds, partial(self._switch, mishap, on=False))
@@ -64,13 +88,20 @@ class Trouble:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
                 twins.camera.cover() if on else twins.camera.uncover()
+            case "slow" if twins.camera is not None:
+                twins.camera.slow_down() if on else twins.camera.slow_down(1)
             case "deaf" if twins.microphone is not None:
                 twins.microphone.dulled = on
+            case "hanging" if twins.voice is not None:
+                twins.voice.hanging = on
             case _ if twins.base is not None:
                 self._switch_base(twins.base, mishap, on=on)
 
     def _switch_base(self, base: BaseTwin, mishap: Mishap, *, on: bool) -> None:
         match mishap.state:
+            case "driven":
+                self._driven += 1 if on else -1
+                self._drive(base) if on else base.stop(source=Source.TELEOP)
             case "lifted":
                 base.lift(up=on)
             case "docked":
@@ -81,6 +112,32 @@ class Trouble:
                 self._felt = felt = [each for each in self._felt if each is not mishap] + ([mishap] if on else [])
                 buttons = frozenset(int(each.detail) for each in felt if each.state == "button")
                 base.press(_sides(felt, "bumped"), cliff=_sides(felt, "cliff"), buttons=buttons)
+
+    def _drive(self, base: BaseTwin) -> None:
+        """Drive it as a person does who holds a key, for as long as somebody does."""
+        if self._driven:
+            with suppress(DriverError):  # unplugged, or latched: the person tries again
+                base.drive(BY_HAND, source=Source.TELEOP)
+            self._twins.timeline.at(self._now() + RENEWED, partial(self._drive, base))
+
+    def _hold_up(self, mishap: Mishap) -> None:
+        """Let no tick come for a while: the loop is late, or somebody has paused or stopped the run."""
+        runner, timeline = self._runner, self._twins.timeline
+        executive, latch, until = runner.executive, runner.latch, self._now() + mishap.seconds
+        executive.idle = executive.run.wait
+        match mishap.state:
+            case "stalled":  # what is due goes on within, as the world does around a process that is held up
+                timeline.run(until)
+            case "paused":
+                executive.pause()
+                timeline.at(until, executive.resume)
+            case _:
+                latch.stop(SOMEBODY)
+                timeline.at(until, partial(self._release, latch.number))
+
+    def _release(self, number: int) -> None:
+        if self._runner.latch.release(number):
+            self._runner.executive.resume()
 
 
 def _sides(mishaps: list[Mishap], state: str) -> Sides:

@@ -42,6 +42,7 @@ class CameraTwin:
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._picture: Image | None = None  # the newest
         self._frozen = self._covered = False
+        self._pace = 1  # one picture of so many comes through
         self._opened: float | None = None
         self._number = -1
         self._frames = 0
@@ -70,7 +71,7 @@ class CameraTwin:
         if not self.plug.online:
             return None
         self._number += 1
-        if self._dropouts and self._random.random() < self._dropouts:
+        if self._number % self._pace or (self._dropouts and self._random.random() < self._dropouts):
             return None
         self._frames += 1
         if self._picture is None or not self._frozen:
@@ -109,6 +110,10 @@ class CameraTwin:
     def uncover(self) -> None:
         """Take it off the lens."""
         self._covered = False
+
+    def slow_down(self, pace: int = 8) -> None:
+        """Let one picture of ``pace`` through and lose the others; 1 is all of them."""
+        self._pace = pace
 
     def _seen(self, now: float) -> Image:
         """Return what comes through the lens at time ``now``."""

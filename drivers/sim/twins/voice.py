@@ -25,6 +25,8 @@ class VoiceTwin(PrintedVoice):
     ) -> None:
         super().__init__(clock, out, usual=usual, changed=changed)
         self.plug = Plug(self.name, report, gone=self.rest)
+        self.hanging = False
+        """Whether what it says comes to no end, as with a program that hangs."""
 
     def open(self) -> None:
         """Be there at once, unless it is unplugged."""
@@ -49,6 +51,11 @@ class VoiceTwin(PrintedVoice):
         """Print the name of a file in its turn. Raises BadRequest; NotConnected if unplugged."""
         self.plug.require()
         return super().play(path, priority)
+
+    def settle(self) -> None:
+        """Take out of the queue what has ended by now; nothing while it hangs."""
+        if not self.hanging:
+            super().settle()
 
     def step(self) -> None:
         """Take note of what has been said to its end."""

@@ -28,6 +28,14 @@ def test_a_question_is_answered_in_order_and_then_as_the_last_time() -> None:
     assert memory.ask("head", "pose") == 2
 
 
+def test_a_command_that_was_no_number_is_the_same_again() -> None:
+    heard = Heard()
+    heard.memory.begin([("base", "drive", (float("nan"),), DeviceFault("cannot drive at nan"))])
+    with pytest.raises(DeviceFault, match="nan"):
+        heard.memory.command("base", "drive", lambda: None, float("nan"))
+    assert heard.otherwise == []
+
+
 def test_what_was_not_asked_is_remembered_too() -> None:
     memory = Heard().memory
     memory.begin([("ranger", "scan", (), "far")])

@@ -1,0 +1,216 @@
+"""What must hold whatever happens: each a small function that yields what is wrong, with a line for people."""
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
+from typing import Any
+
+from drivers.api import ignore
+from missions.executive.events import NodeChanged
+from missions.executive.telling import logging_to
+from missions.records.replay.rerun import rerun
+from missions.testing.storm.witness import Truth, Witness
+
+Invariant = Callable[[Witness], Iterator[str]]
+
+BASE_RESTS, ALL_REST = 0.7, 1.0
+"""Seconds after its end by which the base, and everything, must be at rest."""
+
+STILL = 0.002
+"""Radians, metres or either a second, below which nothing moves."""
+
+WAY_OUT = 1.0
+"""Seconds for which something may move on after its leaf has ended: it brakes."""
+
+RETURN = 2.5
+"""Seconds that a head has, once it is there, to go where its board or its driver sends it by itself."""
+
+HAND = 1.0
+"""Seconds after somebody has turned a joint, or overloaded it."""
+
+SLACK = 0.03
+"""Radians by which a servo may be beyond its limit: half a degree of rounding, and a step."""
+
+INVARIANTS: dict[str, tuple[str, Invariant]] = {}
+"""By name: what it says, and who looks."""
+
+
+def invariant(about: str) -> Callable[[Invariant], Invariant]:
+    """Add a function to those that look at every run."""
+
+    def add(function: Invariant) -> Invariant:
+        INVARIANTS[function.__name__] = about, function
+        return function
+
+    return add
+
+
+@invariant(f"the base is at rest {BASE_RESTS:g} s after the end, all else after {ALL_REST:g} s, whatever the end")
+def at_rest(seen: Witness) -> Iterator[str]:
+    """See the last samples."""
+    for before, now in _pairs(seen):
+        late = now.time - seen.ended
+        if late > BASE_RESTS + 0.001 and max(map(abs, now.speeds)) > STILL:
+            yield f"the base moves at {now.speeds} {late:.2f} s after the end"
+        for (part, axis), turned in _turned(before, now):
+            if late > ALL_REST + 0.001 and abs(turned) > STILL and not _by_itself(seen, part, now.time):
+                yield f"{axis} of the {part} turns {late:.2f} s after the end"
+
+
+@invariant("nothing moves that no running behaviour claims, nor is commanded by one that does not claim it")
+def claimed_motion(seen: Witness) -> Iterator[str]:
+    """Compare what moves, and what is commanded, with claims."""
+    neck = _neck(seen)
+    by_hand = -1e9
+    for before, now in _pairs(seen):
+        by_hand = now.time if now.by_hand else by_hand
+        driven = now.time - by_hand <= WAY_OUT or _recent(seen.claimed.get("base"), now.time, WAY_OUT)
+        if max(map(abs, now.speeds)) > STILL and not driven:
+            yield f"at {now.time:.2f} s the base moves at {now.speeds}, and nobody claims it"
+        for (part, axis), turned in _turned(before, now):
+            owners = [part, "head"] if part == "arm" and axis in neck else [part]
+            owners += ["arm"] if part == "head" and neck else []
+            free = not any(
+                _recent(seen.claimed.get(owner), now.time, WAY_OUT) or _by_itself(seen, owner, now.time)
+                for owner in owners
+            )
+            if abs(turned) > STILL and free:
+                yield f"at {now.time:.2f} s {axis} of the {part} turns, and nobody claims the {' or the '.join(owners)}"
+    for command in seen.commands:
+        leaf = seen.leaf(command)
+        moves = {"linear", "pan", "follow"} & command.values.keys() or command.to == "arm"
+        if leaf is not None and moves and command.to not in leaf.claims and "hold" not in command.values:
+            yield f"{leaf.place} commands the {command.to} ({dict(command.values)}), which it does not claim"
+
+
+@invariant("no actuator has two owners")
+def one_owner(seen: Witness) -> Iterator[str]:
+    """See what the history has found."""
+    if seen.history.claimed:
+        yield seen.history.claimed
+
+
+@invariant("speeds, joints and heads keep their limits, as commanded and in truth")
+def limits_kept(seen: Witness) -> Iterator[str]:
+    """Compare commands and samples with the robot file."""
+    limits = {part: twin.limits for part, twin in seen.twins.parts.items() if hasattr(twin, "limits")}
+    for command in seen.commands:
+        yield from _commanded(command.to, command.values, limits)
+    base = limits.get("base")
+    for before, now in _pairs(seen):
+        if base is not None:
+            for speed, most, what in zip(now.speeds, (base.speed, base.turn), ("speed", "turn rate"), strict=True):
+                if abs(speed) > most * 1.03 + 0.01:
+                    yield f"at {now.time:.2f} s the base has a {what} of {speed:.3f}, and may have {most:.3f}"
+        for (part, axis), turned in _turned(before, now):
+            low, high, most = _of_axis(limits[part], axis)
+            angle, step = now.angles[part, axis], now.time - before.time
+            moved = abs(turned) > STILL and not _by_itself(seen, part, now.time)
+            if moved and not low - SLACK <= angle <= high + SLACK:
+                yield f"at {now.time:.2f} s {axis} of the {part} is at {angle:.3f}, and may be {low:.3f} to {high:.3f}"
+            if moved and part != "head" and most and abs(turned) > most * step * 1.1 + SLACK:
+                yield f"at {now.time:.2f} s {axis} of the {part} turns at {turned / step:.2f}, and may at {most:.2f}"
+
+
+@invariant("no goal and no place is ever not a number, or infinite")
+def finite(seen: Witness) -> Iterator[str]:
+    """Look at all numbers that were commanded, and at the truth."""
+    for command in seen.commands:
+        for name, value in command.values.items():
+            if isinstance(value, float) and not isfinite(value):
+                yield f"at {command.t:.2f} s the {command.to} was told {name}: {value}"
+    for sample in seen.samples:
+        if not all(map(isfinite, (*sample.speeds, *sample.angles.values()))):
+            yield f"at {sample.time:.2f} s something is nowhere: {sample}"
+            return
+
+
+@invariant("every failure has a reason")
+def reasons(seen: Witness) -> Iterator[str]:
+    """Look at all nodes that failed, and at the mission."""
+    for event in seen.events:
+        if isinstance(event, NodeChanged) and event.status == "failure" and not event.reason:
+            yield f"{event.kind} ({event.node}) fails at {event.t:.2f} s, and does not say why"
+    result = seen.history.result
+    if result is None:
+        yield "the mission has no result"
+    elif result.result != "success" and not result.reason:
+        yield f"the mission ends as {result.result}, and does not say why"
+
+
+@invariant("what was recorded is decided again as it was")
+def decided_again(seen: Witness) -> Iterator[str]:
+    """Decide it again, from memory."""
+    with logging_to(ignore):
+        found = rerun(seen, seen.runner.plan, seen.config, seed=seen.seed)
+    if not found.same:
+        yield f"{found.difference or found.command or found.unheard}"
+
+
+@invariant("nothing is left behind: no thread, no open file, no file")
+def nothing_left(seen: Witness) -> Iterator[str]:
+    """See what was there afterwards, and not before."""
+    yield from seen.left
+
+
+def broken(seen: Witness) -> dict[str, str]:
+    """Return the first thing that is wrong by each invariant that does not hold."""
+    return {name: first for name, (_, look) in INVARIANTS.items() if (first := next(look(seen), ""))}
+
+
+# --- what they look at ------------------------------------------------------------------------------------------------
+
+
+def _pairs(seen: Witness) -> Iterator[tuple[Truth, Truth]]:
+    return (
+        (before, now) for before, now in zip(seen.samples, seen.samples[1:], strict=False) if now.time > before.time
+    )
+
+
+def _turned(before: Truth, now: Truth) -> Iterator[tuple[tuple[str, str], float]]:
+    for axis, angle in now.angles.items():
+        if angle != before.angles[axis]:
+            yield axis, angle - before.angles[axis]
+
+
+def _recent(times: list[float] | None, now: float, seconds: float) -> bool:
+    """Whether one of the times lies that shortly before now."""
+    place = bisect_right(times, now) if times else 0
+    return times is not None and place > 0 and now - times[place - 1] <= seconds
+
+
+def _by_itself(seen: Witness, part: str, now: float) -> bool:
+    """Whether something may turn though nobody commands it: it has just come back, or a hand was at it."""
+    hands = [each.start for each in seen.struck if each.part == part and each.state in ("turned", "overloaded")]
+    carrier = "arm" if part == "head" and _neck(seen) else part
+    came = [*seen.back.get(part, []), *seen.back.get(carrier, [])]
+    return _recent(sorted(hands), now, HAND) or (part != "arm" and _recent(sorted(came), now, RETURN))
+
+
+def _neck(seen: Witness) -> set[str]:
+    """Return the joints of the arm that are the head's."""
+    head, arm = seen.config.head, seen.config.arm
+    named = {getattr(getattr(head, axis, None), "joint", "") for axis in ("pan", "tilt")}
+    return set() if arm is None else named & arm.limits.keys()
+
+
+def _of_axis(limits: Any, axis: str) -> tuple[float, float, float]:
+    """Return how far (radians) and how fast (rad/s) an axis may go."""
+    if isinstance(limits, Mapping):
+        return limits[axis].lower, limits[axis].upper, limits[axis].speed
+    low, high = getattr(limits, axis)
+    return low, high, limits.speed
+
+
+def _commanded(part: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what was told a part beyond its limits."""
+    known = limits.get(part)
+    if part == "base" and "linear" in values and known is not None:
+        if abs(values["linear"]) > known.speed + 1e-3 or abs(values["angular"]) > known.turn + 1e-3:
+            yield f"the base was told {dict(values)}, and may {known}"
+    elif known is not None:
+        for axis, goal in values.items():
+            if axis in ("pan", "tilt") or (isinstance(known, Mapping) and axis in known and isinstance(goal, float)):
+                low, high, _ = _of_axis(known, axis)
+                if not low - 1e-3 <= goal <= high + 1e-3:
+                    yield f"{axis} of the {part} was told {goal}, and may be at {low:.3f} to {high:.3f}"

@@ -1,0 +1,110 @@
+"""A leaf that misbehaves as leaves of users may: it raises, lies, never stops, or asks for what cannot be."""
+
+from math import inf, nan
+from typing import Any
+
+from py_trees.common import Status
+
+from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
+from drivers.api import HeadPose, Velocity
+from drivers.errors import DeviceFault, NotConnected
+
+WAYS = ("raises", "raises at start", "raises at end", "lies", "never halts", "leaves", "is offline", "faults")
+"""What it does, beside moving what it claims."""
+
+GOALS = {"fast": 99.0, "nan": nan, "endless": inf, "mild": 0.2}
+"""What it asks of what it claims."""
+
+ERRORS: dict[str, tuple[type[Exception], str]] = {
+    "raises": (RuntimeError, "out of luck"),
+    "is offline": (NotConnected, "the cable is out"),
+    "faults": (DeviceFault, "it is overloaded"),
+}
+
+
+def _error(way: str) -> Exception:
+    kind, words = ERRORS[way]
+    return kind(words)
+
+
+class Rogue(Leaf):
+    """Move what it claims towards a ``goal`` for some ticks, then misbehave in one of its ways."""
+
+    word = "rogue"
+    way: str = argument("text", f"how it misbehaves: {', '.join(WAYS)}", principal=True, default="raises")
+    goal: str = argument("text", f"what it asks for: {', '.join(GOALS)}", default="mild")
+    after: int = argument("count", "after so many ticks", default=2)
+    _ticks = 0
+
+    def initialise(self) -> None:
+        """Begin, or raise."""
+        self._ticks = 0
+        if self.way == "raises at start":
+            raise _error("raises")
+
+    def update(self) -> Any:
+        """Ask for something; misbehave once the time has come."""
+        self._ticks += 1
+        self._ask(GOALS[self.goal])
+        if self._ticks <= self.after:
+            return RUNNING
+        if self.way in ERRORS:
+            raise _error(self.way)
+        return "nonsense" if self.way == "lies" else RUNNING if self.way == "never halts" else SUCCESS
+
+    def terminate(self, new_status: Status) -> None:
+        """Stop what moves, or leave it, or raise before that."""
+        del new_status
+        if self.way == "raises at end":
+            raise _error("raises")
+        if self.way != "leaves":
+            self._still()
+
+    def halting(self) -> bool:
+        """Take for ever, if that is its way."""
+        return self.way == "never halts"
+
+    def _ask(self, goal: float) -> None:
+        """Command what it claims; one that claims nothing asks for nothing."""
+
+    def _still(self) -> None:
+        """Stop it."""
+
+
+class RogueBase(Rogue):
+    """One that drives the base."""
+
+    word = "rogue_base"
+    needs = drives = frozenset({"base"})
+
+    def _ask(self, goal: float) -> None:
+        self.robot.base.drive(Velocity(goal, -goal))
+
+    def _still(self) -> None:
+        self.robot.base.stop()
+
+
+class RogueHead(Rogue):
+    """One that turns the head."""
+
+    word = "rogue_head"
+    needs = drives = frozenset({"head"})
+
+    def _ask(self, goal: float) -> None:
+        self.robot.head.look(HeadPose(goal, -goal))
+
+    def _still(self) -> None:
+        self.robot.head.stop()
+
+
+class RogueArm(Rogue):
+    """One that moves all joints of the arm."""
+
+    word = "rogue_arm"
+    needs = drives = frozenset({"arm"})
+
+    def _ask(self, goal: float) -> None:
+        self.robot.arm.move(dict.fromkeys(self.robot.arm.limits, goal))
+
+    def _still(self) -> None:
+        self.robot.arm.hold()

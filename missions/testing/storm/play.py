@@ -1,0 +1,154 @@
+"""Plays one run of the storm: a weather in, what struck and what does not hold out."""
+
+import threading
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from config.faults import Diagnostic, Mark, Source
+from config.marked import Scalar
+from drivers.clock import SystemClock
+from drivers.errors import DriverError
+from missions.executive.executive import Result
+from missions.executive.watchdog import Limits
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.testing.mishaps import Mishap, read_mishap
+from missions.testing.phrases import Phrase
+from missions.testing.storm.invariants import ALL_REST, broken
+from missions.testing.storm.weather import LEAVES, Weather, draw
+from missions.testing.storm.witness import Witness
+from missions.testing.trouble import Trouble
+
+AGAIN = 4
+"""Of so many seeds, one is run twice: all must happen again, to the byte."""
+
+PATIENT = Limits(slow=inf, stall=inf, fail=60.0, lost=inf)
+"""A machine that is busy must not make two runs differ."""
+
+STILL_TIME = 0.2
+"""Seconds over which all is looked at once it must be at rest."""
+
+GONE = 5.0
+"""Seconds that threads have to end which a stop has begun."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a run: plain data.
+
+    ``struck`` counts what went wrong by its words, ``broken`` says what does not hold by the name of the invariant.
+    ``wall`` is how long it took in truth, ``seconds`` how long it was.
+    """
+
+    weather: Weather
+    struck: Mapping[str, int] = field(default_factory=dict)
+    broken: Mapping[str, str] = field(default_factory=dict)
+    result: str = ""
+    reason: str = ""
+    seconds: float = 0.0
+    wall: float = 0.0
+    digest: str = ""
+
+
+def play_seed(seed: int) -> Outcome:
+    """Play what a seed stands for; every few, twice."""
+    weather = draw(seed)
+    return played_twice(weather) if seed % AGAIN == 0 else play(weather)
+
+
+def played_twice(weather: Weather) -> Outcome:
+    """Play a weather twice, and see whether all happens again."""
+    first, second = play(weather), play(weather)
+    if first.digest == second.digest:
+        return first
+    return replace(first, broken={**first.broken, "same_again": f"{first.digest[:12]} is then {second.digest[:12]}"})
+
+
+def play(weather: Weather) -> Outcome:
+    """Play a weather once. Whatever is raised is what does not hold."""
+    clock, witness = SystemClock(), Witness(seed=weather.seed)
+    threads, files = set(threading.enumerate()), _open_files()
+    with TemporaryDirectory(prefix="mission-storm-") as folder:
+        there: set[str] = set()
+        try:
+            runner = _runner(weather, Path(folder), witness)
+            there = _names(folder)
+            _run(weather, runner, witness)
+        except Exception:  # of whatever kind: no mission and no fault may raise out of a run
+            return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.now())
+        witness.left += [f"the file {name}" for name in sorted(_names(folder) - there)]
+        digest = witness.digest(folder)
+        for thread in set(threading.enumerate()) - threads:
+            thread.join(GONE)
+        witness.left += [f"the thread {thread.name}" for thread in set(threading.enumerate()) - threads]
+        witness.left += [f"{more} open files" for more in [_open_files() - files] if more > 0]
+        wrong = broken(witness)
+    result = witness.history.result or Result("", "error", "", 0.0, 0)
+    struck: dict[str, int] = {}
+    for mishap in witness.struck:
+        words = f"{mishap.part if mishap.part != 'lidar_mast' else 'second head'} {mishap.state}"
+        struck[words] = struck.get(words, 0) + 1
+    return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.now(), digest)
+
+
+def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
+    """Return the run, which nothing has happened to yet."""
+    robot, mission = folder / "storm.robot.yaml", weather.mission
+    robot.write_text(weather.robot_text(), encoding="utf-8")
+    if "\n" in mission:
+        path = folder / "storm.yaml"
+        path.write_text(mission, encoding="utf-8")
+        mission = str(path)
+    order = RunRequest(
+        mission,
+        robot=str(robot),
+        simulate="fast",
+        world=weather.world_config(),
+        seed=weather.seed,
+        behaviours=(LEAVES,),
+        eyes=weather.eyes,
+    )
+    runner = Runner(order, listeners=[witness], limits=PATIENT, on_moment=witness.moments.append)
+    witness.watch(runner)
+    return runner
+
+
+def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
+    """Let it happen, and the robot come to rest."""
+    trouble = Trouble(runner, witness.history)
+    trouble.arrange([mishap_of(words, runner) for words in weather.faults])
+    witness.struck = trouble.struck
+    timeline = witness.twins.timeline
+    timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
+    try:
+        witness.history.result = runner.run()
+    except DriverError as error:  # a robot that is not complete at its start
+        witness.history.result = Result(runner.plan.mission, "error", str(error), timeline.clock.now(), 0)
+    witness.ended = timeline.clock.now()
+    if runner.stream.lost:
+        witness.left.append(f"events that were not heard: {', '.join(runner.stream.lost)}")
+    timeline.run(witness.ended + ALL_REST + STILL_TIME)
+
+
+def mishap_of(words: str, runner: Runner) -> Mishap:
+    """Read one fault of a schedule. Raises ValueError for one that this run cannot have."""
+    faults: list[Diagnostic] = []
+    phrase = Phrase(Source("storm", words), Scalar(Mark(1, 1, len(words)), words, words), faults)
+    mishap = read_mishap(phrase, lambda _: "", sorted(runner.config.parts))
+    if faults:
+        raise ValueError(f"{words}: {faults[0].message}")
+    return mishap
+
+
+def _names(folder: str) -> set[str]:
+    return {path.name for path in Path(folder).iterdir()}
+
+
+def _open_files() -> int:
+    """Return how many files this process has open; 0 where the system does not say."""
+    listed = Path("/proc/self/fd")
+    return len(list(listed.iterdir())) if listed.is_dir() else 0

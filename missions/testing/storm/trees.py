@@ -1,0 +1,149 @@
+"""Missions by chance, as text: composites, modifiers and leaves of the language, for what a robot has."""
+
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from random import Random
+from typing import Any
+
+from missions.testing.storm.leaves import GOALS, WAYS
+
+OFTEN = 0.7
+"""The share of missions that begin again once they have ended."""
+
+Draw = Callable[[Random], Any]
+
+COMPOSITES = (
+    "sequence",
+    "sequence",
+    "selector",
+    "reactive_sequence",
+    "reactive_selector",
+    "parallel",
+    "parallel",
+    "race",
+    "random_sequence",
+    "random_selector",
+)
+MODIFIERS: Mapping[str, Draw] = {
+    "timeout": lambda it: _seconds(it, 0.3, 6.0),
+    "hold": lambda it: _seconds(it, 0.1, 0.5),
+    "delay": lambda it: _seconds(it, 0.1, 1.0),
+    "cooldown": lambda it: _seconds(it, 0.1, 2.0),
+    "retry": lambda it: it.choice([1, 2, "forever"]),
+    "repeat": lambda it: it.choice([1, 2, "forever"]),
+    "invert": lambda _: True,
+    "on_failure": lambda _: "succeed",
+    "on_success": lambda _: "fail",
+}
+
+
+def _seconds(it: Random, low: float, high: float) -> str:
+    return f"{it.uniform(low, high):.2f} s"
+
+
+def _metres(it: Random, low: float, high: float) -> str:
+    return f"{it.uniform(low, high):.2f} m"
+
+
+def _angle(it: Random, most: float) -> str:
+    return f"{it.uniform(-most, most):.0f} deg"
+
+
+def _rogue(it: Random) -> dict[str, object]:
+    return {"way": it.choice(WAYS), "goal": it.choice(list(GOALS)), "after": it.randint(1, 30)}
+
+
+LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
+    "drive": (["base"], lambda it: {"distance": _metres(it, -0.6, 1.2), "speed": f"{it.uniform(0.05, 0.4):.2f} m/s"}),
+    "turn": (["base"], lambda it: {"angle": _angle(it, 200), "speed": f"{it.uniform(20, 100):.0f} deg/s"}),
+    "arc": (["base"], lambda it: {"radius": _metres(it, 0.2, 0.8), "angle": _angle(it, 200)}),
+    "velocity": (["base"], lambda it: {"speed": _metres(it, -0.4, 0.4) + "/s", "turn": _angle(it, 90) + "/s"}),
+    "go_to": (["base"], lambda it: {"x": _metres(it, -1, 2), "y": _metres(it, -1, 1)}),
+    "wander": (["base", "range"], lambda it: {"speed": f"{it.uniform(0.1, 0.3):.2f} m/s"}),
+    "dock": (["base"], lambda _: {}),
+    "stop": (["base"], lambda _: {}),
+    "bumped": (["base"], lambda _: {}),
+    "battery_below": (["base"], lambda it: f"{it.randint(5, 90)} %"),
+    "obstacle_within": (["range"], lambda it: f"{it.uniform(0.3, 2):.1f} m"),
+    "rogue": ([], _rogue),
+    "rogue_base": (["base"], _rogue),
+    "rogue_head": (["head"], _rogue),
+    "rogue_arm": (["arm"], _rogue),
+    "look": (["head"], lambda it: {"pan": _angle(it, 75), "tilt": _angle(it, 15)}),
+    "scan": (["head"], lambda it: {"rows": it.randint(1, 2), "smooth": it.random() < 0.5}),
+    "nod": (["head"], lambda it: it.randint(1, 3)),
+    "shake_head": (["head"], lambda it: it.randint(1, 3)),
+    "sweep_head": (["head"], lambda it: {"amplitude": f"{it.randint(10, 70)} deg", "period": _seconds(it, 2, 8)}),
+    "look_at": (["head"], lambda it: {"x": _metres(it, 0.5, 2), "y": _metres(it, -1, 1), "z": "1 m"}),
+    "find_face": (["head", "camera"], lambda _: {}),
+    "track_face": (["head", "camera", "base"], lambda it: {"patience": _seconds(it, 0.5, 3)}),
+    "follow_person": (["head", "camera", "base"], lambda it: {"distance": f"{it.uniform(0.8, 1.5):.1f} m"}),
+    "face_seen": (["camera"], lambda it: _seconds(it, 0.2, 1)),
+    "motion_seen": (["camera"], lambda _: {}),
+    "gesture": (["arm"], lambda it: it.choice(["hello", "wave", "bow", "greeting", "goodbye"])),
+    "torque": (["arm"], lambda it: it.random() < 0.7),
+    "joint_hot": (["arm"], lambda _: {}),
+    "say": (["voice"], lambda it: it.choice(["Hello", "I am here", "What a storm this is, is it not"])),
+    "listen": (["microphone"], lambda it: {"for": ["yes", "no"], "timeout": _seconds(it, 1, 4)}),
+    "show": (["screen"], lambda it: {"text": "storm", "for": _seconds(it, 0.5, 2)}),
+    "wait": ([], lambda it: _seconds(it, 0.1, 3)),
+    "log": ([], lambda _: "still here"),
+    "notify": ([], lambda _: "look here"),
+    "succeed": ([], lambda _: {}),
+    "fail": ([], lambda _: "told to fail"),
+}  # fmt: skip
+"""Leaves: the parts that each needs, and what it is given."""
+
+
+class Trees:
+    """Draws missions for a robot with these ``parts``, ``joints`` and further ``heads``."""
+
+    def __init__(
+        self, chance: Random, parts: Collection[str], joints: Mapping[str, tuple[float, float]], heads: Sequence[str]
+    ) -> None:
+        self._chance, self._joints, self._heads = chance, joints, heads
+        self._words = [word for word, (needs, _) in LEAVES.items() if set(needs) <= set(parts)]
+        self._words += ["move_joints", "sweep"] if joints else []
+
+    def mission(self) -> str:
+        """Return the text of a mission; whether it can be run is for the checker to say."""
+        tree = self._tree(3)
+        if self._chance.random() < OFTEN:
+            tree = {"sequence": [{**tree, "on_failure": "succeed"}, {"wait": "50 ms"}], "repeat": "forever"}
+        return f"mission: storm\ntree: {json.dumps(tree)}\n"
+
+    def _tree(self, depth: int) -> dict[str, Any]:
+        chance = self._chance
+        if depth and chance.random() < (1.0 if depth == 3 else 0.55):
+            children = [self._tree(depth - 1) for _ in range(chance.randint(1, 3))]
+            step: dict[str, Any] = {chance.choice(COMPOSITES): children}
+        else:
+            step = self._leaf()
+        for word in chance.sample(sorted(MODIFIERS), chance.choice([0, 0, 0, 1, 1, 2])):
+            step[word] = MODIFIERS[word](chance)
+        return step
+
+    def _leaf(self) -> dict[str, Any]:
+        chance = self._chance
+        word = chance.choice(self._words)
+        if word == "move_joints":
+            return {word: {"to": {joint: self._within(joint) for joint in self._some()}}}
+        if word == "sweep":
+            joint = self._some()[0]
+            ends = sorted((self._within(joint), self._within(joint)), key=lambda it: float(it.split()[0]))
+            return {word: {"joints": [joint], "between": ends, "period": _seconds(chance, 2, 6)}}
+        given = LEAVES[word][1](chance)
+        if (
+            self._heads
+            and word in ("look", "scan", "nod", "sweep_head")
+            and isinstance(given, dict)
+            and chance.random() < 0.5
+        ):
+            given["on"] = chance.choice(self._heads)
+        return {word: given}
+
+    def _some(self) -> list[str]:
+        return self._chance.sample(sorted(self._joints), self._chance.randint(1, min(3, len(self._joints))))
+
+    def _within(self, joint: str) -> str:
+        return f"{self._chance.uniform(*self._joints[joint]):.0f} deg"

@@ -1,0 +1,216 @@
+"""What a seed stands for: a mission, a robot, a world, and the schedule of what goes wrong."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import degrees
+from pathlib import Path
+from random import Random
+from typing import Any, Literal
+
+from config.faults import InvalidFileError, Source
+from config.library import find
+from config.robot import RobotConfig
+from config.world import BatteryConfig, WorldConfig, load_world
+from missions.assembly.order import with_carriers
+from missions.assembly.target import target_of
+from missions.language.document import check_plan
+from missions.language.plan import Plan
+from missions.library.drivers import robot_of
+from missions.library.shipped import load_mission, shipped_missions
+from missions.library.things import THINGS
+from missions.library.vocabulary import vocabulary
+from missions.testing.storm.trees import Trees
+
+LEAVES = Path(__file__).with_name("leaves.py")
+"""The leaves of the storm, as a file of a user's own."""
+
+TRIES = 60
+"""Missions that are drawn, at most, until one can be run."""
+
+LONGEST = 20.0
+"""Seconds of simulated time that a storm lasts at most."""
+
+ROBOTS = ("turtlebot2_arm", "turtlebot2_arm", "turtlebot2_arm", "turtlebot2", "wave_rover", "so101", "humanoid")
+WORLDS = (
+    "living_room",
+    "two_people",
+    "walker",
+    "party",
+    "obstacles",
+    "corridor",
+    "stairs",
+    "dim",
+    "square_arena",
+    "house",
+)
+
+DRAIN = 50.0
+"""How many times as fast as a real one a battery empties, where it is not full."""
+
+MAST = """
+lidar_mast:
+  kind: head
+  driver: arduino_second
+  speed: 90 deg/s
+  pan: {servo: 2, limits: [-60 deg, 60 deg]}
+  tilt: {servo: 3}
+"""
+"""A second pan/tilt, for a robot with an Arduino."""
+
+PLAIN = ("wave_rover",)
+"""Robots whose base feels nothing."""
+
+Physics = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """All that a run of the storm is made of: plain data, which can be sent to another process or written into a test.
+
+    ``mission`` is the name of one that ships, or the text of one. ``pace`` is the share of the robot's speeds that it
+    may go, ``mast`` says whether it has a second head. ``faults`` are phrases of test files. ``seconds`` after its
+    start somebody ends the mission, if it has not ended by then.
+    """
+
+    seed: int
+    mission: str
+    robot: str
+    world: str
+    seconds: float
+    faults: tuple[str, ...] = ()
+    pace: float = 1.0
+    rate: int = 20
+    mast: bool = False
+    physics: Physics = field(default_factory=dict)
+    eyes: Literal["pixels", "truth"] = "truth"
+
+    def robot_text(self) -> str:
+        """Return the robot's file."""
+        text = find("robots", self.robot).read_text("utf-8")
+        text = re.sub(r"max_speed: ([\d.]+) m/s", lambda it: f"max_speed: {float(it[1]) * self.pace:.3f} m/s", text)
+        text = re.sub(r"max_turn: ([\d.]+) deg/s", lambda it: f"max_turn: {float(it[1]) * self.pace:.1f} deg/s", text)
+        text = re.sub(r"^rate: \d+ Hz", f"rate: {self.rate} Hz", text, flags=re.MULTILINE)
+        return text + (MAST if self.mast else "")
+
+    def robot_config(self) -> RobotConfig:
+        """Return the robot, read."""
+        return robot_of(Source("storm.robot.yaml", self.robot_text()))
+
+    def world_config(self) -> WorldConfig:
+        """Return the world, with its physics."""
+        world = load_world(find("worlds", self.world))
+        given: dict[str, Any] = dict(self.physics)
+        if "battery" in given:
+            given["battery"] = BatteryConfig(level=given["battery"], drain=DRAIN)
+        return replace(world, physics=replace(world.physics, **given))
+
+    def plan(self, robot: RobotConfig) -> Plan:
+        """Read and check the mission. Raises InvalidFileError."""
+        if "\n" not in self.mission:
+            return load_mission(self.mission, complete=True, robot=target_of(robot), leaves=vocabulary([]))
+        source = Source("storm.yaml", self.mission)
+        return check_plan(source, vocabulary([LEAVES]), THINGS, complete=True, robot=target_of(robot))
+
+
+def draw(seed: int) -> Weather:
+    """Return what this seed stands for: the same on every machine."""
+    chance = Random(f"storm {seed}")  # noqa: S311 - a draw is no secret
+    robot = chance.choice(ROBOTS)
+    weather = Weather(
+        seed,
+        "",
+        robot,
+        chance.choice(WORLDS),
+        round(chance.uniform(3.0, LONGEST), 2),
+        pace=chance.choice([1.0, 1.0, 0.6, 0.3]),
+        rate=chance.choice([20, 20, 10, 50]),
+        mast=robot == "turtlebot2_arm" and chance.random() < 0.3,
+        physics=_physics(chance),
+        eyes="pixels" if chance.random() < 0.03 else "truth",
+    )
+    config = weather.robot_config()
+    weather, plan = _with_mission(weather, config, chance)
+    parts = sorted(with_carriers(config, plan.tree.parts))
+    return replace(weather, faults=tuple(_schedule(weather, config, parts, chance)))
+
+
+def _physics(chance: Random) -> Physics:
+    """Return how the base errs, in some runs."""
+    drawn = {
+        "slip": chance.uniform(0.0, 0.2),
+        "lag": chance.uniform(0.0, 0.3),
+        "gyro_noise": chance.uniform(0.0, 0.1),
+        "dropouts": chance.uniform(0.0, 0.5),
+        "mishearing": chance.uniform(0.0, 0.5),
+        "battery": chance.uniform(0.08, 1.0),
+    }
+    return {name: round(value, 3) for name, value in drawn.items() if chance.random() < 0.25}
+
+
+def _with_mission(weather: Weather, config: RobotConfig, chance: Random) -> tuple[Weather, Plan]:
+    """Return it with a mission that this robot can do: one that ships, or more often one by chance."""
+    joints = (
+        {}
+        if config.arm is None
+        else {name: (degrees(each.lower), degrees(each.upper)) for name, each in config.arm.limits.items()}
+    )
+    heads = [part for part in sorted(config.parts) if weather.mast and part == "lidar_mast"]
+    trees = Trees(chance, config.parts, joints, heads)
+    for _ in range(TRIES):
+        shipped = chance.random() < 0.2
+        mission = chance.choice(sorted(shipped_missions())) if shipped else trees.mission()
+        found = replace(weather, mission=mission)
+        try:
+            return found, found.plan(config)
+        except InvalidFileError:
+            continue
+    found = replace(weather, mission="mission: storm\ntree:\n  wait: 5 s\n")
+    return found, found.plan(config)
+
+
+def _schedule(weather: Weather, config: RobotConfig, parts: list[str], chance: Random) -> Iterator[str]:
+    """Yield what goes wrong, and when: up to six things, of which some wait for a moment of the base."""
+    kinds = [kind for part in parts for kind in faults_of(part, weather.robot)] + RUN_FAULTS
+    for _ in range(chance.choice([0, 1, 2, 3, 4, 6])):
+        words = chance.choice(kinds)
+        joint = chance.choice(sorted(config.arm.limits)) if config.arm is not None and "JOINT" in words else ""
+        words = words.replace("JOINT", joint).replace("SIDE", chance.choice(["left", "centre", "right"]))
+        words = words.replace("ANGLE", f"{chance.uniform(-60, 60):.0f} deg").replace(
+            "SHARE", f"{chance.randint(3, 60)} %"
+        )
+        when = f"at {chance.uniform(0.1, weather.seconds):.2f} s"
+        if "base" in parts and chance.random() < 0.2:
+            when = f"when base {chance.choice(['moves', 'stops'])}"
+        lasting = any(f" {word}" in words for word in ("battery", "overloaded", "turned"))
+        how_long = chance.choice([0.05, 0.2, 0.5, 0.9, 1.5, 3.0, 6.0])
+        yield f"{words} {when}" + ("" if lasting else f" for {how_long} s")
+
+
+RUN_FAULTS = ["run stalled", "run stopped", "run paused", "run stopped"]
+
+
+def faults_of(part: str, robot: str) -> list[str]:
+    """Return what may happen to a part, as test files write it."""
+    match part:
+        case "base" if robot not in PLAIN:
+            felt = [
+                "base bumped SIDE",
+                "base cliff SIDE",
+                "base lifted",
+                "base button 0 pressed",
+                "base button 2 pressed",
+            ]
+            return ["base unplugged", *felt, "base docked", "base driven", "base driven", "base battery at SHARE"]
+        case "base":
+            return ["base unplugged", "base driven"]
+        case "arm":
+            return ["arm unplugged", "arm overloaded JOINT", "arm turned JOINT to ANGLE"]
+        case "camera":
+            return ["camera unplugged", "camera frozen", "camera covered", "camera slow"]
+        case "microphone":
+            return ["microphone unplugged", "microphone deaf"]
+        case "voice":
+            return ["voice unplugged", "voice hanging"]
+        case _:
+            return [f"{part} unplugged"]

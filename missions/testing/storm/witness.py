@@ -1,0 +1,145 @@
+"""Who watches a run of the storm: what was told, what was decided, and every 20 ms how everything truly moves."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from behaviours.leaf import RUNNING, Leaf
+from config.robot import RobotConfig
+from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
+from missions.executive.tick_record import TickRecord
+from missions.runner import Runner
+from missions.testing.history import History
+from missions.testing.mishaps import Mishap
+from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.drawing import Drawing
+
+SAMPLE = 0.02
+"""Seconds between two looks at the truth."""
+
+
+@dataclass(slots=True)
+class Truth:
+    """How everything truly is at a ``time``.
+
+    There are the ``speeds`` of the base (m/s, rad/s), and the ``angles`` (radians) of every axis of every head and arm
+    by part and name. ``by_hand`` says that no mission has the wheels.
+    """
+
+    time: float
+    speeds: tuple[float, float]
+    by_hand: bool
+    angles: Mapping[tuple[str, str], float]
+
+
+@dataclass(slots=True)
+class Witness:
+    """All that is known of one run. It is a listener of the run's events, and is told of its moments.
+
+    ``claimed`` says at which times each part was a running leaf's, ``back`` when it came back; ``ended`` is when the
+    mission was over and ``rested`` are samples from then on.
+    """
+
+    history: History = field(default_factory=History)
+    moments: list[TickRecord] = field(default_factory=list)
+    samples: list[Truth] = field(default_factory=list)
+    claimed: dict[str, list[float]] = field(default_factory=dict)
+    back: dict[str, list[float]] = field(default_factory=dict)
+    struck: list[Mishap] = field(default_factory=list)
+    ended: float = 0.0
+    seed: int = 0
+    left: list[str] = field(default_factory=list)
+    whole: bool = True
+    _runner: Runner | None = None
+    _leaves: Mapping[str, Leaf] = field(default_factory=dict)
+
+    def watch(self, runner: Runner) -> None:
+        """Look at a run from now on, on its own timeline."""
+        self._runner = runner
+        self._leaves = {leaf.key: leaf for leaf in runner.root.iterate() if isinstance(leaf, Leaf)}
+        base = self.twins.base
+        self.history.watch(runner.root, None if base is None else lambda: base.body.velocity)
+        self.twins.timeline.every(SAMPLE, self._sample)
+
+    def __call__(self, event: Event) -> None:
+        """Take in one event."""
+        self.history(event)
+        if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self._leaves:
+            self._claims(self._leaves[event.node], event.t)
+        elif isinstance(event, Ticked):
+            for leaf in self._leaves.values():
+                if leaf.status is RUNNING or leaf.acting:
+                    self._claims(leaf, event.t)
+        elif isinstance(event, FaultRaised) and event.what == "online":
+            self.back.setdefault(event.part, []).append(event.t)
+
+    def _claims(self, leaf: Leaf, time: float) -> None:
+        for part in leaf.claims:
+            self.claimed.setdefault(part, []).append(time)
+
+    # --- what a record has (missions.records.replay.rerun.Recorded) --------------------------------------------------
+
+    @property
+    def events(self) -> list[Event]:
+        """All that happened."""
+        return self.history.events
+
+    def drawing(self) -> Drawing:
+        """Return the tree as it was."""
+        return drawing_of(self.runner.plan)
+
+    # --- for invariants -----------------------------------------------------------------------------------------------
+
+    @property
+    def runner(self) -> Runner:
+        """The run."""
+        if self._runner is None:
+            raise RuntimeError("nothing is watched yet")
+        return self._runner
+
+    @property
+    def twins(self) -> Any:
+        """The twins of the run."""
+        return self.runner.twins
+
+    @property
+    def config(self) -> RobotConfig:
+        """The robot."""
+        return self.runner.config
+
+    @property
+    def commands(self) -> list[CommandSent]:
+        """What parts were told."""
+        return [event for event in self.events if isinstance(event, CommandSent)]
+
+    def leaf(self, command: CommandSent) -> Leaf | None:
+        """Return who gave a command; None for what is no leaf."""
+        return self._leaves.get(command.source.rpartition("(")[2].rstrip(")"))
+
+    def digest(self, folder: str) -> str:
+        """Return a fingerprint of all that happened, wherever the files of the run were."""
+        found = hashlib.sha256()
+        for event in self.events:
+            told = {**event.as_dict(), **({"file": ""} if isinstance(event, Started) else {})}
+            found.update(json.dumps(told, default=str, sort_keys=True).replace(folder, "").encode())
+        for sample in self.samples:
+            found.update(repr((sample.time, sample.speeds, sorted(sample.angles.items()))).encode())
+        return found.hexdigest()
+
+    def _sample(self) -> None:
+        twins, now = self.twins, self.twins.timeline.clock.now()
+        speeds, by_hand = (0.0, 0.0), False
+        angles: dict[tuple[str, str], float] = {}
+        for part, twin in twins.parts.items():
+            if part == "base":
+                velocity = twin.body.velocity
+                speeds, source = (velocity.linear, velocity.angular), twin.steering().source
+                by_hand = source is not None and source != "mission"
+            elif part == "arm":
+                angles |= {("arm", joint): twin.true_angle(joint, now) for joint in twin.limits}
+            elif hasattr(twin, "true_pose"):
+                pose = twin.true_pose(now)
+                angles |= {(part, "pan"): pose.pan, (part, "tilt"): pose.tilt}
+        self.samples.append(Truth(now, speeds, by_hand, angles))

@@ -1,0 +1,122 @@
+"""The storm: a seed stands for all that happens, what must hold does, and what breaks is made small and told."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.testing.storm import invariants
+from missions.testing.storm.play import play, play_seed, played_twice
+from missions.testing.storm.shrink import as_test, shrunk
+from missions.testing.storm.weather import Weather, draw
+from missions.testing.storm.witness import Witness
+from tests.missions.command import command
+
+SEEDS = range(1, 21)
+"""A breath of it: `make storm` has the rest."""
+
+DRIVES = 'mission: drives\ntree: {"drive": {"distance": "1 m", "speed": "0.2 m/s"}}\n'
+FAULTS = ("run stalled at 1 s for 0.2 s", "base bumped left at 2 s for 0.5 s", "run paused at 1.5 s for 0.2 s")
+
+
+def weather(*faults: str, mission: str = DRIVES) -> Weather:
+    return Weather(7, mission, "turtlebot2", "empty", 12.0, faults)
+
+
+@pytest.fixture
+def no_bumps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let it be a promise that nothing ever bumps."""
+
+    def look(seen: Witness) -> Iterator[str]:
+        if any(each.state == "bumped" for each in seen.struck):
+            yield "it bumped"
+
+    monkeypatch.setitem(invariants.INVARIANTS, "no_bumps", ("nothing bumps", look))
+
+
+def test_all_that_must_hold_holds_in_a_breath_of_the_storm() -> None:
+    broken = {seed: outcome.broken for seed in SEEDS if (outcome := play_seed(seed)).broken}
+    assert broken == {}
+
+
+def test_a_seed_stands_for_one_storm_and_each_for_another() -> None:
+    assert draw(12) == draw(12)
+    assert draw(12) != draw(13)
+
+
+def test_the_same_storm_happens_again_to_the_byte() -> None:
+    stormy = weather(*FAULTS)
+    assert play(stormy).digest == play(stormy).digest
+    assert played_twice(stormy).broken == {}
+
+
+def test_what_struck_is_counted() -> None:
+    assert play(weather(*FAULTS)).struck == {"run stalled": 1, "base bumped": 1, "run paused": 1}
+
+
+def test_the_loop_that_is_held_up_ticks_late_and_the_base_has_stopped_meanwhile() -> None:
+    even, late = play(weather()), play(weather("run stalled at 2 s for 1 s"))
+    assert even.result == late.result == "success"
+    assert late.seconds > even.seconds + 0.6
+
+
+def test_a_run_that_was_stopped_goes_on_when_it_is_released() -> None:
+    even, late = play(weather()), play(weather("run stopped at 2 s for 3 s"))
+    assert late.broken == {}
+    assert late.result == "success"
+    assert late.seconds > even.seconds + 2.5
+
+
+def test_a_voice_that_hangs_holds_up_what_waits_for_it() -> None:
+    says = 'mission: says\ntree: {"say": "Hello"}\n'
+    assert play(weather(mission=says)).result == "success"
+    assert play(weather("voice hanging from 0.1 s", mission=says)).result == "interrupted"
+
+
+@pytest.mark.usefixtures("no_bumps")
+def test_a_storm_that_breaks_something_is_shrunk_to_the_one_fault_that_does() -> None:
+    outcome = play(weather(*FAULTS))
+    assert outcome.broken == {"no_bumps": "it bumped"}
+    small = shrunk(outcome)
+    assert small.weather.faults == ("base bumped left at 2 s for 0.5 s",)
+    assert small.broken == outcome.broken
+
+
+@pytest.mark.usefixtures("no_bumps")
+def test_what_broke_is_written_as_a_test_that_fails_for_as_long() -> None:
+    text = as_test(play(weather(*FAULTS)))
+    told: dict[str, object] = {}
+    exec(compile(text, "test_storm_7.py", "exec"), told)  # noqa: S102 - of our own writing
+    test = told["test_what_seed_7_of_the_storm_has_found"]
+    assert callable(test)
+    with pytest.raises(AssertionError):
+        test()
+    del invariants.INVARIANTS["no_bumps"]
+    test()
+
+
+def test_a_replay_tells_the_schedule(capsys: pytest.CaptureFixture[str]) -> None:
+    told = command(capsys, "storm", "--seed", "2")
+    assert told.code == 0
+    assert all(words in told.out for words in draw(2).faults)
+
+
+def test_the_table_tells_what_struck_and_what_held(capsys: pytest.CaptureFixture[str]) -> None:
+    told = command(capsys, "storm", "--seeds", "3", "--jobs", "1")
+    assert told.code == 0
+    assert told.out.startswith("3 seeds, ")
+    assert "held  at_rest: the base is at rest 0.7 s after the end" in told.out
+
+
+@pytest.mark.usefixtures("no_bumps")
+def test_a_seed_that_breaks_something_is_told_with_what_to_type(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("missions.testing.storm.play.draw", lambda _: weather(*FAULTS))
+    told = command(capsys, "storm", "--seeds", "1", "--first", "7", "--jobs", "1")
+    assert told.code == 1
+    assert "seed 7 breaks no_bumps: it bumped\n  try: mission storm --seed 7 --shrink" in told.out
+    written = tmp_path / "test_storm_7.py"
+    told = command(capsys, "storm", "--seed", "7", "--shrink", "--output", str(written))
+    assert told.code == 1
+    assert "base bumped left at 2 s" in written.read_text()
