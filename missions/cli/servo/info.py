@@ -61,6 +61,8 @@ def meaning(model: Model, register: Register, value: int) -> str:
     """Return what a value of a register is in the units of people; empty for a plain number or a mask."""
     if register.name == "model_number":
         return model.name
+    if register.name == "firmware" and register.size == 2:
+        return f"{value & 0xFF}.{value >> 8}"
     if register.name == "baud":
         try:
             return f"{baud_of(value, model.protocol)} baud"
