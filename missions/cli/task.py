@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
@@ -17,16 +16,17 @@ from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
+from missions.cli.task_words import about_attempt, about_letter, clock, row_of
 from missions.language.plan import Plan
 from missions.library.folders import state_folder
 from missions.library.shipped import find_mission, shipped_missions
 from missions.order import RunRequest, Simulate
 from missions.service.channels import channels_of
 from missions.service.lock import is_locked, server_lock
-from missions.service.outbox import Letter, Outbox
+from missions.service.outbox import Outbox
 from missions.service.queue import Queue
 from missions.service.schema import in_words, open_db, queue_file
-from missions.service.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
+from missions.service.task import PRIORITIES, Interrupted, NewTask, Policy, Task, TaskError
 from missions.service.times import first_time, local_zone, read_at, read_every, wall_clock
 from missions.views.columns import in_columns
 
@@ -87,6 +87,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     type=click.Choice(["retry", "give-up"]),
     help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
 )
+@click.option("--needs-approval", is_flag=True, help="Begin it once somebody approves it: mission task approve.")
 @click.option("--robot", type=ROBOT, help="The robot to run on; it moves, unless --simulate.")
 @click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
 @click.option("--world", type=WORLD, help="What a simulated robot stands in.")
@@ -101,6 +102,7 @@ def add(
     priority: int,
     retry: int,
     interrupted: Interrupted | None,
+    needs_approval: bool,
     robot: str | None,
     simulate: Simulate | None,
     world: str | None,
@@ -121,11 +123,14 @@ def add(
         late=LATE if late is None and (at or every) else late,
         every=repetition,
         policy=Policy(interrupted or POLICIES[plan.if_interrupted], retries=retry),
+        needs_approval=needs_approval,
     )
     with _queue() as (queue, _):
         number = queue.add(new, time)
-    when = f"at {_clock(due)}" if due > time else "as soon as its turn comes"
+    when = f"at {clock(due)}" if due > time else "as soon as its turn comes"
     click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
+    if needs_approval:
+        click.echo(f"it begins once somebody approves it: mission task approve {number}")
     if not is_locked(server_lock(state_folder())):
         click.echo("nobody does tasks at the moment: mission serve", err=True)
     return SUCCESS
@@ -192,29 +197,24 @@ def list_command(everything: bool, as_json: bool) -> None:
     elif not tasks:
         click.echo("no tasks" if everything else "no tasks wait; --all shows those that have ended")
     else:
-        rows = [_row(task) for task in tasks]
+        rows = [row_of(task) for task in tasks]
         headings = [name for name in rows[0] if name != "priority" or any(task.priority for task in tasks)]
         cells = [[row[name] for name in headings] for row in rows]
         click.echo(in_columns(headings, cells, left=frozenset(headings[1:]) - {"priority"}))
     for task in tasks:
         if not task.ended and task.added > now + DOUBT:
-            said = f"task {task.id} was added at {_clock(task.added)}, to come: the clock was wrong then, or is"
+            said = f"task {task.id} was added at {clock(task.added)}, to come: the clock was wrong then, or is"
             cure = f"date; where that is right: mission task cancel {task.id}, and add it anew"
             click.echo(f"{said} now\n  try: {cure}", err=True)
 
 
-def _row(task: Task) -> Mapping[str, str]:
-    """Return what the list says of a task, by heading."""
-    return {
-        "task": str(task.id),
-        "state": "stopping" if task.cancelling and task.state == "running" else task.state.replace("_", " "),
-        "priority": str(task.priority),
-        "due": _clock(task.since) if task.due else "at once",
-        "every": task.every or "-",
-        "mission": task.name,
-        "params": " ".join(f"{name}={value}" for name, value in task.params.items()) or "-",
-        "reason": task.reason,
-    }
+@command.command(epilog="Example: mission task approve 3")
+@NUMBER
+def approve(number: int) -> None:
+    """Let a task begin that was added with --needs-approval; each of a repetition needs its own."""
+    with _queue() as (queue, _):
+        queue.approve(number, wall_clock())
+    click.echo(f"task {number} is approved")
 
 
 @command.command(epilog="Example: mission task cancel 3")
@@ -251,32 +251,10 @@ def log(number: int, as_json: bool) -> None:
         return
     reason = f": {task.reason}" if task.reason else ""
     click.echo(f"task {number}: {task.name}, {task.state.replace('_', ' ')}{reason}")
-    click.echo(f"{_clock(task.added)}  added, due {f'at {_clock(task.due)}' if task.due else 'at once'}")
+    click.echo(f"{clock(task.added)}  added, due {f'at {clock(task.due)}' if task.due else 'at once'}")
+    if task.needs_approval:
+        click.echo("needs approval" if task.approved is None else f"{clock(task.approved)}  approved")
     for attempt in attempts:
-        click.echo(_about_attempt(attempt))
+        click.echo(about_attempt(attempt))
     for letter in letters:
-        click.echo(_about_letter(letter))
-
-
-def _about_attempt(attempt: Attempt) -> str:
-    if attempt.ended is None:
-        return f"{_clock(attempt.began)}  attempt {attempt.number} begins"
-    reason = f": {attempt.reason}" if attempt.reason else ""
-    seconds = attempt.ended - attempt.began
-    return f"{_clock(attempt.began)}  attempt {attempt.number}: {attempt.how} after {seconds:.0f} s{reason}"
-
-
-def _about_letter(letter: Letter) -> str:
-    if letter.delivered is not None:
-        return f"{_clock(letter.delivered)}  delivered to {letter.channel}: {letter.notice.text}"
-    why = f" ({letter.tries} tries; {letter.last_error})" if letter.tries else ""
-    state = "never delivered, and given up," if letter.given_up else "not delivered yet"
-    return f"{_clock(letter.added)}  {state} to {letter.channel}{why}: {letter.notice.text}"
-
-
-def _clock(time: float) -> str:
-    """Write a time, whatever stands in the file: of other calendars than ours, the bare number."""
-    try:
-        return f"{datetime.fromtimestamp(time, UTC).astimezone(local_zone()):%Y-%m-%d %H:%M:%S}"
-    except (ValueError, OverflowError, OSError):
-        return f"{time:g}"
+        click.echo(about_letter(letter))

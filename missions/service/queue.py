@@ -13,13 +13,13 @@ from datetime import UTC, datetime, tzinfo
 
 from missions.service import notice
 from missions.service.notice import Notice
+from missions.service.rows import as_new, check_texts, task_of
 from missions.service.schema import ORDER
 from missions.service.task import (
     Attempt,
     Claim,
     NewTask,
     Outcome,
-    Policy,
     State,
     Task,
     TaskError,
@@ -33,6 +33,9 @@ PAUSE = 30.0
 
 _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
 """Says of a task that its pause is over, or the clock was put back: ?1 is the time, ?2 the pause."""
+
+_MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
+"""Says of a task that it was missed, as ``_too_late`` does."""
 
 DOWN = "the machine or the server went down"
 """Why an attempt was interrupted of which nobody told the end."""
@@ -56,7 +59,7 @@ class Queue:
 
     def add(self, new: NewTask, now: float) -> int:
         """Add a task; return its number. Raises TaskError for texts that cannot be kept."""
-        _check_texts(new)
+        check_texts(new)
         with self._transaction():
             number = self._insert(new, None, now)
             channels = json.dumps(list(self._channels(self.task(number))))
@@ -89,17 +92,30 @@ class Queue:
                 raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
             self._execute("UPDATE task SET priority = ? WHERE id = ?", priority, number)
 
+    def approve(self, number: int, now: float) -> None:
+        """Let a task begin that needs a person's approval; each of a repetition needs its own.
+
+        Raises TaskError for one that is not there, does not wait, or does not need it.
+        """
+        with self._transaction():
+            task = self.task(number)
+            if task.state != "waiting":
+                raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
+            if not task.unapproved:
+                raise TaskError(f"task {number} needs no approval", hint="mission task list")
+            self._execute("UPDATE task SET approved = ? WHERE id = ?", now, number)
+
     def task(self, number: int) -> Task:
         """Return a task. Raises TaskError for one that is not there."""
         row = self._execute("SELECT * FROM task WHERE id = ?", number).fetchone()
         if row is None:
             raise TaskError(f"there is no task {number}", hint="mission task list --all")
-        return _task(row)
+        return task_of(row)
 
     def tasks(self, *, ended: bool = True) -> list[Task]:
         """Return all tasks, in the order in which they are run; those that have ended only where that is asked for."""
         which = "" if ended else " WHERE state IN ('waiting', 'running')"
-        return [_task(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
+        return [task_of(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
 
     def expected(self, task: Task, now: float) -> float:
         """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
@@ -193,13 +209,13 @@ class Queue:
             except (ValueError, OverflowError) as error:  # what an earlier version has let in
                 reason = f"{reason}{'; ' if reason else ''}it is not repeated: {error}"
             else:
-                self._insert(replace(_as_new(task), due=due), task.series, now)
+                self._insert(replace(as_new(task), due=due), task.series, now)
         self._execute("UPDATE task SET state = ?, reason = ? WHERE id = ?", state, reason, task.id)
 
     def _draw_in(self, now: float) -> None:
         """Bring repetitions nearer that are too far ahead, since the clock was put back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
-        for task in map(_task, self._execute(sql, now).fetchall()):
+        for task in map(task_of, self._execute(sql, now).fetchall()):
             if (due := self.expected(task, now)) < task.due:
                 self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
@@ -220,6 +236,7 @@ class Queue:
             "added": now,
             "due": new.due,
             "priority": new.priority,
+            "needs_approval": new.needs_approval,
             "late": new.late,
             "every": new.every,
             "interrupted": policy.interrupted,
@@ -238,9 +255,12 @@ class Queue:
             self._execute(sql, told.id, task.id, channel, told.as_json(), now, now)
 
     def _due(self, now: float) -> Task | None:
-        sql = f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
+        may = f"(NOT needs_approval OR approved IS NOT NULL OR {_MISSED})"  # what was missed is told, approved or not
+        sql = (
+            f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} AND {may} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
+        )
         row = self._execute(sql, now, PAUSE).fetchone()
-        return None if row is None else _task(row)
+        return None if row is None else task_of(row)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -257,17 +277,6 @@ class Queue:
         return self._connection.execute(sql, values)
 
 
-def _check_texts(new: NewTask) -> None:
-    for text in (new.mission, new.robot, *new.options, *new.params, *new.params.values()):
-        try:
-            text.encode()
-        except UnicodeEncodeError as error:
-            shown = text.encode(errors="backslashreplace").decode()
-            raise TaskError(
-                f"'{shown}' cannot be kept: it is not UTF-8", hint="mv gives a file another name"
-            ) from error
-
-
 def _too_late(task: Task, now: float) -> bool:
     """Say whether a task was missed; one that was begun in time and interrupted is not."""
     return task.late is not None and task.attempts == 0 and now > task.since + task.late
@@ -275,24 +284,3 @@ def _too_late(task: Task, now: float) -> bool:
 
 def _clock(time: float, zone: tzinfo) -> str:
     return f"{datetime.fromtimestamp(time, zone):%Y-%m-%d %H:%M}"
-
-
-def _task(row: sqlite3.Row) -> Task:
-    values = dict(row)
-    policy = Policy(values.pop("interrupted"), values.pop("most"), values.pop("retries"))
-    try:
-        if any(isinstance(value, bytes) for value in row):
-            raise TypeError("bytes, where a text or a number was")
-        values["params"] = dict(json.loads(values["params"]))
-        for name in ("options", "channels"):
-            values[name] = tuple(json.loads(values[name]))
-        for name in ("added", "due", "not_before"):
-            values[name] = float(values[name])
-    except (ValueError, TypeError, RecursionError) as error:
-        raise sqlite3.DatabaseError(f"task {values['id']} is not as it was written: {error}") from error
-    values["cancelling"] = bool(values["cancelling"])
-    return Task(policy=policy, **values)
-
-
-def _as_new(task: Task) -> NewTask:
-    return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

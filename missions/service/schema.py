@@ -2,7 +2,7 @@
 
 A write-ahead log, and every commit waited for until it is on the disk. What must never happen is refused by the
 database itself, whichever program writes: a task that has ended never changes again, one attempt at most succeeds, one
-task runs at a time, no repetition is made twice, and no notice either.
+task runs at a time, none that nobody has approved where it needs that, no repetition is made twice, and no notice.
 """
 
 import os
@@ -76,7 +76,15 @@ DROP INDEX waiting;
 CREATE INDEX waiting ON task ({ORDER}) WHERE state = 'waiting';
 """  # noqa: S608 - ours
 
-STEPS = (FIRST, SECOND)
+THIRD = """
+ALTER TABLE task ADD COLUMN needs_approval INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE task ADD COLUMN approved REAL;
+CREATE TRIGGER approved_first BEFORE UPDATE OF state ON task
+    WHEN NEW.state = 'running' AND NEW.needs_approval AND NEW.approved IS NULL
+    BEGIN SELECT RAISE (ABORT, 'nobody has approved this task'); END;
+"""
+
+STEPS = (FIRST, SECOND, THIRD)
 """What makes the tables, and each version of those of the version before: a file of any earlier one is brought up."""
 
 VERSION = len(STEPS)

@@ -49,7 +49,8 @@ class NewTask:
     ``robot`` is empty for the simulated default; ``options`` are more words for `mission run`. ``due`` is 0 for a task
     that is to begin as soon as its turn comes, whatever the clock says. Of those that are due, the one of the highest
     ``priority`` is first. A task that is not begun within ``late`` seconds of when it is due, or was added, is missed;
-    None waits for ever. ``every`` repeats it, as ``times.Every`` is written. ``channels`` are where its notices went
+    None waits for ever. ``every`` repeats it, as ``times.Every`` is written. One that ``needs_approval`` is not begun
+    before somebody has approved it, and each of its repetitions anew. ``channels`` are where its notices went
     when it was added, as the outbox writes them: the queue fills them in.
     """
 
@@ -63,6 +64,7 @@ class NewTask:
     every: str = ""
     policy: Policy = field(default_factory=Policy)
     channels: tuple[str, ...] = ()
+    needs_approval: bool = False
 
     @property
     def name(self) -> str:
@@ -76,7 +78,8 @@ class Task(NewTask):
     """A task in the queue. ``reason`` says why it ended as it did; ``cancelling`` that somebody wants it stopped.
 
     ``attempts`` were begun; ``failures`` of them ended in a failure, ``interruptions`` were cut off by something that
-    counts. It is not begun before ``not_before``. ``series`` is the first task of a repetition.
+    counts. It is not begun before ``not_before``. ``approved`` is when somebody did so. ``series`` is the first
+    task of a repetition.
     """
 
     id: int
@@ -89,6 +92,12 @@ class Task(NewTask):
     not_before: float
     cancelling: bool
     series: int | None
+    approved: float | None = None
+
+    @property
+    def unapproved(self) -> bool:
+        """Whether it waits for somebody to approve it."""
+        return self.needs_approval and self.approved is None and self.state == "waiting"
 
     @property
     def ended(self) -> bool:

@@ -18,7 +18,7 @@ from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.launch import words_of
 from missions.studio.library import check_name
-from missions.studio.wishes import AddTask, CancelTask, MoveTask, Start, Tasks
+from missions.studio.wishes import AddTask, ApproveTask, CancelTask, MoveTask, Start, Tasks
 
 Json = dict[str, object]
 
@@ -47,6 +47,7 @@ def add_task(command: Command) -> Json:
     words = list(words_of(command))
     words += [f"--{name}={value}" for name, value in (("at", command.at), ("every", command.every)) if value]
     words += [f"--priority={command.priority}", f"--retry={command.retry}"]
+    words += ["--needs-approval"] * command.needs_approval
     said = _task("add", *words, "--", command.mission)
     found = search(r"task (\d+)", said)
     return {"task": int(found[1]) if found else None, "message": said}
@@ -55,6 +56,11 @@ def add_task(command: Command) -> Json:
 def cancel_task(command: Command) -> Json:
     """Answer `cancel_task`."""
     return {"message": _task("cancel", str(command.task if isinstance(command, CancelTask) else 0))}
+
+
+def approve_task(command: Command) -> Json:
+    """Answer `approve_task`."""
+    return {"message": _task("approve", str(command.task if isinstance(command, ApproveTask) else 0))}
 
 
 def move_task(command: Command) -> Json:
@@ -67,6 +73,7 @@ def move_task(command: Command) -> Json:
 DOES: Mapping[str, Callable[[Command], Json]] = {
     "tasks": tasks,
     "add_task": add_task,
+    "approve_task": approve_task,
     "cancel_task": cancel_task,
     "move_task": move_task,
 }

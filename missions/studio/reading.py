@@ -25,6 +25,7 @@ from missions.studio.commands import (
 from missions.studio.form import BadMessage, read, shown
 from missions.studio.wishes import (
     AddTask,
+    ApproveTask,
     CancelTask,
     Hello,
     Library,
@@ -45,7 +46,7 @@ COMMANDS: Mapping[str, type[Command]] = {
         Hello, Library, Mission, World, Start, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Take, Give, Drive, Look,
         Records, Record, Moment,
-        Tasks, AddTask, MoveTask, CancelTask,
+        Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
     )
 }  # fmt: skip
 """Every command by its word."""

@@ -124,7 +124,16 @@ class AddTask(Command):
     every: Annotated[str, 'Again and again: "30 min", "day", "monday 18:00".'] = ""
     priority: Annotated[int, "Of those that are due, the highest is first.", Bound(-100, 100)] = 0
     retry: Annotated[int, "How often to try again when it fails.", Bound(0, 1000)] = 0
+    needs_approval: Annotated[bool, "Whether it begins only once somebody approves it."] = False
     sure: Annotated[bool, "As of `start`."] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproveTask(Command):
+    """Let a task begin that needs approval; each of a repetition needs its own."""
+
+    word: ClassVar[str] = "approve_task"
+    task: Annotated[int, "Its number.", Bound(1, 2**53)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

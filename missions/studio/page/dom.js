@@ -127,6 +127,17 @@ function picture() {
   if (asked) requestAnimationFrame(picture);
 }
 
+/** Return a button for what cannot be taken back: `work` is done at a second press. */
+export function twice(text, again, work, more) {
+  const armed = () => node.classList.contains("armed");
+  const node = button(text, () => {
+    if (armed()) work();
+    node.classList.toggle("armed");
+    put(node, armed() ? again : text);
+  }, more);
+  return node;
+}
+
 const notes = document.getElementById("notes");
 
 /** Say something at the top of the page: an error of the protocol with its hint, or a text. */

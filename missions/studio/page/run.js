@@ -1,6 +1,6 @@
 // Run: what there is to run, and a form to run it.
 
-import { button, el, field, panel, put, tell } from "./dom.js";
+import { button, el, field, panel, put, tell, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
 import { links } from "./links.js";
 import { plain } from "./words.js";
@@ -20,6 +20,7 @@ export class Run {
   #people = el("p", { class: "hint" });
   #form = el("div", { class: "chosen" });
   #links = el("div", { hidden: true });
+  #approval = toggle("Begin it only once somebody has approved it", false);
   #go = button("Run", () => this.#start(), { class: "main" });
   #when = {
     at: el("input", { type: "text", placeholder: "at once" }),
@@ -103,6 +104,7 @@ export class Run {
       panel("Later, or again and again", "later",
         el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
           field("Priority", priority, "-100 to 100: the highest is first"), field("Retry", retry, "how often to try again when it fails")),
+        this.#approval,
         button("Add to the queue", () => this.#queue())),
       panel("Its tree", "preview", tree));
     this.#named();
@@ -150,7 +152,7 @@ export class Run {
       const { at, every, priority, retry } = this.#when;
       const [first, again] = [Number(priority.value || 0), Number(retry.value || 0)];
       if (![first, again].every(Number.isInteger)) throw new Error("Priority and retry are whole numbers.");
-      const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again };
+      const when = { at: at.value.trim(), every: every.value.trim(), priority: first, retry: again, needs_approval: this.#approval.getAttribute("aria-checked") === "true" };
       const answer = await this.#link.ask({ do: "add_task", mission: this.#mission.name, params: this.#params.values, ...this.#target.members(true), ...when });
       this.#target.unsure();
       tell(answer.message || `Task ${answer.task} waits.`, "good");

@@ -1,6 +1,6 @@
 // Tasks: the queue.
 
-import { button, el, panel, put, tell, toggle } from "./dom.js";
+import { button, el, panel, put, tell, toggle, twice } from "./dom.js";
 import { day, plain } from "./words.js";
 
 const EVERY = 3000; // milliseconds from one look at the queue to the next
@@ -64,15 +64,13 @@ export class Tasks {
     const move = (by, sign, label) => button(sign, () => {
       this.#do("move_task", task.id, { priority: Math.max(-100, Math.min(100, task.priority + by)) });
     }, { "aria-label": `${label} priority of task ${task.id}` });
-    const cancel = button("Cancel", () => {
-      if (cancel.classList.contains("armed")) this.#do("cancel_task", task.id);
-      cancel.classList.add("armed");
-      put(cancel, "Press again to cancel");
-    }, { class: "danger" });
+    const cancel = twice("Cancel", "Press again to cancel", () => this.#do("cancel_task", task.id), { class: "danger" });
+    const unapproved = waits && task.needs_approval && task.approved === null;
+    const approve = unapproved && twice("Approve", "Press again to approve", () => this.#do("approve_task", task.id), { class: "main" });
     return el("li", { class: `task ${task.state}` },
-      el("div", null, el("b", null, `${task.id}  ${name}`), el("span", { class: "outcome" }, plain(task.state)),
+      el("div", null, el("b", null, `${task.id}  ${name}`), el("span", { class: "outcome" }, unapproved ? "needs approval" : plain(task.state)),
         el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), task.reason && el("span", { class: "reason" }, task.reason)),
-      may && (waits || task.state === "running") && el("div", { class: "actions" }, waits && [move(1, "↑", "Raise"), move(-1, "↓", "Lower")], cancel));
+      may && (waits || task.state === "running") && el("div", { class: "actions" }, approve, waits && [move(1, "↑", "Raise"), move(-1, "↓", "Lower")], cancel));
   }
 
   async #do(word, task, members) {

@@ -97,6 +97,20 @@ def test_a_task_is_moved_before_another_while_it_waits(user: User) -> None:
     assert "there is no task 9" in user.task("move", "9", "--priority", "5").err
 
 
+def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: User) -> None:
+    added = user.add("--needs-approval")
+    assert "it begins once somebody approves it: mission task approve 1\n" in added.out
+    serve_once()
+    assert "needs approval" in user.task("list").out
+    assert user.state_of(1) == "waiting"
+    assert user.task("approve", "1").out == "task 1 is approved\n"
+    assert "task 1 needs no approval" in user.task("approve", "1").err
+    assert "approved" in user.task("log", "1").out
+    serve_once()
+    assert user.state_of(1) == "done"
+    assert "task 1 does not wait: it is done" in user.task("approve", "1").err
+
+
 def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     added = user.add("--at", "2126-12-24 18:00")
     assert added.out == "task 1: tell at 2126-12-24 18:00:00\n"

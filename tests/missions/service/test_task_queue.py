@@ -239,3 +239,21 @@ def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:
     letters = [letter for letter in queue.outbox.of(number) if letter.channel == "away"]
     assert [letter.notice.text for letter in letters] == ["Ana is here", "Ana is here"]
     assert len({letter.notice.id for letter in letters}) == 2
+
+
+def test_each_of_a_repetition_needs_an_approval_of_its_own_and_is_missed_without(queue: Shop) -> None:
+    task = replace(new(every="1 h", late=600.0), needs_approval=True)
+    number = queue.add(task)
+    assert queue.queue.claim(queue.now) is None
+    queue.queue.approve(number, queue.now)
+    assert queue.attempt("success").state == "done"
+    queue.now = START + 3600.0
+    (second,) = queue.queue.tasks(ended=False)
+    assert second.unapproved
+    assert queue.queue.claim(queue.now) is None
+    queue.now += 601.0
+    assert queue.queue.claim(queue.now) is None
+    assert queue.queue.task(second.id).state == "given_up"
+    (third,) = queue.queue.tasks(ended=False)
+    with pytest.raises(sqlite3.IntegrityError, match="nobody has approved this task"):
+        queue.connection.execute("UPDATE task SET state = 'running' WHERE id = ?", (third.id,))

@@ -119,6 +119,23 @@ def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None
     page.wait_for("The queue is empty.")
 
 
+def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run/greet")
+    wait_until(lambda: page.enabled("Later, or again and again"))
+    if not page.tab.all("switch"):  # else it is unfolded, as somebody has left it
+        page.press("Later, or again and again")
+    page.click("switch", "Begin it only once somebody has approved it")
+    page.press("Add to the queue")
+    page.go("Tasks")
+    page.wait_for("greet", "needs approval")
+    page.press("Approve")
+    page.press("Press again to approve")
+    wait_until(lambda: not page.says("needs approval"))
+    page.press("Cancel")
+    page.press("Press again to cancel")
+    page.wait_for("The queue is empty.")
+
+
 def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
     wait_until(lambda: page.enabled("Run simulated"))
