@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from drivers.api import CameraFrame
+from drivers.api import CameraFrame, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.senses import CameraKeys
@@ -22,6 +22,9 @@ SLOW = 12.0
 
 BLACK, DARK, BRIGHT = 6.0, 35.0, 225.0
 """Mean brightness, of 255: a lid on the lens, a dark room, a lamp in the picture."""
+
+FLAT = 2.0
+"""Grey levels by which a picture of anything differs from its mean, at the least."""
 
 
 def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
@@ -50,7 +53,7 @@ def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
     yield from _rate(
         frames, device=f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source), live=live
     )
-    yield from _exposure(float(frames[-1].image.mean()))
+    yield from _exposure(frames[-1].image)
 
 
 def _rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Finding]:
@@ -65,7 +68,8 @@ def _rate(frames: list[CameraFrame], device: str, *, live: bool) -> Iterator[Fin
         yield Finding("rate", f"{rate:.0f} pictures a second")
 
 
-def _exposure(brightness: float) -> Iterator[Finding]:
+def _exposure(image: Image) -> Iterator[Finding]:
+    brightness = float(image.mean())
     told = f"mean brightness {brightness:.0f} of 255"
     if brightness < BLACK:
         yield wrong("exposure", f"the pictures are black ({told})", "take the lid off the lens; make light")
@@ -73,5 +77,8 @@ def _exposure(brightness: float) -> Iterator[Finding]:
         yield warning("exposure", f"the pictures are dark ({told})", "make light, in front of the robot")
     elif brightness > BRIGHT:
         yield warning("exposure", f"the pictures are overexposed ({told})", "turn it from the lamp or the window")
+    elif float(image.std()) < FLAT:
+        cure = "look whether something covers the lens; mission camera list  (is it another camera?)"
+        yield wrong("exposure", f"the pictures are all of one colour ({told})", cure)
     else:
         yield Finding("exposure", told)

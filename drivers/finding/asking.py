@@ -12,6 +12,7 @@ from typing import Protocol
 from drivers.api.driver import BrokenDriver, Driver, resolved
 from drivers.api.probing import Answer, Ask, Probe
 from drivers.clock import Clock
+from drivers.dynamixel.adapter import quicken
 from drivers.errors import DriverError
 from drivers.finding.serial_ports import SerialPort, Trouble
 from drivers.finding.usb import ADAPTERS
@@ -55,10 +56,10 @@ class Heard:
 class OpenedPort:
     """A real port, at the rate of the newest question; nobody else may have it meanwhile."""
 
-    def __init__(self, path: str, clock: Clock, *, latency: float = 0.0, patience: float = PATIENCE) -> None:
+    def __init__(self, path: str, clock: Clock, *, patience: float = PATIENCE) -> None:
         self._path = path
         self._clock = clock
-        self._extra = latency + patience
+        self._extra = self._patience = patience
         self._port: OpenPort | None = None
 
     def ask(self, question: Ask) -> bytes:
@@ -86,6 +87,7 @@ class OpenedPort:
     def _opened(self, baud: int) -> OpenPort:
         if self._port is None:
             self._port = open_port("ports", self._path, baud)
+            self._extra = self._patience + quicken(self._port)
         elif self._port.baudrate != baud:
             self._port.baudrate = baud
             self._port.reset_input_buffer()
@@ -150,7 +152,7 @@ def look(
     path: str = "",
 ) -> Heard:
     """Open a port and ask who is there; what goes wrong is what came of it. ``path`` is where it lies, if elsewhere."""
-    opened = OpenedPort(path or port.path, clock, latency=(port.latency or 0) / 1000, patience=patience)
+    opened = OpenedPort(path or port.path, clock, patience=patience)
     try:
         return who_answers(port, drivers, opened, consent=consent)
     except DriverError as error:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import Health
+from drivers.api import Health, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding
 from drivers.api.microphone import Sound
@@ -205,15 +205,36 @@ def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
 @pytest.mark.real_time
 @pytest.mark.parametrize(
     ("grey", "verdict", "words"),
-    [(0, "wrong", "black"), (20, "warning", "dark"), (120, "ok", "120 of 255"), (250, "warning", "overexposed")],
+    [(5, "wrong", "black"), (20, "warning", "dark"), (120, "ok", "120 of 255"), (250, "warning", "overexposed")],
 )
 def test_what_a_camera_shows_is_judged_by_its_brightness(tmp_path: Path, grey: int, verdict: str, words: str) -> None:
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((48, 64, 3), grey, np.uint8))
-    keys = CameraKeys(source=str(tmp_path), width=64, height=48)
-    exposure = next(each for each in look_through(keys, Site(SystemClock())) if each.about == "exposure")
+    exposure = exposed(tmp_path, striped(grey))
     assert exposure.verdict == verdict
     assert words in exposure.what
+
+
+@pytest.mark.real_time
+def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(tmp_path: Path) -> None:
+    exposure = exposed(tmp_path, np.full((48, 64, 3), 120, np.uint8))
+    assert (exposure.verdict, exposure.what) == (
+        "wrong",
+        "the pictures are all of one colour (mean brightness 120 of 255)",
+    )
+
+
+def striped(grey: int) -> Image:
+    """Return a picture of that mean brightness, in stripes of a little more and a little less."""
+    picture = np.full((48, 64, 3), grey - 5, np.uint8)
+    picture[:, ::2] += 10
+    return picture
+
+
+def exposed(folder: Path, picture: Image) -> Finding:
+    """Return what is said of the brightness of a camera that gives one picture again and again."""
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{number}.png"), picture)
+    keys = CameraKeys(source=str(folder), width=64, height=48)
+    return next(each for each in look_through(keys, Site(SystemClock())) if each.about == "exposure")
 
 
 def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:

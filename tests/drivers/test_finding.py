@@ -15,6 +15,7 @@ from drivers.finding.others import cameras, pads, sound_cards
 from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
 from drivers.finding.usb import Usb
+from drivers.keeper import wire as lines
 from drivers.rplidar.wire import BEGIN, Command
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -206,7 +207,7 @@ def test_a_teensy_is_asked_for_its_topics_and_its_servos_get_no_angle() -> None:
     assert heard.found.answer.keys == {"baud": 500_000}
     assert "servo" in heard.found.answer.about
     assert teensy.commands == []
-    assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE}
+    assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE, lines.ASK}
 
 
 def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consent() -> None:

@@ -24,6 +24,7 @@ from drivers.clock import SystemClock
 from drivers.dynamixel import wire
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.wire import Instruction
+from drivers.keeper import wire as lines
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import ATTACHED, VirtualRodney
@@ -139,22 +140,44 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     assert bench.written["ttyUSB0"] == []
     assert bench.instructions("ttyUSB1") == READS
     assert nano.commands == []
-    assert set(bench.written["ttyUSB2"]) == {rosserial.PROBE}
+    assert set(bench.written["ttyUSB2"]) == {rosserial.PROBE, lines.ASK}
     ran = command(capsys, "run", "greet", "--simulate", "fast", "--eyes", "truth")
     assert ran.code == 0, ran.err
 
 
 @pytest.mark.real_time
-def test_an_so101_is_known_after_few_answers(bench: Workbench) -> None:
+def test_an_so101_waves_after_few_answers(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
     person = Person({**ADA, r"like\?": "so101"})
     bench.session(person)
     assert len(person.asked) < MOST
+    assert "next:" in (told := capsys.readouterr().out)
+    assert "mission run wave --param gesture=arm_wave --robot ada --simulate" in told
     arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
     assert arm is not None
     assert [joint.id for joint in arm.joints.values()] == [1, 2, 3, 4, 5, 6]
     assert arm.port == "/dev/serial/by-id/usb-5A7A01"
     assert bench.instructions("ttyACM0") == READS
+    ran = command(capsys, "run", "wave", "--param", "gesture=arm_wave", "--robot", "ada", "--simulate", "fast")
+    assert ran.code == 0, ran.err
+
+
+@pytest.mark.parametrize("model", ["pi_car", "wave_rover"])
+def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
+    bench: Workbench, capsys: pytest.CaptureFixture[str], model: str
+) -> None:
+    person = Person({"called": "beep", r"like\?": model})
+    bench.session(person)
+    assert len(person.asked) < MOST
+    config = load_robot(find("robots", "beep"))
+    assert {kind: section.driver.name for kind, section in config.sections.items()} == {
+        kind: section.driver.name for kind, section in load_robot(find("robots", model)).sections.items()
+    }
+    if model == "pi_car":
+        assert "mission run greet_with_a_nod --robot beep --simulate" in capsys.readouterr().out
+        ran = command(capsys, "run", "greet_with_a_nod", "--simulate", "fast", "--eyes", "truth")
+        assert ran.code == 0, ran.err
+        assert "Hello!" in ran.out
 
 
 @pytest.mark.real_time
@@ -272,7 +295,7 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(bench: Work
     assert all(abs(angle - 90) <= 10 for _, angle in nano.commands)
 
 
-@pytest.mark.parametrize(("grey", "told"), [(0, "the picture is black"), (128, "all of one colour")])
+@pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "all of one colour")])
 def test_a_camera_that_shows_nothing_is_told(
     bench: Workbench, capsys: pytest.CaptureFixture[str], tmp_path: Path, grey: int, told: str
 ) -> None:

@@ -1,6 +1,6 @@
 """``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,16 @@ from missions.library.drivers import Table, robot_of
 from missions.library.folders import state_folder
 from missions.library.shipped import load_mission
 
-SHOWN = ("greet", "wave", "look_around", "square_3m")
-"""Missions that are proposed as the first, where the new robot can do them."""
+FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
+    ("greet", {}),
+    ("wave", {}),
+    ("wave", {"gesture": "hello"}),
+    ("wave", {"gesture": "arm_wave"}),
+    ("greet_with_a_nod", {}),
+    ("look_around", {}),
+    ("square_3m", {}),
+)
+"""Missions with params, of which the first that the new robot can do is proposed."""
 
 
 @click.command(epilog="Example: mission robot new --yes")
@@ -140,9 +148,9 @@ def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: 
             try_head(talk, parts, config, {kind: path for kind, path in paths.items() if kind in needs})
     except DriverError as error:
         talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
-    camera = config.camera
-    if camera is not None:
-        photograph(talk, camera.source, camera.width, camera.height)
+    camera = config.sections.get("camera")
+    if camera is not None and camera.driver.checkup:
+        photograph(talk, camera)
 
 
 def _written(
@@ -168,17 +176,17 @@ def _written(
             keep_default("robot", called if called == name else str(path.resolve()))
     talk.forget()
     talk.tell("next:", f"  mission robot check {called}")
-    for mission in _able(config)[:1]:
+    mission = _able(config)
+    if mission:
         talk.tell(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
         talk.tell(f"  mission run {mission} --robot {called}")
     return SUCCESS
 
 
-def _able(config: RobotConfig) -> list[str]:
-    """Return which of the first missions the robot can do."""
-    found = []
-    for mission in SHOWN:
+def _able(config: RobotConfig) -> str:
+    """Return a mission that the robot can do, as it is typed; empty where it can do none of the first."""
+    for mission, params in FIRST:
         with suppress(InvalidFileError, UnknownNameError):
-            load_mission(mission, robot=target_of(config))
-            found.append(mission)
-    return found
+            load_mission(mission, params=params, robot=target_of(config))
+            return " ".join([mission, *(f"--param {name}={value}" for name, value in params.items())])
+    return ""

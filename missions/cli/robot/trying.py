@@ -1,16 +1,14 @@
 """What is tried out while a robot file is made: which way the head turns, how it sits, what the camera sees."""
 
 from collections.abc import Mapping
-from contextlib import closing
 from math import radians
 from typing import Any
 
-from config.robot import RobotConfig
+from config.robot import RobotConfig, Section
 from config.units import in_dimension, written
 from drivers.api import HeadPose
+from drivers.api.driver import Site, resolved
 from drivers.arduino.declared import ArduinoKeys
-from drivers.camera.choose import open_source
-from drivers.camera.exposure import unusable
 from drivers.clock import SystemClock
 from drivers.dynamixel.declared import NeckKeys
 from drivers.errors import DriverError
@@ -20,12 +18,6 @@ from missions.cli.robot.parts import Part
 
 STEP = radians(5)
 """How far the head is moved to see which way it turns."""
-
-FIRST_PICTURES = 5.0
-"""Seconds that a camera has for its first picture."""
-
-SETTLING = 0.7
-"""Seconds of pictures that are not judged: exposure settles in them."""
 
 
 def try_head(talk: Dialogue, parts: Mapping[str, Part], config: RobotConfig, ports: Mapping[str, str]) -> None:
@@ -77,33 +69,22 @@ def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, 
     head.section[axis] = section
 
 
-def photograph(talk: Dialogue, source: str, width: int, height: int) -> None:
-    """Take a picture, where the user wants it, and say whether it shows anything."""
-    number = 0
-    question = f"take a picture with camera {source}, to see whether it works?"
+def photograph(talk: Dialogue, camera: Section) -> None:
+    """Look through the camera, where the user wants it, and say what is wrong with its pictures."""
+    number, question = 0, f"look through camera {camera.keys.source}, to see whether it works?"
     while not talk.yes and talk.confirm(f"picture {number}", question, default=number == 0):
-        told = talk.measured(f"picture {number} told", lambda: _picture(source, width, height))
-        if told is None:
-            talk.tell("  the picture shows something")
+        told = talk.measured(f"picture {number} told", lambda: _told(camera))
+        talk.tell(*(told or ["  its pictures are good"]))
+        if not told:
             return
-        talk.tell(f"  {told[0]}", f"    try: {told[1]}")
-        number, question = number + 1, "take another one?"
+        number, question = number + 1, "look again?"
 
 
-def _picture(source: str, width: int, height: int) -> list[str] | None:
-    """Return what is wrong with a picture, and what to try; None where it shows something."""
-    clock = SystemClock()
+def _told(camera: Section) -> list[str]:
+    """Return what is wrong with its pictures, and what to try; nothing where they are good."""
     try:
-        with closing(open_source(source, clock, size=(width, height), loop=False)) as camera:
-            camera.open()
-            image = None
-            while clock.now() < (FIRST_PICTURES if image is None else SETTLING):
-                frame = camera.read(0.1)
-                image = image if frame is None else frame.image
-            if image is None:
-                health = camera.health()
-                return [health.detail or "it gives no picture", health.hint or "mission camera list"]
+        found = list(resolved(camera.driver.checkup)(camera.keys, Site(SystemClock())))
     except DriverError as error:
-        return [str(error), error.hint]
-    wrong = unusable(image)
-    return None if wrong is None else list(wrong)
+        return [f"  {error}", f"    try: {error.hint}"]
+    bad = [each for each in found if each.verdict != "ok"]
+    return [line for each in bad for line in (f"  {each.what}", f"    try: {each.cure}")]
