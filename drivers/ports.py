@@ -80,6 +80,14 @@ def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> Seria
         raise explain(who, port, error) from error
 
 
+class Lost(OSError):
+    """A port that has gone, of a kind for which there is something better to try than to look at it."""
+
+    def __init__(self, what: str, hint: str) -> None:
+        super().__init__(what)
+        self.hint = hint
+
+
 def explain(who: str, port: str, error: BaseException) -> NotConnected:
     """Turn what the operating system says of ``port`` into an error with a cure."""
     number = _errno_of(error)
@@ -96,7 +104,7 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
         )
     if number in (errno.EAGAIN, errno.EBUSY):
         return NotConnected(f"{who}: {port}: in use{_holders(port)}", hint=f"fuser -v {port}  (who holds it)")
-    return NotConnected(f"{who}: {port}: {error}", hint=f"ls -l {port}")
+    return NotConnected(f"{who}: {port}: {error}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
 
 
 def _errno_of(error: BaseException) -> int | None:

@@ -1,5 +1,6 @@
 """A base whose two motors are in the hands of a keeper: told as shares of full power, and nothing is measured."""
 
+from collections.abc import Callable
 from math import inf
 from typing import Unpack
 
@@ -18,8 +19,8 @@ PERIOD = 0.02
 class KeeperBase(PlainBase):
     """A ``drivers.api.Base`` over a link that it owns; its pose is dead reckoning.
 
-    ``speed_at_full`` (m/s) is how fast a wheel turns at full power, ``track`` (m) what its wheels turn it by. ``cure``
-    is what to try where nobody answers.
+    ``speed_at_full`` (m/s) is how fast a wheel turns at full power, ``track`` (m) what its wheels turn it by. ``why``
+    says why nobody answers, where that is known, and ``cure`` is what to try then.
     """
 
     def __init__(
@@ -29,28 +30,25 @@ class KeeperBase(PlainBase):
         *,
         track: float,
         speed_at_full: float,
+        why: Callable[[], str] = str,
         cure: str = "",
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(link, clock, TwoWheels(track, speed_at_full), reckoned=True, **settings)
-        self._cure = cure
+        self._why, self._cure = why, cure
         self._lines = LineFinder()
         self._boot: int | None = None
         self._asked_at = -inf
-        self._trouble = ""
 
     def connected(self) -> None:
         """Begin anew with whoever is there now."""
-        self._lines, self._boot, self._trouble = LineFinder(), None, ""
+        self._lines, self._boot = LineFinder(), None
         super().connected()
 
     def received(self, data: bytes) -> None:
         """Take what the keeper says, and obey."""
         now = self._clock.now()
         for line in self._lines.feed(data):
-            if line.startswith(b"!"):
-                self._trouble = line[1:].decode("utf-8", "replace").strip()
-                continue
             try:
                 found = wire.read(line)
             except ValueError:
@@ -79,5 +77,5 @@ class KeeperBase(PlainBase):
             self._link.write(wire.go(self._boot, round(left * full), round(right * full)))
 
     def _silence(self, now: float) -> tuple[str, str]:  # noqa: ARG002 - it is silent for one reason
-        said = self._trouble or "open, but nobody who holds its motors answers"
+        said = self._why() or "open, but nobody who holds its motors answers"
         return f"{self.name}: {self._link.port}: {said}", self._cure

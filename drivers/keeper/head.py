@@ -47,6 +47,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
     The keeper tells where its servos were sent last, and whether it has begun anew. Where it has sent them nowhere yet,
     they stand where we left them, or ``remembered`` says; else nobody knows where: that is told, and nothing is sent
     before somebody asks for it.
+    ``why`` says why nobody answers, where that is known, and ``cure`` is what to try then.
     """
 
     TRAILS = TRAILING
@@ -66,6 +67,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         start: HeadPose = AHEAD,
         name: str = "head",
         remembered: Memory | None = None,
+        why: Callable[[], str] = str,
         cure: str = "look at its power and its cable",
     ) -> None:
         self.name = name
@@ -73,7 +75,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         super().__init__(clock, way, changed)
         self._link = link
         self._report = guarded(report)
-        self._cure = cure
+        self._why, self._cure = why, cure
         self._remembered = remembered
         self._absence = Absence(away)
         self._lock = RLock()  # over what is sent, whoever sends it
@@ -85,7 +87,6 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._told: tuple[int, int] | None = None  # where they were, by the newest answer that said so
         self._newest: Reading[HeadPose] | None = None
         self._heard_at = self._asked_at = self._connected_at = -inf
-        self._trouble = ""
         self._silent = True
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
@@ -144,15 +145,12 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._hold()
         self._lines = LineFinder()
         self._before, self._boot = self._boot or self._before, None
-        self._connected_at, self._trouble, self._silent = self._clock.now(), "", False
+        self._connected_at, self._silent = self._clock.now(), False
         self._ask(self._connected_at)
 
     def received(self, data: bytes) -> None:
         """Take the keeper's answers."""
         for line in self._lines.feed(data):
-            if line.startswith(b"!"):
-                self._trouble = line[1:].decode("utf-8", "replace").strip()
-                continue
             try:
                 found = wire.read(line)
             except ValueError:
@@ -281,4 +279,4 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         return self._link.online and self._boot is not None and now - self._heard_at <= SILENT_AFTER
 
     def _silence(self) -> str:
-        return f"{self.name}: {self._link.port}: {self._trouble or 'open, but nobody who holds its servos answers'}"
+        return f"{self.name}: {self._link.port}: {self._why() or 'open, but nobody who holds its servos answers'}"

@@ -3,8 +3,7 @@
 A keeper has two actuators: two wheels (thousandths of full power, backwards negative), or two servos (whole degrees).
 ``?`` asks it how they are; ``g BOOT FIRST SECOND`` sends them somewhere; it says ``r BOOT FIRST SECOND`` when it is
 asked: where they are now, ``-1`` for a servo that has got no pulse yet. ``BOOT`` is another number after each start,
-and what is sent for another one is not obeyed: so nothing of before moves a keeper that has begun anew. A line that
-begins with ``!`` says in words what is the matter, just before it ends.
+and what is sent for another one is not obeyed: so nothing of before moves a keeper that has begun anew.
 
 Behind ``*`` stands the CRC-16 of what is before it (CCITT, from 0xFFFF), as four hexadecimal digits.
 """

@@ -5,38 +5,58 @@ import os
 import select
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
 from drivers.errors import NotConnected
+from drivers.ports import Lost
 
-COMMAND = (sys.executable, "-I", "-m", "drivers.pi_car.guardian")
+COMMAND = (sys.executable, "-I", "-W", "ignore", "-m", "drivers.pi_car.guardian")
 """The program, in Python's isolated mode; what it is to hold comes behind."""
 
 ENDS = 1.0
 """Seconds that it is given to let all rest and end, once its standard input has ended."""
 
+PAUSES = 8
+"""How often none is started after one that has ended with words: every 5 s or so, one tries anew."""
+
+CURE = "pip install 'missiontree[pi]'; sudo raspi-config (I2C on); i2cdetect -y 1; does another program use the pins?"
+
 
 class Guarded:
-    """Starts guardians that hold what ``told`` is about: a ``drivers.link.Dial``."""
+    """Starts guardians that hold what ``told`` is about: a ``drivers.link.Dial``.
+
+    ``words`` are the last ones of a guardian that has ended, until another one answers.
+    """
 
     def __init__(self, told: Mapping[str, Any], command: Sequence[str] = COMMAND) -> None:
+        self.words = ""
+        self._pauses = 0
         self._command = (*command, json.dumps(told))
 
     def __call__(self, who: str, port: str, baud: int) -> "Guardian":  # noqa: ARG002 - a pipe has no rate
-        """Start one. Raises NotConnected."""
+        """Start one. Raises NotConnected, also for a while after one that could not do its work."""
+        if self._pauses > 0:
+            self._pauses -= 1
+            raise NotConnected(f"{who}: {port}: {self.words}", hint=CURE)
         try:
-            return Guardian(who, self._command)
+            return Guardian(self._command, self._heard)
         except OSError as error:
             raise NotConnected(f"{who}: {port}: {error}", hint="look at the memory and the processes") from error
 
+    def _heard(self, words: str) -> None:
+        self.words = words
+        self._pauses = PAUSES if words else 0
+
 
 class Guardian:
-    """A ``drivers.link.Port`` that is a process. All but ``close`` raise OSError when it has ended."""
+    """A ``drivers.link.Port`` that is a process. All but ``close`` raise OSError when it has ended.
 
-    def __init__(self, who: str, command: Sequence[str]) -> None:
-        self._who = who
+    ``heard`` is told its last words, and nothing whenever it says something else.
+    """
+
+    def __init__(self, command: Sequence[str], heard: Callable[[str], None]) -> None:
         self._process = subprocess.Popen(  # noqa: S603 - no shell; a program of ours
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
         )
@@ -45,7 +65,8 @@ class Guardian:
         self._in, self._out = self._process.stdin, self._process.stdout
         os.set_blocking(self._in.fileno(), False)
         os.set_blocking(self._out.fileno(), False)
-        self._ended = False
+        self._heard = heard
+        self._words = ""
 
     @property
     def pid(self) -> int:
@@ -54,19 +75,24 @@ class Guardian:
 
     def arrived(self, patience: float) -> bytes:
         """Return what it has said; wait up to ``patience`` seconds for the first byte."""
-        if self._ended:
-            raise OSError("the process that holds the pins has ended")
         if not select.select([self._out], [], [], patience)[0]:
             return b""
         data = os.read(self._out.fileno(), 4096)
         if not data:
-            self._ended = True  # its last words are read first
+            raise Lost(self._words or "the process that holds the pins has ended", CURE)
+        if data.startswith(b"! "):  # written whole, as its last words
+            self._words = data[2:].decode("utf-8", "replace").strip()
+        self._heard(self._words)
         return data
 
     def write(self, data: bytes) -> None:
         """Send ``data`` whole."""
-        if os.write(self._in.fileno(), data) != len(data):
-            raise OSError("the process that holds the pins reads nothing")
+        try:
+            whole = os.write(self._in.fileno(), data) == len(data)
+        except BrokenPipeError:
+            return  # it has ended: what it has said about that is read first
+        if not whole:
+            raise Lost("the process that holds the pins reads nothing", CURE)
 
     def set_dtr(self, *, on: bool) -> None:
         """Do nothing: a pipe has no such line."""

@@ -11,18 +11,18 @@ from drivers.keeper.head import KeeperHead
 from drivers.kobuki.steered import settings_of
 from drivers.link import Link, dial
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
-from drivers.pi_car.dial import Guarded
-
-CURE = "pip install 'missiontree[pi]'; sudo raspi-config (I2C on); i2cdetect -y 1; does another program use the pins?"
+from drivers.pi_car.dial import CURE, Guarded
 
 
 def base(keys: PiCarKeys, site: Site) -> KeeperBase:
     """Return the driver of the car."""
+    dials = Guarded(wheels_of(keys))
     return KeeperBase(
-        _link(wheels_of(keys), site),
+        _link(dials, site),
         site.clock,
         track=keys.track,
         speed_at_full=keys.speed_at_full,
+        why=lambda: dials.words,
         cure=CURE,
         **settings_of(keys, site),
     )
@@ -31,8 +31,9 @@ def base(keys: PiCarKeys, site: Site) -> KeeperBase:
 def head(keys: PiHeadKeys, site: Site) -> KeeperHead:
     """Return the driver of its pan/tilt."""
     told = {"bus": keys.bus, "address": keys.address, "pan": keys.pan.servo, "tilt": keys.tilt.servo}
+    dials = Guarded(told)
     return KeeperHead(
-        _link(told, site),
+        _link(dials, site),
         site.clock,
         pan=axis(keys.pan),
         tilt=axis(keys.tilt),
@@ -41,6 +42,7 @@ def head(keys: PiHeadKeys, site: Site) -> KeeperHead:
         away=keys.away,
         report=site.report,
         name=site.part,
+        why=lambda: dials.words,
         cure=CURE,
     )
 
@@ -60,7 +62,7 @@ def _motor(keys: MotorKeys) -> Mapping[str, int | None]:
     return {"forward": keys.forward, "backward": keys.backward, "enable": keys.enable}
 
 
-def _link(told: Mapping[str, Any], site: Site) -> Link:
+def _link(guarded: Guarded, site: Site) -> Link:
     """Return a link to a guardian, or to whoever plays it at a port."""
     port = site.port or "the guardian"
-    return Link(site.part, port, wire.BAUD, report=site.report, dial=dial if site.port else Guarded(told))
+    return Link(site.part, port, wire.BAUD, report=site.report, dial=dial if site.port else guarded)

@@ -16,9 +16,10 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.keeper import wire
-from drivers.pi_car.dial import COMMAND, Guarded, Guardian
+from drivers.pi_car.dial import COMMAND, CURE, Guarded, Guardian
 from drivers.pi_car.hands import on_channels, on_pins, servos
 from drivers.pi_car.pca9685 import Pca9685
+from drivers.ports import Lost, explain
 from tests.waiting import wait_until
 
 MOCK = (sys.executable, "-m", "tests.drivers.mock_guardian")
@@ -299,26 +300,30 @@ def test_another_guardian_knows_where_the_servos_stand() -> None:
 
 @pytest.mark.real_time
 def test_a_pi_without_pins_is_told_in_words() -> None:
-    guardian = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)("base", "the guardian", wire.BAUD)
-    said = b""
+    dials = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
+    guardian = dials("base", "the guardian", wire.BAUD)
+    said = ""
     try:
-        while not said.endswith(b"\n"):
-            said += guardian.arrived(1.0)
-        wait_until(lambda: ended(guardian))
+        while not said:
+            guardian.write(wire.ASK)
+            said = ended(guardian)
     finally:
         guardian.close()
-    assert said.startswith(b"! ")
+    assert said == dials.words == "KeyError: 'enable'"
+    assert "missiontree[pi]" in explain("base", "the guardian", Lost(said, CURE)).hint
+    with pytest.raises(NotConnected, match="KeyError: 'enable'"):
+        dials("base", "the guardian", wire.BAUD)  # not at once again
     with pytest.raises(NotConnected, match="the guardian"):
         Guarded({}, ["/nowhere/python"])("base", "the guardian", wire.BAUD)
 
 
-def ended(guardian: Guardian) -> bool:
-    """Whether it says that it has ended."""
+def ended(guardian: Guardian) -> str:
+    """Return why it has ended; nothing while it runs."""
     try:
         guardian.arrived(0.1)
-    except OSError:
-        return True
-    return False
+    except Lost as lost:
+        return str(lost)
+    return ""
 
 
 def asked(guardian: Guardian) -> wire.Report:
