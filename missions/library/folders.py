@@ -24,6 +24,11 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return Path(named) / "missiontree" if Path(named).is_absolute() else state_folder(environment) / "run"
 
 
+def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where the last check-up of `mission doctor` is kept, for the studio."""
+    return state_folder(environment) / "doctor.json"
+
+
 def _folder(named: str, otherwise: str) -> Path:
     """Return ours in the folder ``named``; what is no absolute path counts as not set, says the specification."""
     return (Path(named) if Path(named).is_absolute() else Path.home() / otherwise) / "missiontree"

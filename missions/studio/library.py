@@ -4,6 +4,7 @@ Over the studio, missions, robots and worlds are those of the library, and the f
 started: no command leads elsewhere.
 """
 
+import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import lru_cache
@@ -22,6 +23,7 @@ from missions.language.params import Param
 from missions.language.plan import Plan
 from missions.language.values import shown
 from missions.library.drivers import load_robot
+from missions.library.folders import checkup_file
 from missions.library.shipped import TESTS, behaviour_files, find_mission, load_mission, shipped_missions
 from missions.library.things import THINGS
 from missions.library.vocabulary import vocabulary
@@ -67,6 +69,7 @@ def library(command: Command) -> Json:
         "worlds": [_summary(name, path, load_world) for name, path in names_of("worlds").items()],
         "motions": list(MOTIONS),
         "people": _people(),
+        "checkup": _checkup(),
     }
 
 
@@ -134,6 +137,14 @@ def _people() -> list[str]:
     with suppress(Exception):  # of a folder that cannot be read: a form without names
         return [each.name for each in People(folder()).known()]
     return []
+
+
+def _checkup() -> Json | None:
+    """Return what `mission doctor` found last; None where it was not asked yet."""
+    with suppress(OSError, ValueError):
+        found = json.loads(checkup_file().read_text(encoding="utf-8"))
+        return found if isinstance(found, dict) else None
+    return None
 
 
 def _param(param: Param) -> Json:

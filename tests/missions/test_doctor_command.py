@@ -20,6 +20,7 @@ from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.assembly.checkup import Checked
 from missions.cli.doctor.report import anonymous, report, secrets
+from missions.library.folders import checkup_file
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import FILES, parsed
@@ -238,3 +239,33 @@ def test_every_command_that_is_told_as_a_cure_parses(tmp_path: Path, monkeypatch
         words = [word.replace("ROBOT", "humanoid").replace("NEW", "7") for word in shlex.split(text)[1:]]
         with suppress(click.exceptions.Exit):  # --help
             assert parsed(words).command.get_short_help_str(), file
+
+
+@pytest.mark.real_time
+@pytest.mark.usefixtures("plugged")
+def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
+    mission: Mission, desk: RecordedMachine, servos: list[VirtualServo], capsys: pytest.CaptureFixture[str]
+) -> None:
+    servos[1].overload()
+    asked = ("--robot", "kit.yaml", "--root", str(desk.root), "--json")
+    shut = findings(mission(*asked))["arm", "elbow (servo 2)"]
+    assert shut["what"] == "it has shut down: overload"
+    servos[1].burden = 0.0  # the cause is removed
+    cure = shlex.split(shut["cure"].partition("then: mission ")[2])
+    port = str(Path(desk.root / "dev/u2d2").resolve())
+    assert command(capsys, *cure, "--port", port).code == 0
+    assert findings(mission(*asked))["arm", "elbow (servo 2)"]["verdict"] == "ok"
+
+
+def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("USER", "trillian")
+    Path("kit.yaml").write_text(ROBOT.replace("/dev/kobuki", "/dev/trillian"))
+    assert mission("--robot", "kit.yaml").code == 1
+    kept = json.loads(checkup_file().read_text())
+    told = {(each["part"], each["about"]): each for each in kept["ailing"]}
+    assert kept["robot"] == "kit"
+    assert told["base", "port"]["what"] == "nothing is plugged in at /dev/USER"
+    assert told["base", "port"]["verdict"] == "wrong"
+    assert all(each["verdict"] != "ok" for each in kept["ailing"])

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -19,14 +20,15 @@ from missions.assembly.checkup import Checked, check_robot
 from missions.assembly.installed import installation
 from missions.cli.console import echo
 from missions.cli.doctor.moving import tried
-from missions.cli.doctor.report import report
+from missions.cli.doctor.report import anonymous, report, secrets
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.options import pairs
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
-from missions.library.folders import state_folder
+from missions.library.folders import checkup_file, state_folder
+from missions.records.recording.outputs import write_private
 
 COMPUTER = "computer"
 """What is told as the part of findings that are of no part of the robot."""
@@ -61,6 +63,8 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
             if not as_json:
                 _tell(each, new=not found or found[-1].part != each.part)
             found.append(each)
+    if root == Path("/"):
+        _keep(machine, config, found)
     return _end(machine, config, found, file, as_json=as_json)
 
 
@@ -80,6 +84,16 @@ def _end(
             file.write_text(report(machine, found), encoding="utf-8")
         click.echo(f"wrote {file}; look through it before you send it", err=as_json)
     return FAILURE if wrong else SUCCESS
+
+
+def _keep(machine: Machine, config: RobotConfig | None, found: list[Checked]) -> None:
+    """Keep what is not as it should be for the studio, whose viewers need not know whose computer this is."""
+    ailing = [each for each in found if each.finding.verdict != "ok"]
+    lines = [{"part": each.part, **asdict(each.finding)} for each in ailing]
+    told = {"at": time_of_day().isoformat(timespec="seconds"), "robot": config.name if config else "", "ailing": lines}
+    with suppress(OSError):  # without a home, or on a full disk: the check-up itself is what counts
+        checkup_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_private(checkup_file(), anonymous(json.dumps(told), secrets(machine)).encode())
 
 
 def _config(robot: str | None) -> RobotConfig | None:

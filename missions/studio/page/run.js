@@ -18,6 +18,7 @@ export class Run {
   #list = el("ul", { class: "missions" });
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
+  #checkup = el("div", { class: "hint" });
   #form = el("div", { class: "chosen" });
   #links = el("div", { hidden: true });
   #approval = toggle("Begin it only once somebody has approved it", false);
@@ -36,7 +37,8 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people), this.#links),
+      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people),
+        panel("Check-up", "checkup", this.#checkup), this.#links),
       this.#form);
   }
 
@@ -70,6 +72,7 @@ export class Run {
       return node;
     }));
     put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows nobody yet: mission person add NAME");
+    this.#checkup.replaceChildren(...checked(library.checkup));
     return library;
   }
 
@@ -160,4 +163,14 @@ export class Run {
       tell(error);
     }
   }
+}
+
+/** The last check-up in words: what ails, with what to try. */
+function checked(told) {
+  if (!told) return ["Not looked at yet: mission doctor"];
+  const of = `${told.at.slice(0, 16).replace("T", " ")}${told.robot ? `, ${plain(told.robot)}` : ""}`;
+  if (!told.ailing.length) return [`All was well (${of}).`];
+  const lines = told.ailing.map(({ part, about, what, verdict, cure }) =>
+    el("li", null, el("b", null, `${verdict}: ${plain(part)}, ${about}`), ` ${what}`, el("br"), cure ? `Try: ${cure}` : ""));
+  return [`mission doctor, ${of}:`, el("ul", null, ...lines)];
 }

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from missions.library.folders import checkup_file
 from missions.studio import looking_back
 from missions.studio.form import BadMessage
 from missions.studio.ring import records_folder
@@ -134,6 +135,17 @@ def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served
     page.press("Cancel")
     page.press("Press again to cancel")
     page.wait_for("The queue is empty.")
+
+
+def test_what_the_doctor_found_last_stands_beside_the_missions(browser: Browser) -> None:
+    what = f"10.1 V is little {HOSTILE}"
+    ailing = {"part": "arm", "about": "elbow", "what": what, "verdict": "warning", "cure": "charge the battery"}
+    checkup_file().parent.mkdir(parents=True, exist_ok=True)
+    checkup_file().write_text(json.dumps({"at": "2026-11-23T14:05:09", "robot": "my_kit", "ailing": [ailing]}))
+    with studio() as served:
+        page = Page(browser, served)
+        page.wait_for("mission doctor, 2026-11-23 14:05, my kit:", "warning: arm, elbow", "10.1 V is little")
+        page.wait_for("<img src=x", "Try: charge the battery")
 
 
 def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
