@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test fuzz storm check bench docs constraints clean
+.PHONY: help setup demo test compiled fuzz storm check bench docs constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -50,8 +50,13 @@ demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and gre
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
 # Many wait for real time, so there is work for one more than there are cores.
-test: check $(OTHERS_STAMP) ## what CI runs: the checks, then every test
+test: $(OTHERS_STAMP) ## what CI runs: the checks, then every test
+	$(MAKE) --jobs 2 check compiled
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 1 )) --dist worksteal
+
+# All tests are compiled once, beside the checks: else each process that runs tests does it, all at the same time.
+compiled: $(OTHERS_STAMP)
+	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --collect-only -qq > $(VENV)/collected.txt || (cat $(VENV)/collected.txt; exit 1)
 
 fuzz: $(OTHERS_STAMP) ## the tests with random examples, new ones at each run, ten times over
 	for round in 1 2 3 4 5 6 7 8 9 10; do \

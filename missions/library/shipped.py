@@ -1,6 +1,7 @@
 """The missions that ship with MissionTree, found by name, and the one way from a name to a checked plan."""
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
@@ -18,6 +19,7 @@ TESTS = ".test.yaml"
 """What the name of a file ends in that holds the tests of a mission."""
 
 
+@cache
 def shipped_missions() -> dict[str, Path]:
     """Return the shipped missions' files by name; those in a folder under the folder's name ("motions/square")."""
     return {str(path.relative_to(HERE).with_suffix("")): path for path in mission_files(HERE.rglob("*.yaml"))}

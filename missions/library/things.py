@@ -4,11 +4,13 @@ What reads a kind of file is imported with the first of it: a mission names few 
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from config.faults import InvalidFileError, did_you_mean
+from config.faults import InvalidFileError, Source, did_you_mean
 from config.library import UnknownNameError, find, is_file, shipped
+from config.marked import read_source
 from config.units import seen
 from drivers.api import Gesture
 from missions.language.plan import Step
@@ -49,14 +51,19 @@ def new_move(name: str) -> "NewMove":
 
 def controller(name: str) -> "RuleBases":
     """Return a controller's rule bases by name or path. Raises as ``gesture`` does."""
-    from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
-    from config.controller import load_controller  # noqa: PLC0415
-
-    found = _load(load_controller, "controllers", name)
     try:
-        return RuleBases.from_mapping(found.values)
+        return _load(lambda path: _rule_bases(read_source(path)), "controllers", name)
     except ValueError as error:
         raise LookupError(f"names controller '{name}', which is wrong: {error}") from error
+
+
+@lru_cache(maxsize=16)
+def _rule_bases(source: Source) -> "RuleBases":
+    """Work out a controller, which takes as long as all else of a mission: once, however many missions name it."""
+    from behaviours.tracking.follow import RuleBases  # noqa: PLC0415
+    from config.controller import parse_controller  # noqa: PLC0415
+
+    return RuleBases.from_mapping(parse_controller(source).values)
 
 
 def wanted(name: str) -> Wanted:

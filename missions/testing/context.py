@@ -76,6 +76,8 @@ class Context:
     mission: str
     behaviours: Sequence[Path] = ()
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
+    plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
+    """The missions that are right, by robot and params: most cases of a file share one."""
 
     @classmethod
     def read(cls, fields: Fields, told: SuiteKeys, folder: Path, behaviours: Sequence[Path] = ()) -> "Context":
@@ -95,14 +97,19 @@ class Context:
         """Return where a case plays, and check its mission with that robot and those params."""
         robot = self._named(fields, "robot", told.robot, load_robot)
         world = self._named(fields, "world", told.world, load_world)
-        config = load_robot(find("robots", robot or DEFAULT_ROBOT))
+        of = robot or DEFAULT_ROBOT
+        config = load_robot(find("robots", of))
         params = self._params(fields)
+        given = of, frozenset((name, value.text) for name, (_, value) in params.items())
+        plan = self.plans.get(given) or self._plan(fields, params, config)
+        if plan is not None and not fields.faults:
+            self.plans[given] = plan
         return Setting(
             {name: value.text for name, (_, value) in params.items()},
             robot,
             world,
             config,
-            self._plan(fields, params, config),
+            plan,
             tuple(person.name for person in load_world(find("worlds", world or DEFAULT_WORLD)).people),
         )
 

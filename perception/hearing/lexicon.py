@@ -1,6 +1,7 @@
 """How words are pronounced: by the robot file, else by the dictionary that comes with the recogniser."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -25,6 +26,7 @@ class Lexicon:
 
     def __init__(self, dictionary: str, own: Mapping[str, str] | None = None) -> None:
         self._text = f"\n{dictionary}"
+        self._found: dict[str, list[Phones]] = {}
         self._own = {word.casefold(): tuple(said.upper().split()) for word, said in (own or {}).items()}
         for word, said in self._own.items():
             if not said or (wrong := [phone for phone in said if phone not in KIND_OF]):
@@ -33,9 +35,11 @@ class Lexicon:
 
     def pronunciations(self, word: str) -> list[Phones]:
         """Return all the ways to say ``word``, with British ones; empty when it is unknown."""
-        own = self._own.get(word)
-        known = [own] if own is not None else list(self._listed(word))
-        return list(dict.fromkeys((*known, *(other for said in known for other in variants(said)))))
+        if word not in self._found:
+            own = self._own.get(word)
+            known = [own] if own is not None else list(self._listed(word))
+            self._found[word] = list(dict.fromkeys((*known, *(other for said in known for other in variants(said)))))
+        return list(self._found[word])
 
     def unknown(self, words: Sequence[str]) -> list[str]:
         """Return those of ``words`` that nobody knows how to say."""
@@ -54,4 +58,10 @@ class Lexicon:
 def english(own: Mapping[str, str] | None = None) -> Lexicon | None:
     """Return the lexicon of the model that pocketsphinx carries; None where it is not installed."""
     folder = model_folder()
-    return None if folder is None else Lexicon((folder / "cmudict-en-us.dict").read_text(encoding="utf-8"), own)
+    return None if folder is None else _read(folder / "cmudict-en-us.dict", tuple((own or {}).items()))
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, own: Sequence[tuple[str, str]]) -> Lexicon:
+    """Read a dictionary once: each check of a mission asks for it."""
+    return Lexicon(path.read_text(encoding="utf-8"), dict(own))

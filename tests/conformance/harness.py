@@ -78,8 +78,9 @@ def all_cases() -> list[Case]:
 def read_cases(subject: str, text: str) -> Iterator[Case]:
     """Read a file's cases. Raises ValueError for one that is not as the head of this module says."""
     lines = text.splitlines()
-    listing: Any = yaml.compose(text, Loader=yaml.SafeLoader)
-    for node, told in zip(listing.value, yaml.safe_load(text), strict=True):
+    loader = yaml.SafeLoader(text)
+    listing: Any = loader.get_single_node()
+    for node, told in zip(listing.value, loader.construct_document(listing), strict=True):
         if unknown := told.keys() - KEYS:
             raise ValueError(f"{subject}: '{told.get('case')}' has unknown keys: {', '.join(sorted(unknown))}")
         if bool(told.get("ticks")) == bool(told.get("refused")):

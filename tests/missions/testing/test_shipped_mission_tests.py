@@ -1,12 +1,14 @@
 """Every mission that ships has tests, for its success and for its failure, and passes them."""
 
+from functools import cache
+
 import pytest
 
 from missions.library.shipped import shipped_missions
 from missions.testing.play import play
 from missions.testing.report import failure
 from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import beside, load_suite
+from missions.testing.suite import Case, beside, load_suite
 
 SHARE = 6
 """Cases that one item plays: some take seconds, and items are what runs beside each other."""
@@ -21,9 +23,15 @@ def shares() -> list[tuple[str, int, int]]:
     return found
 
 
+@cache
+def cases_of(name: str) -> tuple[Case, ...]:
+    """Return the cases of a mission, which are read once for all shares."""
+    return load_suite(beside(shipped_missions()[name]))
+
+
 @pytest.mark.parametrize(("name", "first", "step"), shares())
 def test_every_shipped_mission_passes_its_tests_for_success_and_for_failure(name: str, first: int, step: int) -> None:
-    cases = load_suite(beside(shipped_missions()[name]))
+    cases = cases_of(name)
     items = (item for case in cases for each in case.expectations if each.key == "result" for item in each.items)
     assert {"success", "failure"} <= {item.value for item in items}
     verdicts = [play(case, limits=IN_PROCESS) for case in cases[first::step]]

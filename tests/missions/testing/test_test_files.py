@@ -1,10 +1,14 @@
 """Test files are read whole, and every mistake in them is told at its place."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from config.faults import InvalidFileError
+from missions.language.plan import Plan
+from missions.library.shipped import load_mission
+from missions.testing import context
 from missions.testing.expectations import Place
 from missions.testing.mishaps import Mishap
 from missions.testing.moments import EventSpec
@@ -98,6 +102,26 @@ def test_every_expectation_is_read_into_plain_values(tmp_path: Path) -> None:
     assert (place.heading, place.askew) == pytest.approx((1.5708, 0.0873), abs=1e-4)
     assert values["returns"] == [("done", 2)]
     assert values["said"] == ["Hello"]
+
+
+def test_a_mission_is_checked_once_for_all_cases_with_the_same_robot_and_params(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked: list[object] = []
+
+    def load(*arguments: Any, **options: Any) -> Plan:
+        checked.append(options["params"])
+        return load_mission(*arguments, **options)
+
+    monkeypatch.setattr(context, "load_mission", load)
+    cases = "".join(
+        f"  - {{case: {name}, params: {{greeting: {greeting}}}, expect: {{result: success}}}}\n"
+        for name, greeting in (("a", "Hi"), ("b", "Hi"), ("c", "Ho"))
+    )
+    path = tmp_path / "greet.test.yaml"
+    path.write_text(f"tests: greet\ncases:\n{cases}", encoding="utf-8")
+    assert [case.params for case in load_suite(path)] == [{"greeting": "Hi"}, {"greeting": "Hi"}, {"greeting": "Ho"}]
+    assert checked == [{"greeting": "Hi"}, {"greeting": "Ho"}]
 
 
 def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path) -> None:
