@@ -125,8 +125,8 @@ def neck(keys: NeckKeys, stage: Stage) -> Plugged:
     bus: VirtualServoBus = stage.parts["arm"].device
 
     def angle(axis: NeckJointKeys) -> float:
-        joint = arm.joints[axis.joint]
-        turned = bus.servo(joint.id).angle - joint.zero
+        joint = arm.servos[axis.joint]
+        turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(axis.joint, 0) * joint.kind.tick
         return (-turned if joint.reverse else turned) - axis.trim
 
     return Plugged(None, looks=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))

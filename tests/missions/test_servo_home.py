@@ -110,7 +110,7 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
         assert servo.limp
         servo.power_cycle()
         assert servo.get("position_offset") == told[name]["homing_offset"]
-    assert "the robot file is to say calibration: two.json" in outcome.out
+    assert f"the robot file is to say calibration: {Path('two.json').absolute()}" in outcome.out
     if find_spec("lerobot") is not None:
         for servo in (elbow, jaw):
             servo.turn_by_hand(servo.angle + radians(20))

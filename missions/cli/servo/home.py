@@ -114,7 +114,10 @@ def home(
     if kept:
         free(file).write_bytes(file.read_bytes())
     file.write_text(text(kept | {joint.name: each for joint, each in new.items()}), encoding="utf-8")
-    click.echo(f"written into {path}" + ("" if arm.calibration else f"; the robot file is to say calibration: {path}"))
+    click.echo(
+        f"written into {path}"
+        + ("" if arm.calibration else f"; the robot file is to say calibration: {file.absolute()}")
+    )
     return SUCCESS
 
 
