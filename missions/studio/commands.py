@@ -114,6 +114,14 @@ class Halt(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fault(OfRun):
+    """Let something go wrong with a run in simulated time, in the words of test files: `camera frozen for 2 s`."""
+
+    word: ClassVar[str] = "fault"
+    what: Annotated[str, "What goes wrong, and for how long; for good where nothing is said.", Bound(high=200)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Take(OfRun):
     """Take the wheels; where another driver has them, ask that one for them."""
 

@@ -8,7 +8,8 @@ from math import inf
 from drivers.clock import Clock
 from missions.executive.executive import Executive
 from missions.executive.stop_latch import StopLatch
-from missions.studio.commands import Command, Drive, Give, Halt, Look, Pause, Release, Resume, Step, Stop, Take
+from missions.studio.commands import Command, Drive, Fault, Give, Halt, Look, Pause, Release, Resume, Step, Stop, Take
+from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
 from missions.studio.wheels import Wheels
 
@@ -21,7 +22,8 @@ SOMEBODY = "somebody"
 class Doing:
     """Does what the client of a ``key`` commands, and returns what is answered. Raises BadMessage. For one thread."""
 
-    def __init__(self, executive: Executive, latch: StopLatch, wheels: Wheels, clock: Clock) -> None:
+    def __init__(self, executive: Executive, latch: StopLatch, wheels: Wheels, clock: Clock, faults: Faults) -> None:
+        self._faults = faults
         self._executive, self._latch, self._wheels, self._clock = executive, latch, wheels, clock
         self.kill_at = inf
         """When a run that was to end, and does not, gets a signal."""
@@ -41,6 +43,8 @@ class Doing:
                 if "head" in self._executive.root.claims and not self._executive.paused:
                     raise BadMessage("busy", "the mission moves the head itself", "pause")
                 self._wheels.look(key, command)
+            case Fault():
+                self._faults.strike(command.what)
             case Take():
                 return {"yours": self._wheels.take(key, command.by or SOMEBODY)}
             case Give():

@@ -29,6 +29,7 @@ ERRORS: Mapping[str, str] = {
     "no_answer": "The run does not answer; the signal that ends it was sent where the command was a `stop`.",
     "no_base": "The run has no base to drive, or no head to turn.",
     "no_wheels": "Somebody else drives, or nobody has taken the wheels.",
+    "unsupported": "This run cannot have what is to go wrong: only one in simulated time can, with the parts it uses.",
     "late": "The command was more than 0.3 s longer on its way than others before it: dropped.",
     "out_of_order": "Its number is not higher than that of the last: dropped.",
     "stopped": "A stop is latched: release it first.",

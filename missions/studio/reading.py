@@ -10,6 +10,7 @@ from missions.studio.commands import (
     LARGEST,
     Command,
     Drive,
+    Fault,
     Give,
     Halt,
     Look,
@@ -44,7 +45,7 @@ COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
         Hello, Library, Mission, World, Start, Revoke,
-        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Take, Give, Drive, Look,
+        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
     )

@@ -58,7 +58,7 @@ class Mishap:
 
 
 def read_mishap(phrase: Phrase, known: KnownNode, heads: Collection[str] = ()) -> Mishap:
-    """Read ``PART STATE [from T [to T] | at T [for T] | for T | when MOMENT [for T]]``.
+    """Read ``PART STATE [from T [to T] | at T [for T] | [for] T | when MOMENT [for T]]``.
 
     ``heads`` are further parts of this robot, by names of their own.
     """
@@ -127,5 +127,5 @@ def _when(phrase: Phrase, known: KnownNode) -> tuple[float, float, EventSpec | N
         start = phrase.quantity("'at'", "duration")
     elif phrase.took("when"):
         moment = read_moment(phrase, known)
-    seconds = phrase.quantity("'for'", "duration") if phrase.took("for") else math.inf
+    seconds = phrase.quantity("'for'", "duration") if phrase.took("for") or phrase.word[:1].isdigit() else math.inf
     return start, seconds, moment

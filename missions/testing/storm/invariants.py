@@ -74,7 +74,7 @@ def claimed_motion(seen: Witness) -> Iterator[str]:
                 _recent(seen.claimed.get(owner), now.time, WAY_OUT) or _by_itself(seen, owner, now.time)
                 for owner in owners
             )
-            if abs(turned) > STILL and free:
+            if abs(turned) > STILL and free and not _back_within(seen, before, part, axis, turned):
                 yield f"at {now.time:.2f} s {axis} of the {part} turns, and nobody claims the {' or the '.join(owners)}"
     for command in seen.commands:
         leaf = seen.leaf(command)
@@ -106,6 +106,7 @@ def limits_kept(seen: Witness) -> Iterator[str]:
             low, high, most = _of_axis(limits[part], axis)
             angle, step = now.angles[part, axis], now.time - before.time
             moved = abs(turned) > STILL and not _by_itself(seen, part, now.time)
+            moved = moved and not _back_within(seen, before, part, axis, turned)
             if moved and not low - SLACK <= angle <= high + SLACK:
                 yield f"at {now.time:.2f} s {axis} of the {part} is at {angle:.3f}, and may be {low:.3f} to {high:.3f}"
             if moved and part != "head" and most and abs(turned) > most * step * 1.1 + SLACK:
@@ -185,6 +186,13 @@ def _by_itself(seen: Witness, part: str, now: float) -> bool:
     carrier = "arm" if part == "head" and _neck(seen) else part
     came = [*seen.back.get(part, []), *seen.back.get(carrier, [])]
     return _recent(sorted(hands), now, HAND) or (part != "arm" and _recent(sorted(came), now, RETURN))
+
+
+def _back_within(seen: Witness, before: Truth, part: str, axis: str, turned: float) -> bool:
+    """Whether an axis that a hand has turned beyond its limits comes back: no servo holds what is beyond them."""
+    low, high, _ = _of_axis(seen.twins.parts[part].limits, axis)
+    angle = before.angles[part, axis]
+    return (angle < low and turned > 0) or (angle > high and turned < 0)
 
 
 def _neck(seen: Witness) -> set[str]:

@@ -8,16 +8,13 @@ from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from config.faults import Diagnostic, Mark, Source
-from config.marked import Scalar
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
 from missions.executive.watchdog import Limits
 from missions.order import RunRequest
 from missions.runner import Runner
-from missions.testing.mishaps import Mishap, read_mishap
-from missions.testing.phrases import Phrase
+from missions.testing.live import read_live
 from missions.testing.storm.invariants import ALL_REST, broken
 from missions.testing.storm.weather import LEAVES, Weather, draw
 from missions.testing.storm.witness import Witness
@@ -120,7 +117,7 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
 def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     """Let it happen, and the robot come to rest."""
     trouble = Trouble(runner, witness.history)
-    trouble.arrange([mishap_of(words, runner) for words in weather.faults])
+    trouble.arrange([read_live(words, runner) for words in weather.faults])
     witness.struck = trouble.struck
     timeline = witness.twins.timeline
     timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
@@ -132,16 +129,6 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     if runner.stream.lost:
         witness.left.append(f"events that were not heard: {', '.join(runner.stream.lost)}")
     timeline.run(witness.ended + ALL_REST + STILL_TIME)
-
-
-def mishap_of(words: str, runner: Runner) -> Mishap:
-    """Read one fault of a schedule. Raises ValueError for one that this run cannot have."""
-    faults: list[Diagnostic] = []
-    phrase = Phrase(Source("storm", words), Scalar(Mark(1, 1, len(words)), words, words), faults)
-    mishap = read_mishap(phrase, lambda _: "", sorted(runner.config.parts))
-    if faults:
-        raise ValueError(f"{words}: {faults[0].message}")
-    return mishap
 
 
 def _names(folder: str) -> set[str]:

@@ -1,0 +1,77 @@
+"""What somebody lets go wrong with a run while it goes on, by name."""
+
+from pathlib import Path
+
+import pytest
+
+from missions.executive.events import Event, FaultRaised
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.studio import sockets
+from missions.studio.faults import Faults
+from missions.studio.form import BadMessage
+from missions.testing.stage import IN_PROCESS
+from tests.missions.command import Process, command
+from tests.waiting import wait_until
+
+SAYS = "mission: says\ntree:\n  sequence:\n    - say: Hello\n    - wait: 4 s\n"
+
+
+def runner_of(folder: Path, told: list[Event], simulate: str = "fast") -> Runner:
+    path = folder / "says.yaml"
+    path.write_text(SAYS, encoding="utf-8")
+    order = RunRequest(str(path), simulate="fast" if simulate == "fast" else "wire")
+    return Runner(order, listeners=[told.append], limits=IN_PROCESS)
+
+
+def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
+    told: list[Event] = []
+    runner = runner_of(tmp_path, told)
+    faults = Faults(runner)
+    assert runner.twins is not None
+    runner.twins.timeline.at(3.0, lambda: faults.strike("voice unplugged 500 ms"))
+    assert runner.run().result == "success"
+    notices = [(event.what, event.t) for event in told if isinstance(event, FaultRaised) and event.t > 1]
+    assert [what for what, _ in notices] == ["offline", "online"]
+    assert notices[1][1] - notices[0][1] == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "message"),
+    [
+        ("camera frozen 2 s", "unsupported", "'camera frozen 2 s' is unsupported: 'says' uses screen, voice"),
+        ("voice unplugd", "bad_field", "what happens to the voice cannot be 'unplugd'; did you mean 'unplugged'?"),
+        ("run stopped", "bad_field", "'run stopped' has to end"),
+        ("arm turned elbw to 3 deg", "bad_field", "no joint 'elbw'; did you mean 'elbow'?"),
+    ],
+)
+def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: str, message: str) -> None:
+    with pytest.raises(BadMessage) as caught:
+        Faults(runner_of(tmp_path, [])).strike(words)
+    assert caught.value.error == error
+    assert message in str(caught.value)
+
+
+def test_a_run_on_virtual_devices_says_that_it_is_unsupported(tmp_path: Path) -> None:
+    with pytest.raises(BadMessage, match="unsupported: 'says' does not run in simulated time") as caught:
+        Faults(runner_of(tmp_path, [], "wire")).strike("voice unplugged 1 s")
+    assert caught.value.hint == "mission run says --simulate fast --speed 1"
+
+
+@pytest.mark.real_time
+def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, events = tmp_path / "says.yaml", tmp_path / "events.jsonl"
+    path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")
+    process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))
+    try:
+        run = str(process.process.pid)
+        wait_until(lambda: sockets.path_of(run).exists() and '"tick"' in events.read_text())
+        assert command(capsys, "fault", "--run", run, "voice", "unplugged", "200", "ms").code == 0
+        wait_until(lambda: events.read_text().count('"online"') == 2)
+        refused = command(capsys, "fault", "--run", run, "head", "unplugged")
+        assert refused.code == 1
+        assert "'head unplugged' is unsupported: 'says' uses screen, voice" in refused.err
+    finally:
+        process.process.kill()
+        process.process.wait()
+    assert command(capsys, "fault", "--run", "nobody", "voice", "unplugged").err == "no such run\n"
