@@ -1,9 +1,11 @@
 """The check-up of a robot at rest: each part of its file is looked at by what its driver declares for that."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
+from threading import Lock
 
 from config.robot import RobotConfig, Section
 from drivers.api.driver import Site, resolved
@@ -48,12 +50,23 @@ def check_robot(
     with ``resets``.
     """
     there = {name: port for port in serial_ports(machine) for name in (port.path, *port.names)}
-    for kind, section in config.sections.items():
-        named = ports.get(kind) or (section.keys.port if isinstance(section.keys, Wired) else "")
-        robot = f"{called} --port {named}" if kind in ports else called
-        for finding in chain(_extra(section), _part(section, named, there, machine, clock, resets=resets)):
-            cure = finding.cure.replace("--robot ROBOT", f"--robot {robot}").replace("ROBOT", called)
-            yield Checked(kind, replace(finding, cure=cure.replace("PORT", named)))
+    named = {
+        part: ports.get(part) or (section.keys.port if isinstance(section.keys, Wired) else "")
+        for part, section in config.sections.items()
+    }
+    wires = {port: Lock() for port in named.values()}  # parts on one wire are looked at one after another
+
+    def look_at(part: str) -> list[Finding]:
+        section, port = config.sections[part], named[part]
+        with wires[port] if port else nullcontext():
+            return [*_extra(section), *_part(section, port, there, machine, clock, resets=resets)]
+
+    with ThreadPoolExecutor(max(1, len(named))) as pool:  # most of the time each waits for its device
+        for part, findings in zip(named, pool.map(look_at, named), strict=True):
+            robot = f"{called} --port {named[part]}" if part in ports else called
+            for finding in findings:
+                cure = finding.cure.replace("--robot ROBOT", f"--robot {robot}").replace("ROBOT", called)
+                yield Checked(part, replace(finding, cure=cure.replace("PORT", named[part])))
 
 
 def _extra(section: Section) -> Iterator[Finding]:

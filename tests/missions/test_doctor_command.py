@@ -14,6 +14,8 @@ import pytest
 from drivers.api.driver import Driver, Site
 from drivers.api.findings import Finding
 from drivers.clock import SystemClock
+from drivers.kobuki.commands import COMMANDS, RequestExtra
+from drivers.kobuki.wire import FrameFinder, decode
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.servo import VirtualServo
@@ -21,13 +23,15 @@ from drivers.virtual.terminal import Terminal, WireDevice
 from missions.assembly.checkup import Checked
 from missions.cli.doctor.report import anonymous, report, secrets
 from missions.library.folders import checkup_file
-from tests.drivers.desks import RecordedMachine
+from tests.drivers.desks import RecordedMachine, sent_instructions
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import FILES, parsed
 
 Mission = Callable[..., Outcome]
 
 ROOT = Path(__file__).parents[2]
+
+PING, READ = 1, 2
 
 ROBOT = """robot: kit
 base: {driver: kobuki, port: /dev/kobuki}
@@ -155,6 +159,48 @@ def test_a_driver_whose_check_up_fails_is_told_and_the_others_are_looked_at(
     assert found["base", "lamp"]["what"] == "KobukiKeysTrue"
     assert found["base", "driver"]["what"] == "the check-up of base.kobuki fails: ZeroDivisionError: "
     assert ("arm", "elbow (servo 2)") in found
+
+
+class Logged:
+    """A device on a wire that keeps what was sent to it."""
+
+    def __init__(self, device: WireDevice) -> None:
+        self._device = device
+        self.sent: list[tuple[int, bytes]] = []
+
+    @property
+    def baud(self) -> int:
+        return self._device.baud
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        self.sent.append((self.baud, data))
+        return self._device.feed(data, now)
+
+    def poll(self, now: float) -> bytes:
+        return self._device.poll(now)
+
+
+@pytest.mark.real_time
+def test_nothing_is_sent_that_could_move_or_change_anything(mission: Mission, desk: RecordedMachine) -> None:
+    servos = [VirtualServo(1), VirtualServo(2, model="XM430-W350")]  # of which one is not what the file says
+    base, arm = Logged(VirtualKobuki()), Logged(VirtualServoBus(servos))
+    terminals = list[Terminal]()
+    for number, (name, device) in enumerate({"kobuki": base, "u2d2": arm}.items()):
+        terminal = Terminal(name, device, SystemClock())
+        terminal.open()
+        desk.port(f"ttyUSB{number}", "0403:6014", behind=terminal.path, rule=name)
+        terminals.append(terminal)
+    try:
+        assert mission("--robot", "kit.yaml", "--root", str(desk.root)).code == 1
+    finally:
+        for terminal in terminals:
+            terminal.close()
+    assert arm.sent
+    assert sent_instructions(arm.sent) <= {PING, READ}
+    parts = [
+        part for _, data in base.sent for frame in FrameFinder().feed(data) for part in decode(frame, COMMANDS).parts
+    ]
+    assert {type(part) for part in parts} <= {RequestExtra}
 
 
 # The report
