@@ -46,3 +46,13 @@ def test_a_condition_on_where_it_is_fails_with_that_reason(condition: str, tmp_p
 def test_a_square_is_driven_on_it() -> None:
     ran = missions.run("square_3m", robot="wave_rover", simulate="fast", params={"side": "50 cm"}, eyes="truth")
     assert ran.result == "success"
+
+
+def test_a_car_that_measures_no_battery_says_that_it_is_full_and_of_no_volts(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(
+        'mission: m\ntree:\n  log: "${battery.percent} ${battery.voltage / 1 V}"\n', encoding="utf-8"
+    )
+    events: list[Event] = []
+    order = RunRequest(str(tmp_path / "m.yaml"), robot="pi_car", simulate="fast", eyes="truth")
+    assert Runner(order, listeners=[events.append]).run().result == "success"
+    assert [event.text for event in events if isinstance(event, Logged) and event.level == "info"] == ["100 0"]

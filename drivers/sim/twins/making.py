@@ -44,15 +44,16 @@ def waveshare(keys: WaveshareKeys, stage: Stage) -> PlainTwin:
 
 def pi_car(keys: PiCarKeys, stage: Stage) -> PlainTwin:
     """Return the twin of a car of a Raspberry Pi."""
-    return plain(TwoWheels(keys.track, keys.speed_at_full), keys, stage, reckoned=True)
+    return plain(TwoWheels(keys.track, keys.speed_at_full), keys, stage, reckoned=True, gauge=False)
 
 
-def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool) -> PlainTwin:
-    """Return the twin of a base that feels nothing, whose pose may be dead reckoning."""
+def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, gauge: bool = True) -> PlainTwin:
+    """Return the twin of a base that feels nothing: with a pose that is dead reckoning, without a ``gauge`` perhaps."""
     return PlainTwin(
         stage.clock,
         wheels=wheels,
         reckoned=reckoned,
+        gauge=gauge,
         body=stage.body(),
         dropouts=stage.physics.dropouts,
         seed=stage.seed,

@@ -14,7 +14,8 @@ from drivers.sim.twins.base import BaseTwin, Contacts
 class PlainTwin(BaseTwin):
     """A ``drivers.api.Base`` made of arithmetic, as ``drivers.plain_base.PlainBase``; see ``BaseTwin``.
 
-    Whatever ``body`` bumps into, it does not feel it. Where it is ``reckoned``, its pose is what it was told, added up.
+    Whatever ``body`` bumps into, it does not feel it. Where it is ``reckoned``, its pose is what it was told, added up;
+    without a ``gauge`` it measures no battery.
     """
 
     def __init__(
@@ -23,6 +24,7 @@ class PlainTwin(BaseTwin):
         *,
         wheels: TwoWheels,
         reckoned: bool,
+        gauge: bool = True,
         body: Body | None = None,
         dropouts: float = 0.0,
         seed: int = 0,
@@ -31,6 +33,7 @@ class PlainTwin(BaseTwin):
         super().__init__(clock, body=body, dropouts=dropouts, seed=seed, **settings)
         self._wheels = wheels
         self._reckoned = reckoned
+        self._gauge = gauge
         self._reckoning = Reckoning()
 
     @property
@@ -58,4 +61,5 @@ class PlainTwin(BaseTwin):
             self._reckoning.advance(now, given)
 
     def _state(self) -> BaseState:
-        return replace(super()._state(), reckoned=self._reckoned)
+        state = replace(super()._state(), reckoned=self._reckoned)
+        return state if self._gauge else replace(state, battery_voltage=0.0, battery_percent=100.0, charging=False)
