@@ -6,6 +6,7 @@ makes apart.
 """
 
 from collections.abc import Generator, Mapping, Sequence
+from itertools import chain
 from struct import unpack_from
 
 from drivers.api.probing import Answer, Ask, Unit
@@ -99,15 +100,18 @@ def _called(baud: int) -> Servos:
 
 
 def _pinged(baud: int, protocol: Protocol, ids: Sequence[int], patience: float = 1) -> Servos:
-    """Ask servos one by one; with more time for each where answers come only while another is asked."""
-    codec, found = CODECS[protocol], list[Unit]()
-    for number in ids:
+    """Ask servos one by one; with more time for each where answers come only while another is asked.
+
+    Where some answer, the others are asked once more: a bad line loses a request now and then.
+    """
+    codec, found = CODECS[protocol], dict[int, Unit]()
+    for number in chain(ids, (number for number in ids if found and number not in found)):
         heard = yield _question(codec, baud, number, None, patience=patience)
         if patience == 1 and any(reply.id != number for reply in _replies(codec, heard)[0]):
             return (yield from _pinged(baud, protocol, ids, PATIENT))
         if heard and (unit := (yield from _asked(codec, baud, number))):
-            found.append(unit)
-    return found
+            found[number] = unit
+    return [found[number] for number in sorted(found)]
 
 
 def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit | None]:
@@ -131,8 +135,8 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
 
 
 def _read(codec: Codec, baud: int, number: int, block: Block) -> Generator[Ask, bytes, Reply | None]:
-    """Read a block of a table, once more with more time where no sound reply comes."""
-    for patience in (1, PATIENT):
+    """Read a block of a table, again with more time where no sound reply comes."""
+    for patience in (1, PATIENT, PATIENT):
         heard = yield _question(codec, baud, number, block, patience=patience)
         for reply in _replies(codec, heard)[0]:
             if reply.id == number and len(reply.data) == block.size:

@@ -47,8 +47,12 @@ def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, a
     that another program has open is left alone. Exit code 1 where something is in the way.
     """
     machine = Machine(root)
+
+    def pause() -> None:
+        Event().wait(LOOK_EVERY)
+
     if find:
-        return find_out(machine, lambda: Event().wait(LOOK_EVERY))
+        return find_out(machine, pause)
     ask = None if no_ask else asker(machine, drivers_that_probe(Table().all()), SystemClock(), consented=consented)
     with interruptible():
         desk = survey(machine, ask)
@@ -57,7 +61,7 @@ def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, a
                 raise click.UsageError(f"--ask {consent}: no such serial port; `mission ports --no-ask` lists them")
         click.echo(json.dumps(as_data(desk)) if as_json else "\n".join(lines(desk)))
         if watch:
-            _watch(machine, desk, lambda: survey(machine, ask), as_json=as_json)
+            watch_desk(machine, desk, lambda: survey(machine, ask), pause, as_json=as_json)
     return FAILURE if any(in_the_way(desk)) else SUCCESS
 
 
@@ -136,12 +140,11 @@ def find_out(machine: Machine, pause: Pause) -> int:
     return SUCCESS
 
 
-def _watch(machine: Machine, desk: Desk, look: Callable[[], Desk], *, as_json: bool) -> None:
-    """Say what comes and goes, until Ctrl-C."""
-    pause = Event()
+def watch_desk(machine: Machine, desk: Desk, look: Callable[[], Desk], pause: Pause, *, as_json: bool = False) -> None:
+    """Say what comes and goes, until Ctrl-C; ``look`` is asked where something has, ``pause`` waits a moment."""
     try:
         while True:
-            pause.wait(LOOK_EVERY)
+            pause()
             if survey(machine).paths == desk.paths:
                 continue
             before, desk = desk, look()

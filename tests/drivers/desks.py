@@ -135,6 +135,7 @@ class HandAsked:
         while self.clock.now() < end and not question.enough(heard):
             self.clock.advance(0.001)
             heard += self._said(question)
+            heard = heard.removeprefix(question.send) if question.send else heard
         return heard
 
     def _said(self, question: Ask, data: bytes = b"") -> bytes:

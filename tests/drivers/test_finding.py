@@ -1,16 +1,20 @@
 """Ten desks: what is said of each is right, nothing that could move is sent, and nobody is disturbed."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from drivers.api.driver import resolved
 from drivers.arduino import wire as rosserial
 from drivers.clock import SystemClock
 from drivers.dynamixel.units import baud_code
 from drivers.dynamixel.wire import Instruction
-from drivers.finding.asking import Heard, certain, drivers_that_probe, who_answers
+from drivers.finding.asking import Heard, certain, drivers_that_probe, put, who_answers
+from drivers.finding.machine import Machine
 from drivers.finding.others import cameras, pads, sound_cards
 from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
@@ -27,6 +31,7 @@ from drivers.virtual.terminal import Terminal, WireDevice
 from drivers.virtual.waveshare import VirtualWaveshare
 from missions.library.drivers import Table
 from tests.drivers.desks import HandAsked, RecordedMachine, gives_pictures, sent_instructions
+from tests.drivers.fault_injection import FaultInjection
 
 DRIVERS = drivers_that_probe(Table().all())
 READS = {Instruction.PING, Instruction.READ}
@@ -329,6 +334,54 @@ def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:
     assert (card.number, card.name, card.hears, card.speaks) == (1, "HD Pro Webcam C920", True, False)
     (pad,) = pads(desk.machine)
     assert (pad.path, pad.name) == ("/dev/input/event7", "Xbox Pad")
+
+
+PUBLISHED = {
+    "0403:6014": ("FF FF 01 02 01 FB", "FF FF FD 00 FE 03 00 01 31 42"),  # ROBOTIS e-Manual: ping 1; ping of all
+    "10c4:ea60": ("A5 25", "A5 50"),  # SLAMTEC, RPLIDAR interface protocol: STOP, GET_INFO
+    "16c0:0483": ("FF FE 00 00 FF 00 00 FF",),  # rosserial: the request for topics
+}
+"""Requests as the makers have published them."""
+
+
+@pytest.mark.parametrize("ids", PUBLISHED)
+def test_the_questions_are_those_that_the_makers_have_published(ids: str) -> None:
+    _, wire = asked(adapter(ids), None)
+    for published in PUBLISHED[ids]:
+        assert any(bytes.fromhex(published) in data for _, data in wire.sent), published
+
+
+def test_a_bad_line_makes_no_wrong_value_of_ten_thousand_questions() -> None:
+    """One in a hundred replies befalls each of seven mishaps: what is said of a servo is true, or that it is unsure."""
+    questions, lost = 0, 0
+    for seed in range(40):
+        for driver, models in (("dynamixel", ("AX-12A", "MX-28")), ("dynamixel", ("XL430-W250", "XL330-M077")),
+                               ("feetech", ("STS3215", "STS3215"))):  # fmt: skip
+            mishaps = dict.fromkeys(("drop", "flip", "split", "noise", "echo", "late", "truncate"), 0.01)
+            servos = [VirtualServo(number, model=model) for number, model in zip((2, 7), models, strict=True)]
+            wire = HandAsked(VirtualServoBus(servos, injection=FaultInjection(seed, **mishaps)))
+            probe = next(each.probe for each in DRIVERS if each.name == driver and each.kind == "arm")
+            answer = put(resolved(probe), wire)
+            questions += len(wire.sent)
+            assert answer is not None
+            assert answer.keys == {"baud": 1_000_000}
+            sure = {unit.id: unit.model for unit in answer.units if unit.model != "?"}
+            assert sure.items() <= dict(zip((2, 7), models, strict=True)).items()
+            lost += 2 - len(sure)
+    assert questions > 9000
+    assert lost <= 5
+
+
+def test_who_holds_a_device_is_known_of_this_machine_too() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", "f = open('/dev/full'); print(flush=True); input()"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as program:  # fmt: skip
+        assert program.stdout is not None
+        program.stdout.readline()
+        held = Machine().holders().get("/dev/full", [])
+        program.communicate("\n")
+    assert program.pid in {process.pid for process in held}
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.finding.survey import survey
-from missions.cli.ports import changed_lines, find_out
+from missions.cli.ports import changed_lines, find_out, watch_desk
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 
@@ -99,6 +99,30 @@ def test_where_nothing_is_plugged_in_nothing_can_be_found(
 ) -> None:
     assert find_out(desk.machine, lambda: None) == 1
     assert "nothing is plugged in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_what_comes_and_goes_is_told_until_ctrl_c(
+    capsys: pytest.CaptureFixture[str], desk: RecordedMachine, as_json: bool
+) -> None:
+    desk.port("ttyUSB0", "0403:6014", serial="FT1")
+
+    def leave() -> None:
+        raise KeyboardInterrupt
+
+    steps = iter(
+        (lambda: None, lambda: desk.port("ttyACM0", "16c0:0483", serial="T1"), lambda: desk.unplug("ttyUSB0"), leave)
+    )
+    watch_desk(desk.machine, survey(desk.machine), lambda: survey(desk.machine), partial(_step, steps), as_json=as_json)
+    told = capsys.readouterr().out.splitlines()
+    if as_json:
+        assert [[port["path"] for port in json.loads(line)["ports"]] for line in told] == [
+            ["/dev/ttyACM0", "/dev/ttyUSB0"],
+            ["/dev/ttyACM0"],
+        ]
+        return
+    assert told[0] == "+ /dev/ttyACM0  Teensy, 16c0:0483"
+    assert told[-1] == "- /dev/ttyUSB0"
 
 
 def test_what_came_is_told_and_nothing_else(desk: RecordedMachine) -> None:
