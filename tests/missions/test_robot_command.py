@@ -13,8 +13,6 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
-from missions.cli.robot.check import checked
-from missions.library.drivers import load_robot
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 
@@ -103,20 +101,18 @@ def plugged(desk: RecordedMachine) -> Iterator[dict[str, Terminal]]:
 
 @pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
-def test_each_part_is_compared_with_what_answers(desk: RecordedMachine) -> None:
-    config = load_robot(find("robots", "turtlebot2_arm"))
-    told = dict(checked(config, desk.machine, patience=0.05))
-    assert told["base at /dev/kobuki"] is None
-    arm, head, camera = (told[title] for title in ("arm at /dev/u2d2", "head at /dev/nano", "camera at /dev/video0"))
-    assert arm is not None
-    assert arm.what == "no answer of wrist_roll (ID 9), gripper (ID 10)"
-    assert head is not None
-    assert "nothing is plugged in there" in head.what
-    assert camera is not None
-    assert camera.cure == "mission camera list"
+def test_each_part_is_compared_with_what_answers(mission: Mission, desk: RecordedMachine) -> None:
+    told = mission("robot", "check", "turtlebot2_arm", "--root", str(desk.root))
+    assert told.code == 1
+    lines = told.out.splitlines()
+    assert "ok       base reports: 50 a second" in lines
+    assert "ok       arm waist_turn (servo 1): AX-12A, firmware 24, 12.0 V, 35 degC" in lines
+    assert "wrong    arm wrist_roll (servo 9): does not answer" in lines
+    assert "wrong    head port: nothing is plugged in at /dev/nano" in lines
+    assert "         try: mission ports  (what is, and how to call it)" in lines
 
 
 def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("robot", "check", "turtlebot2", "--root", str(desk.root))
     assert told.code == 1
-    assert "wrong  base at /dev/kobuki: nothing is plugged in there\n       try: mission ports" in told.out
+    assert "wrong    base port: nothing is plugged in at /dev/kobuki\n         try: mission ports" in told.out

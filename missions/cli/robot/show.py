@@ -10,12 +10,13 @@ from config.robot import RobotConfig, Section
 from drivers.api.sections import ArmKeys, Wired
 from drivers.api.senses import CameraKeys
 from drivers.finding.machine import Machine
+from missions.cli.names import ROBOT
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
 
 
 @click.command(epilog="Example: mission robot show turtlebot2_arm")
-@click.argument("name", required=False, default=MINE)
+@click.argument("name", required=False, default=MINE, type=ROBOT)
 def show(name: str) -> int:
     """Show what a robot is made of; without NAME, this computer's own. No port is opened."""
     config = load_robot(find("robots", name))

@@ -8,12 +8,13 @@ from config.defaults import keep_default
 from config.editing import NotEditableError
 from config.library import find, shipped
 from config.writing import word
+from missions.cli.names import ROBOT
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
 
 
 @click.command(epilog="Example: mission robot use turtlebot2_arm")
-@click.argument("name")
+@click.argument("name", type=ROBOT)
 def use(name: str) -> int:
     """Make a robot this computer's own: NAME is a name or a file.
 
