@@ -22,5 +22,6 @@ RPLIDAR = Driver(
     twin="drivers.sim.twins.making:ranger",
     virtual="drivers.virtual.making:lidar",
     probe="drivers.rplidar.probe:probe",
+    checkup="drivers.rplidar.checkup:checkup",
     usb=("10c4:ea60",),
 )

@@ -24,7 +24,11 @@ from drivers.kobuki.checkup import judged
 from drivers.kobuki.feedback import Core, FirmwareVersion
 from drivers.kobuki.wire import Part
 from drivers.microphone.checkup import listened
+from drivers.rplidar.checkup import checkup as scan_at_rest
+from drivers.rplidar.declared import RPLidarKeys
+from drivers.rplidar.wire import Condition, Status
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from tests.drivers.desks import RecordedMachine, gives_pictures
@@ -240,6 +244,20 @@ def exposed(folder: Path, picture: Image) -> Finding:
 def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
     (found,) = look_through(CameraKeys(source="987"), Site(ManualClock()))
     assert (found.verdict, found.what, found.cure) == ("wrong", "/dev/video987 is not there", "mission camera list")
+
+
+@pytest.mark.real_time
+def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn() -> None:
+    lidar = VirtualLidar(lambda bearings, _: np.full(len(bearings), 2.0))
+    with closing(Terminal("rplidar", lidar, SystemClock())) as terminal:
+        terminal.open()
+        keys, site = RPLidarKeys(port=terminal.path), Site(SystemClock(), terminal.path)
+        assert [(each.about, each.verdict) for each in scan_at_rest(keys, site)] == [("device", "ok"), ("health", "ok")]
+        lidar.condition = Condition(Status.ERROR, 7)
+        other = RPLidarKeys(port=terminal.path, model="a2")
+        device, health = scan_at_rest(other, site)
+        assert (device.verdict, device.cure) == ("warning", "write model: a1")
+        assert (health.verdict, health.what) == ("wrong", "it has a fault, code 7")
 
 
 class Ear:

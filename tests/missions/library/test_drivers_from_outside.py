@@ -145,6 +145,19 @@ def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
     assert port["answers"] == {"driver": "base.rover", "about": "a rover", "keys": {"baud": 38_400}, "units": []}
 
 
+@pytest.mark.real_time
+def test_it_is_looked_at_by_its_own_check_up(site: Path, tmp_path: Path) -> None:
+    desk = RecordedMachine(tmp_path / "machine")
+    with closing(Terminal("rover", Reporting(), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6015", serial="R1", behind=terminal.path)
+        asked = ("--robot", "sample.yaml", "--port", "base=/dev/ttyUSB0", "--root", str(desk.root), "--json")
+        told = mission(site, "doctor", *asked)
+    found = {(each["part"], each["about"]): each for each in json.loads(told.stdout)["findings"]}
+    assert found["base", "reports"]["verdict"] == "ok"
+    assert found["base", "reports"]["what"].endswith(" a second")
+
+
 def test_a_broken_declaration_is_told_in_one_line_and_breaks_nothing_else(site: Path, tmp_path: Path) -> None:
     """Everything else goes on; who names the broken driver is told whose it is, and what is wrong."""
     package = tmp_path / "site"

@@ -43,6 +43,7 @@ ROVER = Driver(
     twin="sample_robot.twins:rover",
     virtual="sample_robot.virtual:rover",
     probe="sample_robot.probe:rover",
+    checkup="sample_robot.checkup:rover",
 )
 
 PERISCOPE = Driver(
