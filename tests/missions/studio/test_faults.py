@@ -1,5 +1,6 @@
 """What somebody lets go wrong with a run while it goes on, by name."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,5 @@ def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: p
         assert refused.code == 1
         assert "'head unplugged' is unsupported: 'says' uses screen, voice" in refused.err
     finally:
-        process.process.kill()
-        process.process.wait()
+        process.end(signal.SIGTERM)
     assert command(capsys, "fault", "--run", "nobody", "voice", "unplugged").err == "no such run\n"
