@@ -62,6 +62,11 @@ class Outlet:
         self._ready = self._silent = False
         self._given_up = ""
 
+    @property
+    def process(self) -> int | None:
+        """The number of its process; None where there is none."""
+        return None if self._process is None else self._process.pid
+
     def open(self, contents: Contents) -> None:
         """Start the process, and wait until the beginning of the record is in its file. Raises CannotRecordError."""
         if find_spec("mcap") is None:

@@ -128,6 +128,11 @@ class Recorder:
         return self.loss
 
     @property
+    def process(self) -> int | None:
+        """The number of the process that writes; None where there is none."""
+        return self._outlet.process
+
+    @property
     def loss(self) -> Loss:
         """What is missing, as far as that is known."""
         outlet = self._outlet

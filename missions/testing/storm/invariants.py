@@ -31,6 +31,9 @@ HAND = 1.0
 SLACK = 0.03
 """Radians by which a servo may be beyond its limit: half a degree of rounding, and a step."""
 
+HELD = {"run": ("stopped", "paused"), "base": ("unplugged",)}
+"""Faults for as long as which nothing moves, or the base does not."""
+
 INVARIANTS: dict[str, tuple[str, Invariant]] = {}
 """By name: what it says, and who looks."""
 
@@ -81,6 +84,28 @@ def claimed_motion(seen: Witness) -> Iterator[str]:
         moves = {"linear", "pan", "follow"} & command.values.keys() or command.to == "arm"
         if leaf is not None and moves and command.to not in leaf.claims and "hold" not in command.values:
             yield f"{leaf.place} commands the {command.to} ({dict(command.values)}), which it does not claim"
+
+
+@invariant("nothing moves while the run is stopped or paused, nor a base that is unplugged, but by hand")
+def helpless(seen: Witness) -> Iterator[str]:
+    """Look at the times between: from the end of braking to the end of the fault, or of another of its kind."""
+    for fault in seen.struck:
+        if fault.state not in HELD.get(fault.part, ()):
+            continue
+        # Who releases the last stop releases all, and a pause ends with any stop or pause.
+        others = [each for each in seen.struck if each.part == fault.part and each.state in HELD[fault.part]]
+        if fault.state == "stopped":
+            others = [each for each in others if each.state == "stopped" and each.start >= fault.start]
+        over = min(end for each in others if (end := each.start + each.seconds) > fault.start)
+        for before, now in _pairs(seen):
+            if not fault.start + WAY_OUT < now.time < min(over, seen.ended):
+                continue
+            if max(map(abs, now.speeds)) > STILL and not now.by_hand:
+                yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"
+            for (part, axis), turned in _turned(before, now) if fault.part == "run" else ():
+                own_way = _by_itself(seen, part, now.time) or _back_within(seen, before, part, axis, turned)
+                if abs(turned) > STILL and not own_way:
+                    yield f"at {now.time:.2f} s {axis} of the {part} turns, though the run is {fault.state}"
 
 
 @invariant("no actuator has two owners")
@@ -146,6 +171,13 @@ def decided_again(seen: Witness) -> Iterator[str]:
         found = rerun(seen, seen.runner.plan, seen.config, seed=seen.seed)
     if not found.same:
         yield f"{found.difference or found.command or found.unheard}"
+
+
+@invariant("a record can be read, whatever became of who wrote it, and what is in it is decided again as it was")
+def readable(seen: Witness) -> Iterator[str]:
+    """Read it, where there is one."""
+    if seen.record is not None:
+        yield from seen.record.wrong(seen.moments, seen.runner.plan, seen.config, seen.seed)
 
 
 @invariant("nothing is left behind: no thread, no open file, no file")

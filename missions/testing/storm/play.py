@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from config.reading import files_read
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
@@ -16,6 +17,7 @@ from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.live import read_live
 from missions.testing.storm.invariants import ALL_REST, broken
+from missions.testing.storm.record import StormRecord
 from missions.testing.storm.weather import LEAVES, Weather, draw
 from missions.testing.storm.witness import Witness
 from missions.testing.trouble import Trouble
@@ -25,6 +27,8 @@ AGAIN = 4
 
 PATIENT = Limits(slow=inf, stall=inf, fail=60.0, lost=inf)
 """A machine that is busy must not make two runs differ."""
+
+RECORD = "storm.mcap"
 
 STILL_TIME = 0.2
 """Seconds over which all is looked at once it must be at rest."""
@@ -74,10 +78,14 @@ def play(weather: Weather) -> Outcome:
         try:
             runner = _runner(weather, Path(folder), witness)
             there = _names(folder)
-            _run(weather, runner, witness)
+            try:
+                _run(weather, runner, witness)
+            finally:
+                if witness.record is not None:
+                    witness.record.end()
         except Exception:  # of whatever kind: no mission and no fault may raise out of a run
             return Outcome(weather, broken={"raises": traceback.format_exc()}, wall=clock.now())
-        witness.left += [f"the file {name}" for name in sorted(_names(folder) - there)]
+        witness.left += [f"the file {name}" for name in sorted(_names(folder) - there - {RECORD})]
         digest = witness.digest(folder)
         for thread in set(threading.enumerate()) - threads:
             thread.join(GONE)
@@ -89,6 +97,8 @@ def play(weather: Weather) -> Outcome:
     for mishap in witness.struck:
         words = f"{mishap.part if mishap.part != 'lidar_mast' else 'second head'} {mishap.state}"
         struck[words] = struck.get(words, 0) + 1
+    if witness.record is not None and witness.record.struck:
+        struck[witness.record.struck] = 1
     return Outcome(weather, struck, wrong, result.result, result.reason, result.seconds, clock.now(), digest)
 
 
@@ -109,8 +119,15 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
         behaviours=(LEAVES,),
         eyes=weather.eyes,
     )
-    runner = Runner(order, listeners=[witness], limits=PATIENT, on_moment=witness.moments.append)
+    with files_read() as files:
+        runner = Runner(order, listeners=[witness], limits=PATIENT, on_moment=witness.moment)
     witness.watch(runner)
+    if weather.record:
+        witness.record = record = StormRecord(folder / RECORD)
+        record.begin(order, runner, files)
+        strike = {"killed": record.kill, "full": record.fill}.get(weather.record)
+        if strike is not None:
+            witness.twins.timeline.at(weather.seconds / 2, strike)
     return runner
 
 

@@ -3,11 +3,13 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from math import degrees
 from pathlib import Path
 from random import Random
 from typing import Any, Literal
 
+from behaviours.leaf import Leaf
 from config.faults import InvalidFileError, Source
 from config.library import find
 from config.robot import RobotConfig
@@ -61,6 +63,12 @@ lidar_mast:
 PLAIN = ("wave_rover",)
 """Robots whose base feels nothing."""
 
+RECORDED = 0.06
+"""The share of runs that are recorded; in half of them something happens to the recorder."""
+
+Record = Literal["", "kept", "killed", "full"]
+"""Whether a run is recorded, and what happens to who writes that after half of it."""
+
 Physics = Mapping[str, float]
 
 
@@ -70,7 +78,7 @@ class Weather:
 
     ``mission`` is the name of one that ships, or the text of one. ``pace`` is the share of the robot's speeds that it
     may go, ``mast`` says whether it has a second head. ``faults`` are phrases of test files. ``seconds`` after its
-    start somebody ends the mission, if it has not ended by then.
+    start somebody ends the mission, if it has not ended by then. ``record`` says what becomes of the run's record.
     """
 
     seed: int
@@ -84,6 +92,7 @@ class Weather:
     mast: bool = False
     physics: Physics = field(default_factory=dict)
     eyes: Literal["pixels", "truth"] = "truth"
+    record: Record = ""
 
     def robot_text(self) -> str:
         """Return the robot's file."""
@@ -108,9 +117,15 @@ class Weather:
     def plan(self, robot: RobotConfig) -> Plan:
         """Read and check the mission. Raises InvalidFileError."""
         if "\n" not in self.mission:
-            return load_mission(self.mission, complete=True, robot=target_of(robot), leaves=vocabulary([]))
+            return load_mission(self.mission, complete=True, robot=target_of(robot), leaves=_leaves())
         source = Source("storm.yaml", self.mission)
-        return check_plan(source, vocabulary([LEAVES]), THINGS, complete=True, robot=target_of(robot))
+        return check_plan(source, _leaves(), THINGS, complete=True, robot=target_of(robot))
+
+
+@cache
+def _leaves() -> Mapping[str, type[Leaf]]:
+    """Return what missions of the storm are made of."""
+    return vocabulary([LEAVES])
 
 
 def draw(seed: int) -> Weather:
@@ -132,7 +147,9 @@ def draw(seed: int) -> Weather:
     config = weather.robot_config()
     weather, plan = _with_mission(weather, config, chance)
     parts = sorted(with_carriers(config, plan.tree.parts))
-    return replace(weather, faults=tuple(_schedule(weather, config, parts, chance)))
+    faults = tuple(_schedule(weather, config, parts, chance))
+    record: Record = chance.choice(["kept", "kept", "killed", "full"]) if chance.random() < RECORDED else ""
+    return replace(weather, faults=faults, record=record)
 
 
 def _physics(chance: Random) -> Physics:

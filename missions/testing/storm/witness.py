@@ -13,6 +13,7 @@ from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mishaps import Mishap
+from missions.testing.storm.record import StormRecord
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Drawing
 
@@ -52,6 +53,7 @@ class Witness:
     seed: int = 0
     left: list[str] = field(default_factory=list)
     whole: bool = True
+    record: StormRecord | None = None
     _runner: Runner | None = None
     _leaves: Mapping[str, Leaf] = field(default_factory=dict)
 
@@ -66,6 +68,8 @@ class Witness:
     def __call__(self, event: Event) -> None:
         """Take in one event."""
         self.history(event)
+        if self.record is not None:
+            self.record(event)
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self._leaves:
             self._claims(self._leaves[event.node], event.t)
         elif isinstance(event, Ticked):
@@ -74,6 +78,12 @@ class Witness:
                     self._claims(leaf, event.t)
         elif isinstance(event, FaultRaised) and event.what == "online":
             self.back.setdefault(event.part, []).append(event.t)
+
+    def moment(self, moment: TickRecord) -> None:
+        """Keep a moment."""
+        self.moments.append(moment)
+        if self.record is not None:
+            self.record.moment(moment)
 
     def _claims(self, leaf: Leaf, time: float) -> None:
         for part in leaf.claims:
