@@ -1,6 +1,7 @@
 """``mission list``: what there is to run, and what to run it on."""
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import click
@@ -8,6 +9,7 @@ import click
 from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
 from config.defaults import own_files
+from config.faults import InvalidFileError
 from config.gesture import load_gesture
 from config.library import shipped
 from config.object import load_object
@@ -29,7 +31,7 @@ def command(kind: str | None) -> None:
     """
     for each in KINDS if kind is None else (kind,):
         echo(each, "bold")
-        for name, summary in _entries(each):
+        for name, summary in chain(_own(each), _entries(each)):
             click.echo(f"  {name:<28} {summary}")
 
 
@@ -44,8 +46,17 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
     if kind == "gestures":
         yield from _gestures()
         return
-    for name, path in (own_files(kind) | shipped(kind)).items():
+    for name, path in shipped(kind).items():
         yield name, _SUMMARIES[kind](path)
+
+
+def _own(kind: str) -> Iterator[tuple[str, str]]:
+    """Yield the user's own files of a kind; one with mistakes hides none of the others."""
+    for name, path in own_files(kind).items():
+        try:
+            yield name, f"{_SUMMARIES[kind](path)} ({path})"
+        except InvalidFileError as error:
+            yield name, f"has {len(error.faults)} mistakes ({path})"
 
 
 def _gestures() -> Iterator[tuple[str, str]]:
@@ -70,6 +81,8 @@ def _drivers() -> Iterator[tuple[str, str]]:
 
 
 _SUMMARIES: dict[str, Callable[[Path], str]] = {
+    "missions": lambda path: load_mission(str(path)).summary,
+    "gestures": lambda path: load_gesture(path).summary,
     "robots": lambda path: load_robot(path).summary,
     "worlds": lambda path: load_world(path).summary,
     "controllers": lambda path: load_controller(path).summary,

@@ -10,7 +10,7 @@ from click.shell_completion import CompletionItem
 
 from config.faults import InvalidFileError
 from config.kinds import kinds_of
-from config.library import LISTED, SUFFIXES, UnknownNameError, shipped
+from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, shipped
 
 FILE = "file"
 """What tells the shell to complete the names of files itself."""
@@ -95,14 +95,23 @@ def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
     if kind == "missions":
         from missions.library.shipped import shipped_missions  # noqa: PLC0415
 
-        return shipped_missions()
+        return [*shipped_missions(), *_own(kind)]
     if kind == "behaviour":
         from behaviours.catalogue import LEAVES  # noqa: PLC0415
 
         return LEAVES
     if kind == "person":
         return _people(ctx.params.get("robot"))
-    return shipped(kind) if kind in LISTED else ()
+    return [*shipped(kind), *_own(kind)] if kind in LISTED else ()
+
+
+def _own(kind: str) -> Iterable[str]:
+    """Return the names of the user's own files of a kind, and that of this computer's robot."""
+    from config.defaults import load_defaults, own_files  # noqa: PLC0415
+
+    with suppress(InvalidFileError, OSError):
+        return [*own_files(kind), *([MINE] if kind == "robots" and load_defaults().robot else [])]
+    return ()
 
 
 def _people(robot: str | None) -> Iterable[str]:

@@ -1,18 +1,21 @@
 """``mission robot``: which robot is this computer's, what it is made of, and whether it is as its file says."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
+import click
 import pytest
 
-from config.defaults import load_defaults
+from config.defaults import config_folder, load_defaults
 from config.library import find
 from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
+from missions.cli.names import names_of
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 
@@ -116,3 +119,16 @@ def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: 
     told = mission("robot", "check", "turtlebot2", "--root", str(desk.root))
     assert told.code == 1
     assert "wrong    base port: nothing is plugged in at /dev/kobuki\n         try: mission ports" in told.out
+
+
+def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(mission: Mission) -> None:
+    folder = config_folder() / "robots"
+    folder.mkdir(parents=True)
+    (folder / "kit.yaml").write_text("robot: kit\nsummary: A kit.\n")
+    (folder / "wrong.yaml").write_text("robt: wrong\n")
+    assert mission("robot", "use", "kit").code == 0
+    listed = mission("list", "robots").out
+    assert re.search(r"kit +A kit\. \(.*/robots/kit\.yaml\)", listed)
+    assert re.search(r"wrong +has \d mistakes", listed)
+    names = names_of("robots", click.Context(click.Command("run")))
+    assert {"kit", "wrong", "mine", "turtlebot2"} <= set(names)
