@@ -20,6 +20,7 @@ from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
 from drivers.finding.usb import Usb
 from drivers.keeper import wire as lines
+from drivers.ports import open_port
 from drivers.rplidar.wire import BEGIN, Command
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -382,6 +383,41 @@ def test_who_holds_a_device_is_known_of_this_machine_too() -> None:
         held = Machine().holders().get("/dev/full", [])
         program.communicate("\n")
     assert program.pid in {process.pid for process in held}
+
+
+@pytest.mark.real_time
+def test_a_port_that_is_pulled_while_it_is_asked_says_so_and_is_let_go(desk: RecordedMachine) -> None:
+    class Pulled(VirtualServoBus):
+        """A chain whose plug is pulled at the fifth question."""
+
+        def feed(self, data: bytes, now: float) -> bytes:
+            del now
+            pulled.append(data)
+            if len(pulled) == 5:
+                terminal.unplug()
+            return b""
+
+    pulled: list[bytes] = []
+    with closing(Terminal("servos", Pulled([VirtualServo(1)]), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6014", serial="FT1", behind=terminal.path)
+        (plug,) = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock())).plugs
+    assert plug.heard is not None
+    assert plug.heard.found is None
+    assert plug.heard.trouble is not None
+    assert "ttyUSB0" in plug.heard.trouble.what
+    assert len(pulled) == 5
+
+
+def test_a_port_that_somebody_takes_meanwhile_is_left_alone(desk: RecordedMachine) -> None:
+    with closing(Terminal("servos", VirtualServoBus([VirtualServo(1)]), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6014", serial="FT1", behind=terminal.path)
+        with closing(open_port("somebody", terminal.path, 115_200)):
+            (plug,) = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock())).plugs
+    assert plug.heard is not None
+    assert plug.heard.trouble is not None
+    assert "in use" in plug.heard.trouble.what
 
 
 @pytest.fixture
