@@ -1,6 +1,7 @@
 // Drive: sticks, keys and a game pad. Whatever is lost (focus, page, pointer, link), the base stops at once.
 
-import { button, el, field, panel, put, tell } from "./dom.js";
+import { button, el, field, panel, put, tell, toggle } from "./dom.js";
+import { Target } from "./form.js";
 import { figure } from "./words.js";
 import "./camera.js";
 import "./plan.js";
@@ -37,6 +38,8 @@ export class Drive {
   #limit = el("output");
   #camera = el("studio-camera");
   #plan = el("studio-plan");
+  #alone = el("div", { hidden: true }); // begins a run without a mission
+  #begun = null; // the form of it, once it was asked for
   #pad = el("p", { class: "hint" }, "Game pad: press one of its buttons to be seen.");
 
   constructor({ link, watcher, stop }) {
@@ -49,7 +52,7 @@ export class Drive {
     this.node = el("div", { class: "view drive" },
       el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
       el("div", { class: "cockpit" },
-        el("div", { class: "row" }, this.#take, this.#said), this.#asked, limit,
+        this.#alone, el("div", { class: "row" }, this.#take, this.#said), this.#asked, limit,
         el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
         keys, this.#pad));
     this.#camera.begin(watcher);
@@ -71,6 +74,35 @@ export class Drive {
     this.#shown = this.#camera.shown = true;
     if (this.#watcher.scene) this.#plan.under(this.#link, this.#watcher.scene.world);
     this.#state();
+  }
+
+  /** Where nothing runs: a robot is driven by hand in a run that does nothing by itself. */
+  async #offer() {
+    const wanted = !this.#watcher.lives && this.#link.open && this.#link.welcome?.role === "operator";
+    this.#alone.hidden = !wanted;
+    if (!wanted || !this.#shown || this.#begun) return;
+    this.#begun = this.#link.ask({ do: "library" });
+    try {
+      const target = new Target(await this.#begun);
+      const seeing = toggle("With its head and its camera", true);
+      const begin = button("Drive without a mission", async () => {
+        begin.disabled = true;
+        try {
+          const mission = `by_hand/${seeing.getAttribute("aria-checked") === "true" ? "drive_and_look" : "drive_by_hand"}`;
+          const { run } = await this.#link.ask({ do: "start", mission, ...target.members() }, 60000);
+          target.unsure();
+          this.#watcher.follow(run);
+        } catch (error) {
+          tell(error);
+        } finally {
+          begin.disabled = false;
+        }
+      }, { class: "main" });
+      this.#alone.replaceChildren(panel("Drive without a mission", "alone", target.node, seeing, el("div", { class: "actions" }, begin)));
+    } catch (error) {
+      this.#begun = null;
+      tell(error);
+    }
   }
 
   hide() {
@@ -196,7 +228,7 @@ export class Drive {
     this.#take.disabled = !operator || !lives || !base || !this.#link.open || Boolean(asked);
     put(this.#take, mine ? "Give up the wheels" : state?.driver ? `Ask ${state.driver} for the wheels` : "Take the wheels");
     let words = "The mission drives.";
-    if (!lives) words = "Nothing runs that could be driven: start a mission first.";
+    if (!lives) words = "Nothing runs that could be driven.";
     else if (!base) words = "This run has no base to drive.";
     else if (!operator) words = "You may look, and stop.";
     else if (mine) words = state.stopped ? "A stop is latched: release it first." : "You drive.";
@@ -215,6 +247,6 @@ export class Drive {
     const turn = limits && Math.round((limits.turn * share * 180) / Math.PI);
     put(this.#limit, `${this.#pace.value} %${limits ? `: ${figure(limits.speed * share)} m/s, ${turn}°/s` : ""}`);
     this.node.classList.toggle("mine", mine);
-
+    this.#offer();
   }
 }

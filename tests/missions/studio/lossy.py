@@ -42,7 +42,8 @@ class Lossy:
             number = self._sockets = self._sockets + 1
         ways = (self._pass(number, True, first, reader, back), self._pass(number, False, b"", there, writer))
         try:
-            await asyncio.gather(*ways)
+            with suppress(asyncio.CancelledError):
+                await asyncio.gather(*ways)
         finally:
             for end in (back, writer):
                 end.transport.abort()

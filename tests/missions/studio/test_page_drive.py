@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -141,6 +142,22 @@ def test_the_base_rests_when_the_browser_is_killed_or_stopped(
             page.tab.evaluate("new Promise((done) => setTimeout(done, 500))")  # the stick is held all the while
         assert rest < REST
         assert base.seen().top == 0
+
+
+def test_a_robot_is_driven_without_a_mission(browser: Browser) -> None:
+    with studio() as served:
+        page = Page(browser, served, view="#drive")
+        page.wait_for("Nothing runs that could be driven.")
+        wait_until(lambda: page.enabled("Drive without a mission"))
+        page.tab.evaluate("document.querySelector('.actions .main').click()")
+        page.press("Take the wheels")
+        page.wait_for("You drive.")
+        with page.held(STICK, up=60):
+            wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
+        page.go("Live")
+        page.press("End the mission")
+        page.press("Press again to end it")
+        page.wait_for("halted by operator")
 
 
 def test_a_viewer_stops_on_every_view_and_only_an_operator_releases(
