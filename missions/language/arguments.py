@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from collections.abc import Mapping as Named
 from dataclasses import replace
 from functools import partial
 
@@ -22,10 +21,7 @@ from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
 from missions.language.values import UNREAD, Convert, Value, in_si, shown, whole
 
-HEAD = "head"
-"""The kind of an argument that says which of the robot's heads a leaf turns."""
-
-NAMES = ("text", "joint", "joints", "choice", "file", HEAD)
+NAMES = ("text", "joint", "joints", "choice", "file", "head")
 """Kinds whose values are texts, whatever they look like."""
 
 SWITCHED = {"on": True, "off": False}
@@ -55,13 +51,6 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
         else:
             _no_principal(notes, leaf, node)
     return values | _defaults(notes, leaf, key, values)
-
-
-def turning(leaf: type[Leaf], values: Named[str, Value]) -> type[Leaf]:
-    """Return the leaf, which turns the head that its arguments name, if they do."""
-    named = (values.get(argument.name) for argument in leaf.arguments.values() if argument.kind == HEAD)
-    name = next((value.constant for value in named if value is not None), None)
-    return leaf.of_head(name) if isinstance(name, str) else leaf
 
 
 def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:
@@ -110,10 +99,6 @@ def read_argument(notes: Notes, argument: Argument, node: Node, what: str) -> Va
     if argument.kind == FACE and isinstance(node, Scalar):
         return read_face(notes, node, what)
     convert = converter(notes, argument)
-    if argument.kind == HEAD and isinstance(node, Scalar) and "${" in node.text:
-        hint = "write the name of the head itself"
-        notes.fault(node.mark, f"{what}: which head it turns must be known before the mission runs", hint)
-        return UNREAD
     if isinstance(node, Scalar):
         return notes.value(_as_meant(notes, argument, node), what, convert, argument.kind)
     if argument.kind == "outcomes" and isinstance(node, Listing):
@@ -279,7 +264,7 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
     "joints": _joints,
     "person": _name,
     "place": _name,
-    HEAD: _name,
+    "head": _name,
     "value": _anything,
     "outcomes": _outcomes,
     FACE: lambda _, value: as_face(value),

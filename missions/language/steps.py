@@ -5,11 +5,12 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from behaviours.leaf import Leaf
 from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import ours_for
 from config.units import seen
-from missions.language.arguments import read_arguments, turning
+from missions.language.arguments import read_arguments
 from missions.language.counts import COUNTS, read_counts
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import read_modifier
@@ -20,7 +21,7 @@ from missions.language.stored import setters
 from missions.language.submissions import read_submission
 from missions.language.switches import read_switch
 from missions.language.synonyms import WORDS, word_meant
-from missions.language.values import UNREAD
+from missions.language.values import UNREAD, Value
 from missions.language.written import as_written, written_arguments, written_entries
 
 BESIDE = ("name", "as", "with", "returns", *COUNTS)
@@ -28,6 +29,9 @@ BESIDE = ("name", "as", "with", "returns", *COUNTS)
 
 ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """What stands only beside one behaviour."""
+
+HEAD = "head"
+"""The kind of an argument that says which of the robot's heads a leaf turns."""
 
 LISTED = "`mission behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
 MISSING = "a behaviour is missing here"
@@ -135,7 +139,7 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
             shown,
             key.mark,
             notes.source,
-            leaf=turning(leaf, arguments),
+            leaf=_turning(notes, leaf, arguments, key),
             arguments=arguments,
             text=_text(value),
             written=written_arguments(leaf, value),
@@ -152,6 +156,16 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     counts = read_counts(notes, beside, len(value.items) if isinstance(value, Listing) else 0)
     written = {word: text for word, text in written_entries(beside).items() if word in COUNTS}
     return Step(key.text, shown, key.mark, notes.source, children, arguments=counts, written=written)
+
+
+def _turning(notes: Notes, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
+    """Return the leaf, which turns the head that its arguments name, if they do."""
+    named = (values.get(argument.name) for argument in leaf.arguments.values() if argument.kind == HEAD)
+    value = next((each for each in named if each is not None), None)
+    if value is not None and value.template is not None:
+        told = f"'{leaf.word}': which head it turns must be known before the mission runs"
+        notes.fault(key.mark, told, "write the name of the head itself")
+    return leaf.of_head(value.constant) if value is not None and isinstance(value.constant, str) else leaf
 
 
 def _text(node: Node | None) -> str:
