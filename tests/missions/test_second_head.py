@@ -128,7 +128,10 @@ def test_a_record_of_it_decides_the_same_again(tmp_path: Path, capsys: pytest.Ca
     [
         ("parallel: [{look: {pan: 3 deg, on: lidar_mast}}, {nod: {on: lidar_mast}}]", "can both drive the lidar_mast"),
         ("look: {pan: 3 deg, on: lidar_mats}", "needs a lidar_mats; robot 'masted' has none"),
-        ("look: {pan: 3 deg, on: '${1}'}", "which head it turns must be known before the mission runs"),
+        (
+            "sequence: [{set: {which: lidar_mast}}, {look: {pan: 3 deg, on: '${which}'}}]",
+            "which head it turns must be known before the mission runs",
+        ),
         ("track_face: {on: lidar_mast}", "has no argument 'on'"),
     ],
 )
