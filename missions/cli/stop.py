@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from missions.cli.names import runs
 from missions.cli.root import FAILURE, SUCCESS
 from missions.studio import sockets
 from missions.studio.holders import END_TIME, Holder, holder_of, holders
@@ -19,7 +20,7 @@ NOBODY = "no mission runs"
 
 
 @click.command(epilog="Example: mission stop --release")
-@click.argument("which", metavar="[RUN]...", nargs=-1)
+@click.argument("which", metavar="[RUN]...", nargs=-1, shell_complete=runs)
 @click.option("--list", "only_list", is_flag=True, help="List the runs, and do nothing.")
 @click.option("--release", is_flag=True, help="Release what is stopped; the mission stays paused.")
 @click.option("--resume", is_flag=True, help="Let a paused mission go on; with --release, one that was stopped.")

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Literal
 
 import click
+from click.shell_completion import CompletionItem
 
 from config.library import find, shipped
 from config.notices import named
@@ -36,7 +37,19 @@ LATE = 3600.0
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
 """What is done about an interrupted task, by what its mission says of that."""
 
-NUMBER = click.argument("number", metavar="TASK", type=Whole(min=1))
+
+def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return the tasks that have not ended, as a shell completes them."""
+    del ctx, param
+    with suppress(click.ClickException), _queue() as (queue, _):
+        tasks = queue.tasks(ended=False)
+        return [
+            CompletionItem(str(each.id), help=each.mission) for each in tasks if str(each.id).startswith(incomplete)
+        ]
+    return []
+
+
+NUMBER = click.argument("number", metavar="TASK", type=Whole(min=1), shell_complete=_numbers)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 
 

@@ -1,5 +1,6 @@
 """Completion, in a true bash that was set up by the one documented command; and of what words a shell is told."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -8,12 +9,16 @@ from pathlib import Path
 
 import click
 import pytest
+from click.shell_completion import ShellComplete
 
-from config.library import shipped
+from config.defaults import config_folder
+from config.library import find, shipped
 from missions.cli.completion import script
-from missions.cli.names import BEHAVIOUR, CONTROLLER, GESTURE, MISSION, ROBOT, SHOWN, WORLD, Name
-from missions.cli.root import mission
+from missions.cli.names import BEHAVIOUR, CONTROLLER, GESTURE, MISSION, ROBOT, SHOWN, WORLD, Name, Params
+from missions.cli.root import COMPLETING, mission
+from missions.studio.holders import noted
 from tests.missions.command import Outcome, command
+from tests.missions.test_help import ALL
 
 BASH = shutil.which("bash")
 
@@ -153,3 +158,31 @@ def test_every_kind_of_name_is_offered_and_a_path_is_left_to_the_shell() -> None
         assert len(kind.shell_complete(context, mission.params[0], "")) > 2
     assert [each.value for each in GESTURE.shell_complete(context, mission.params[0], "")] == list(shipped("gestures"))
     assert [each.type for each in Name("robots").shell_complete(context, mission.params[0], "./my")] == ["file"]
+
+
+def completed(*words: str) -> list[str]:
+    """Return what a shell offers for the last of some words."""
+    complete = ShellComplete(mission, {}, "mission", COMPLETING)
+    return [str(item.value) for item in complete.get_completions([*words[:-1]], words[-1])]
+
+
+@pytest.mark.usefixtures("home")
+def test_tasks_runs_and_files_of_ones_own_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(capsys, "task", "add", "greet", "--at", "2099-01-01 18:00").code == 0
+    assert completed("task", "cancel", "") == ["1"]
+    assert completed("stop", "") == []
+    with noted("teleop", "kit", ""):
+        assert completed("stop", "") == [str(os.getpid())]
+    own = config_folder() / "robots"
+    own.mkdir(parents=True)
+    (own / "zoe.yaml").write_text(find("robots", "turtlebot2").read_text().replace("robot: turtlebot2", "robot: zoe"))
+    assert completed("run", "greet", "--robot", "z") == ["zoe"]
+
+
+@pytest.mark.parametrize("path", ALL, ids=lambda path: " ".join(path) or "mission")
+def test_each_option_that_takes_a_robot_a_world_or_params_completes_them(path: tuple[str, ...]) -> None:
+    for param in (each for each in ALL[path].params if not getattr(each, "is_flag", False)):
+        if {"--robot", "--world", "--controller", "--mission"} & set(param.opts):
+            assert isinstance(param.type, Name), param.opts
+        if "--param" in param.opts:
+            assert isinstance(param.type, Params)
