@@ -47,9 +47,9 @@ class Trouble:
             if mishap.moment is not None:
                 self._wait(mishap)
             elif mishap.start > 0.0:
-                self._twins.timeline.at(mishap.start, partial(self._begin, mishap))
+                self._twins.timeline.at(mishap.start, partial(self.begin, mishap))
             else:
-                self._begin(mishap)
+                self.begin(mishap)
 
     def _wait(self, mishap: Mishap) -> None:
         """Let it happen when its moment comes for the first time: after that tick, not within it."""
@@ -57,11 +57,12 @@ class Trouble:
         def hear(happening: Happening) -> None:
             if mishap.moment is not None and mishap.moment.fits(happening):
                 self._history.told.remove(hear)
-                self._twins.timeline.at(self._now(), partial(self._begin, mishap))
+                self._twins.timeline.at(self._now(), partial(self.begin, mishap))
 
         self._history.told.append(hear)
 
-    def _begin(self, mishap: Mishap) -> None:
+    def begin(self, mishap: Mishap) -> None:
+        """Let it happen now, whatever it says of its time."""
         self.struck.append(replace(mishap, start=self._now()))
         if mishap.part == RUN:
             self._hold_up(mishap)

@@ -4,11 +4,13 @@ import threading
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from config.reading import files_read
+from drivers.api.kinds import KINDS
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
@@ -16,6 +18,7 @@ from missions.executive.watchdog import Limits
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.live import read_live
+from missions.testing.mishaps import Mishap
 from missions.testing.storm.invariants import ALL_REST, broken
 from missions.testing.storm.record import StormRecord
 from missions.testing.storm.weather import LEAVES, Weather, draw
@@ -29,6 +32,8 @@ PATIENT = Limits(slow=inf, stall=inf, fail=60.0, lost=inf)
 """A machine that is busy must not make two runs differ."""
 
 RECORD = "storm.mcap"
+
+IN_TICK = " in a command"
 
 STILL_TIME = 0.2
 """Seconds over which all is looked at once it must be at rest."""
@@ -95,7 +100,8 @@ def play(weather: Weather) -> Outcome:
     result = witness.history.result or Result("", "error", "", 0.0, 0)
     struck: dict[str, int] = {}
     for mishap in witness.struck:
-        words = f"{mishap.part if mishap.part != 'lidar_mast' else 'second head'} {mishap.state}"
+        part = mishap.part if mishap.part in (*KINDS, "run") else "second head"
+        words = f"{part} {mishap.state}{mishap.detail if mishap.detail == IN_TICK else ''}"
         struck[words] = struck.get(words, 0) + 1
     if witness.record is not None and witness.record.struck:
         struck[witness.record.struck] = 1
@@ -136,6 +142,10 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     trouble = Trouble(runner, witness.history)
     trouble.arrange([read_live(words, runner) for words in weather.faults])
     witness.struck = trouble.struck
+    if weather.stop_at:
+        countdown = count(weather.stop_at, -1)
+        stop = Mishap("run", "stopped", IN_TICK, seconds=1.0)
+        witness.at_command = lambda: trouble.begin(stop) if next(countdown) == 1 else None
     timeline = witness.twins.timeline
     timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
     try:

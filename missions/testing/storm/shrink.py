@@ -34,7 +34,15 @@ def shrunk(outcome: Outcome, told: Callable[[Outcome], object] = lambda _: None)
         faults = outcome.weather.faults
         if not tried(replace(outcome.weather, faults=faults[:place] + faults[place + 1 :])):
             place += 1
-    easier: list[dict[str, Any]] = [{"physics": {}}, {"pace": 1.0}, {"rate": 20}, {"world": "empty"}, {"mast": False}]
+    easier: list[dict[str, Any]] = [
+        {"physics": {}},
+        {"pace": 1.0},
+        {"rate": 20},
+        {"world": "empty"},
+        {"mast": False},
+        {"stop_at": 0},
+        {"record": ""},
+    ]
     for each in easier:
         weather = replace(outcome.weather, **each)
         if weather != outcome.weather:

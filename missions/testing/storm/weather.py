@@ -66,6 +66,9 @@ PLAIN = ("wave_rover",)
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
+STOPPED = 0.15
+"""The share of runs that are stopped in the midst of a command."""
+
 Record = Literal["", "kept", "killed", "full"]
 """Whether a run is recorded, and what happens to who writes that after half of it."""
 
@@ -79,6 +82,7 @@ class Weather:
     ``mission`` is the name of one that ships, or the text of one. ``pace`` is the share of the robot's speeds that it
     may go, ``mast`` says whether it has a second head. ``faults`` are phrases of test files. ``seconds`` after its
     start somebody ends the mission, if it has not ended by then. ``record`` says what becomes of the run's record.
+    At the command of number ``stop_at`` somebody stops it, for a second, between its tick and the device.
     """
 
     seed: int
@@ -93,6 +97,7 @@ class Weather:
     physics: Physics = field(default_factory=dict)
     eyes: Literal["pixels", "truth"] = "truth"
     record: Record = ""
+    stop_at: int = 0
 
     def robot_text(self) -> str:
         """Return the robot's file."""
@@ -149,7 +154,8 @@ def draw(seed: int) -> Weather:
     parts = sorted(with_carriers(config, plan.tree.parts))
     faults = tuple(_schedule(weather, config, parts, chance))
     record: Record = chance.choice(["kept", "kept", "killed", "full"]) if chance.random() < RECORDED else ""
-    return replace(weather, faults=faults, record=record)
+    stop_at = chance.choice([1, 2, 3, 5, 8, 13, 21]) if chance.random() < STOPPED else 0
+    return replace(weather, faults=faults, record=record, stop_at=stop_at)
 
 
 def _physics(chance: Random) -> Physics:

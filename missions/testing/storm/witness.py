@@ -2,12 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from behaviours.leaf import RUNNING, Leaf
 from config.robot import RobotConfig
+from drivers.api import ignore
 from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
 from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
@@ -40,7 +41,7 @@ class Witness:
     """All that is known of one run. It is a listener of the run's events, and is told of its moments.
 
     ``claimed`` says at which times each part was a running leaf's, ``back`` when it came back; ``ended`` is when the
-    mission was over and ``rested`` are samples from then on.
+    mission was over. ``at_command`` is called at each command, within the tick that it comes from.
     """
 
     history: History = field(default_factory=History)
@@ -54,6 +55,7 @@ class Witness:
     left: list[str] = field(default_factory=list)
     whole: bool = True
     record: StormRecord | None = None
+    at_command: Callable[[], object] = ignore
     _runner: Runner | None = None
     _leaves: Mapping[str, Leaf] = field(default_factory=dict)
 
@@ -70,6 +72,8 @@ class Witness:
         self.history(event)
         if self.record is not None:
             self.record(event)
+        if isinstance(event, CommandSent):
+            self.at_command()
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self._leaves:
             self._claims(self._leaves[event.node], event.t)
         elif isinstance(event, Ticked):
