@@ -97,6 +97,8 @@ def _part(
         yield from _examined(section, replace(keys, port=where) if wired else keys, site)
     elif wired and section.driver.probe:
         yield _asked(section, port, machine, clock)
+    elif not section.driver.needs:  # what is made of another part is looked at with that
+        yield Finding("driver", f"{section.driver.name}: not looked at, for it has no check-up")
 
 
 def _may_start_anew(section: Section, port: SerialPort) -> bool:

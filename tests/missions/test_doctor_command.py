@@ -108,6 +108,7 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert nano["verdict"] == "ok"
     assert "left alone" in nano["what"]
     assert json.loads(told.out)["ok"] is True
+    assert found["voice", "driver"]["what"] == "print: not looked at, for it has no check-up"
 
 
 @pytest.mark.real_time
