@@ -86,9 +86,7 @@ def claimed_motion(seen: Witness) -> Iterator[str]:
             yield f"{leaf.place} commands the {command.to} ({dict(command.values)}), which it does not claim"
 
 
-@invariant(
-    "nothing moves while the run is stopped or paused, nor the base while no tick comes or it is unplugged, but by hand"
-)
+@invariant("nothing moves in a run that is stopped or paused, nor a base without ticks or unplugged, but by hand")
 def helpless(seen: Witness) -> Iterator[str]:
     """Look at the times between: from the end of braking to the end of the fault, or of another of its kind."""
     for fault in seen.struck:
@@ -98,11 +96,12 @@ def helpless(seen: Witness) -> Iterator[str]:
         others = [each for each in seen.struck if each.part == fault.part and each.state in HELD[fault.part]]
         if fault.state != "paused":
             others = [each for each in others if each.state == fault.state and each.start >= fault.start]
-        over = min(end for each in others if (end := each.start + each.seconds) > fault.start)
+        over, by_hand = min(end for each in others if (end := each.start + each.seconds) > fault.start), -WAY_OUT
         for before, now in _pairs(seen):
+            by_hand = now.time if now.by_hand else by_hand
             if not fault.start + WAY_OUT < now.time < min(over, seen.ended):
                 continue
-            if max(map(abs, now.speeds)) > STILL and not now.by_hand:
+            if max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                 yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"
             for (part, axis), turned in _turned(before, now) if fault.state in ("stopped", "paused") else ():
                 own_way = _by_itself(seen, part, now.time) or _back_within(seen, before, part, axis, turned)
