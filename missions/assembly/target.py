@@ -6,6 +6,7 @@ from functools import partial
 from behaviours.joint_ranges import JointRanges
 from config.robot import RobotConfig
 from drivers.api.senses import MicrophoneKeys
+from drivers.dynamixel.declared import NeckKeys
 from missions.language.claims import Target
 
 
@@ -14,10 +15,13 @@ def target_of(robot: RobotConfig) -> Target:
     reach = None
     if robot.arm is not None:
         reach = JointRanges(robot.arm.limits, robot.arm.groups)
+    heads = {section.part: section.keys for section in robot.sections.values() if isinstance(section.keys, NeckKeys)}
+    necks = {joint: part for part, keys in heads.items() for joint in (keys.pan.joint, keys.tilt.joint)}
+    target = Target(robot.name, robot.parts, reach, necks=necks)
     if robot.microphone is None:
-        return Target(robot.name, robot.parts, reach)
+        return target
     ears = robot.microphone
-    return Target(robot.name, robot.parts, reach, partial(_unpronounceable, ears), partial(_confusable, ears))
+    return target._replace(unpronounceable=partial(_unpronounceable, ears), confusable=partial(_confusable, ears))
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:

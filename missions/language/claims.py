@@ -1,7 +1,9 @@
 """Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 from behaviours.joint_ranges import JointRanges
@@ -22,7 +24,8 @@ class Target(NamedTuple):
     """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known.
 
     ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
-    phrases that they easily take for each other.
+    phrases that they easily take for each other. ``necks`` are the joints of the arm of which heads are made, each with
+    the name of its head.
     """
 
     name: str
@@ -30,6 +33,7 @@ class Target(NamedTuple):
     reach: JointRanges | None = None
     unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
     confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
+    necks: Mapping[str, str] = MappingProxyType({})
 
 
 def check_claims(notes: Notes, tree: Step) -> None:
@@ -69,11 +73,37 @@ def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
     if robot.reach is None:
         return
     for step in tree.walk():
-        known = all(value.template is None for value in step.arguments.values())
-        if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
-            continue
-        leaf = step.leaf(step.name)
-        for name, value in step.arguments.items():
-            setattr(leaf, name, value.constant)
-        for misfit in leaf.joint_violations(robot.reach):
+        for misfit in _misfits(step, robot.reach):
             notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")
+
+
+def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
+    """Note every leaf that moves a joint of which a head is made while another can turn that head."""
+    if robot.reach is None:
+        return
+    for joint, head in robot.necks.items():
+        others = replace(robot.reach, joints={name: each for name, each in robot.reach.joints.items() if name != joint})
+        for step in tree.walk():
+            turning = [child for child in step.children if head in child.claims] if step.kind in AT_ONCE else []
+            moving = [child for child in step.children if turning and "arm" in child.claims]
+            for child, rival in ((child, rival) for child in moving for rival in turning if rival is not child):
+                for leaf in child.walk():
+                    if len(_misfits(leaf, others)) > len(_misfits(leaf, robot.reach)):
+                        by = _claimant(rival, head)
+                        notes.fault_at(
+                            leaf,
+                            f"'{leaf.kind}' moves joint '{joint}' of the {head}, which '{by.kind}' "
+                            f"(line {by.mark.line}) can turn at the same time",
+                            "put one after the other in a sequence",
+                        )
+
+
+def _misfits(step: Step, reach: JointRanges) -> list[str]:
+    """Return what a leaf asks of joints that reach so far and cannot do it, as far as that is known now."""
+    known = all(value.template is None for value in step.arguments.values())
+    if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
+        return []
+    leaf = step.leaf(step.name)
+    for name, value in step.arguments.items():
+        setattr(leaf, name, value.constant)
+    return leaf.joint_violations(reach)

@@ -10,7 +10,7 @@ from config.marked import Mapping as Entries
 from config.marked import compose, read_source
 from missions.language.answers import check_answers
 from missions.language.body import read_body
-from missions.language.claims import Target, check_claims, check_needs, check_reach
+from missions.language.claims import Target, check_claims, check_necks, check_needs, check_reach
 from missions.language.flow import check_flow
 from missions.language.for_each import check_names
 from missions.language.notes import Lookup, Notes, Words, no_missions
@@ -97,6 +97,7 @@ def _check(
         if robot is not None:
             check_needs(notes, tree, robot)
             check_reach(notes, tree, robot)
+            check_necks(notes, tree, robot)
             check_phrases(notes, tree, robot)
         check_kinds(notes, tree, body.returns)
         check_answers(notes, tree)

@@ -6,9 +6,12 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.faults import Diagnostic, InvalidFileError, Source
+from config.library import find
+from missions.assembly.target import target_of
 from missions.language.claims import Target
 from missions.language.document import check_plan
 from missions.language.plan import Plan
+from missions.library.drivers import load_robot
 from missions.library.things import THINGS
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")
@@ -114,3 +117,26 @@ def test_greet_says_everything_that_a_bare_base_lacks() -> None:
 def test_without_a_robot_only_conflicts_are_mistakes() -> None:
     text = Source("m.yaml", "mission: m\ntree:\n  gesture: hello\n")
     assert check_plan(text, LEAVES, THINGS).tree.needs == {"arm"}
+
+
+NECKED = target_of(load_robot(find("robots", "humanoid")))
+
+
+def necked(*children: str) -> list[str]:
+    text = "mission: m\ntree:\n  parallel:\n" + "".join(f"    - {child}\n" for child in children)
+    try:
+        check_plan(Source("m.yaml", text), LEAVES, THINGS, robot=NECKED)
+    except InvalidFileError as error:
+        return [fault.message for fault in error.faults]
+    return []
+
+
+def test_a_joint_of_the_neck_is_not_moved_while_another_turns_the_head() -> None:
+    moved = "moves joint 'neck_pan' of the head, which 'look' (line 4) can turn at the same time"
+    assert necked("look: 9 deg", "sweep: {joints: [neck_pan], between: [-9 deg, 9 deg]}") == [f"'sweep' {moved}"]
+    assert necked("look: 9 deg", "move_joints: {to: {neck_pan: 9 deg}}") == [f"'move_joints' {moved}"]
+
+
+def test_other_joints_are_moved_while_another_turns_the_head() -> None:
+    assert necked("look: 9 deg", "move_joints: {to: {left_elbow: 9 deg}}") == []
+    assert necked("wait: 1 s", "move_joints: {to: {neck_pan: 9 deg}}") == []
