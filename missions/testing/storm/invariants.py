@@ -9,6 +9,7 @@ from drivers.api import ignore
 from missions.executive.events import NodeChanged
 from missions.executive.telling import logging_to
 from missions.records.replay.rerun import rerun
+from missions.testing.storm.leaves import DOOMED
 from missions.testing.storm.witness import Truth, Witness
 
 Invariant = Callable[[Witness], Iterator[str]]
@@ -166,6 +167,15 @@ def reasons(seen: Witness) -> Iterator[str]:
         yield "the mission has no result"
     elif result.result != "success" and not result.reason:
         yield f"the mission ends as {result.result}, and does not say why"
+
+
+@invariant("a behaviour that raises, or returns no status, never succeeds")
+def told(seen: Witness) -> Iterator[str]:
+    """Look at the rogues, whose way says how they end."""
+    for event in seen.events:
+        way = getattr(seen.leaves.get(getattr(event, "node", "")), "way", "")
+        if isinstance(event, NodeChanged) and event.status == "success" and way in DOOMED:
+            yield f"{event.kind} ({event.node}) succeeds at {event.t:.2f} s, though its way is '{way}'"
 
 
 @invariant("what was recorded is decided again as it was")

@@ -12,6 +12,9 @@ from drivers.errors import DeviceFault, NotConnected
 WAYS = ("raises", "raises at start", "raises at end", "lies", "never halts", "leaves", "is offline", "faults")
 """What it does, beside moving what it claims."""
 
+DOOMED = ("raises", "raises at start", "lies", "faults")
+"""The ways of those that cannot succeed."""
+
 GOALS = {"fast": 99.0, "nan": nan, "endless": inf, "mild": 0.2}
 """What it asks of what it claims."""
 

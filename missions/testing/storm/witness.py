@@ -54,15 +54,15 @@ class Witness:
     seed: int = 0
     left: list[str] = field(default_factory=list)
     whole: bool = True
+    leaves: Mapping[str, Leaf] = field(default_factory=dict)
     record: StormRecord | None = None
     at_command: Callable[[], object] = ignore
     _runner: Runner | None = None
-    _leaves: Mapping[str, Leaf] = field(default_factory=dict)
 
     def watch(self, runner: Runner) -> None:
         """Look at a run from now on, on its own timeline."""
         self._runner = runner
-        self._leaves = {leaf.key: leaf for leaf in runner.root.iterate() if isinstance(leaf, Leaf)}
+        self.leaves = {leaf.key: leaf for leaf in runner.root.iterate() if isinstance(leaf, Leaf)}
         base = self.twins.base
         self.history.watch(runner.root, None if base is None else lambda: base.body.velocity)
         self.twins.timeline.every(SAMPLE, self._sample)
@@ -74,10 +74,10 @@ class Witness:
             self.record(event)
         if isinstance(event, CommandSent):
             self.at_command()
-        if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self._leaves:
-            self._claims(self._leaves[event.node], event.t)
+        if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self.leaves:
+            self._claims(self.leaves[event.node], event.t)
         elif isinstance(event, Ticked):
-            for leaf in self._leaves.values():
+            for leaf in self.leaves.values():
                 if leaf.status is RUNNING or leaf.acting:
                     self._claims(leaf, event.t)
         elif isinstance(event, FaultRaised) and event.what == "online":
@@ -130,7 +130,7 @@ class Witness:
 
     def leaf(self, command: CommandSent) -> Leaf | None:
         """Return who gave a command; None for what is no leaf."""
-        return self._leaves.get(command.source.rpartition("(")[2].rstrip(")"))
+        return self.leaves.get(command.source.rpartition("(")[2].rstrip(")"))
 
     def digest(self, folder: str) -> str:
         """Return a fingerprint of all that happened, wherever the files of the run were."""
