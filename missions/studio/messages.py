@@ -41,6 +41,7 @@ ERRORS: Mapping[str, str] = {
     "bad_file": "A mission, robot, world or param is wrong.",
     "no_such_record": "There is no record of this name.",
     "bad_record": "The record cannot be read.",
+    "no_person": "Nobody was added: the pictures do not show one face each, or the name is none.",
     "bad_task": "The task cannot be added, moved or cancelled.",
     "fault": "A fault of the studio itself.",
 }

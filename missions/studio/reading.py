@@ -25,6 +25,7 @@ from missions.studio.commands import (
 )  # fmt: skip
 from missions.studio.form import BadMessage, read, shown
 from missions.studio.wishes import (
+    AddPerson,
     AddTask,
     ApproveTask,
     CancelTask,
@@ -44,7 +45,7 @@ from missions.studio.wishes import (
 COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Start, Revoke,
+        Hello, Library, Mission, World, Start, AddPerson, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,

@@ -11,12 +11,13 @@ from typing import Protocol
 from missions.studio.access import Access
 from missions.studio.audit import Audit
 from missions.studio.commands import Command, Role
+from missions.studio.enrolling import add_person
 from missions.studio.form import BadMessage
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import Revoke, Start
+from missions.studio.wishes import AddPerson, Revoke, Start
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
@@ -93,6 +94,9 @@ class Studio:
             run = await self._launcher.start(command, stops)
             await self.hub.look()
             return {"run": run}
+        if isinstance(command, AddPerson):
+            about = self.hub.known(command.run)
+            return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
         return await self._reader.do(command)
 
     def _revoke(self, by: Client) -> Mapping[str, object]:

@@ -61,6 +61,15 @@ class Start(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AddPerson(Command):
+    """Let the robot know who stands before the camera of a run, alone: by `mission person add`. Ask them first."""
+
+    word: ClassVar[str] = "add_person"
+    name: Annotated[str, "What they are called.", Bound(high=60)]
+    run: Annotated[str, "Whose camera, as `runs` names it.", Bound(high=64)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Revoke(Command):
     """Make both links anew, and shut out whoever came by the former ones, but for who asks; what they drove stands.
 

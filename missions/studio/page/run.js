@@ -18,6 +18,9 @@ export class Run {
   #list = el("ul", { class: "missions" });
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
+  #person = el("input", { type: "text", autocomplete: "off" });
+  #enrol = button("Add with the robot's camera", () => this.#add());
+  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of who stands alone before the camera of the run above, and wants to be known"), this.#enrol);
   #checkup = el("div", { class: "hint" });
   #form = el("div", { class: "chosen" });
   #links = el("div", { hidden: true });
@@ -37,13 +40,13 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people),
+      el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people, this.#enrolling),
         panel("Check-up", "checkup", this.#checkup), this.#links),
       this.#form);
   }
 
   async show(name) {
-    this.#links.hidden = this.#link.welcome?.role !== "operator";
+    this.#links.hidden = this.#enrolling.hidden = this.#link.welcome?.role !== "operator";
     try {
       this.#library ??= await this.#fetch();
     } catch (error) {
@@ -74,6 +77,25 @@ export class Run {
     put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows nobody yet: mission person add NAME");
     this.#checkup.replaceChildren(...checked(library.checkup));
     return library;
+  }
+
+  /** Let the robot know who stands before the camera of the run that is shown. */
+  async #add() {
+    const name = this.#person.value.trim();
+    this.#enrol.disabled = true;
+    try {
+      if (!name) throw new Error("What are they called?");
+      if (!this.#watcher.lives) throw new Error("Nothing runs: a camera is seen by way of a run, such as Drive without a mission.");
+      tell("Look into the camera, and turn your head a little to each side…", "good");
+      const { message } = await this.#link.ask({ do: "add_person", name, run: this.#watcher.run }, 70000);
+      tell(message, "good");
+      this.#library = null;
+      await this.show(this.#chosen);
+    } catch (error) {
+      tell(error);
+    } finally {
+      this.#enrol.disabled = false;
+    }
   }
 
   #filter() {

@@ -45,7 +45,8 @@ NEEDS: Mapping[str, dict[str, object]] = {
     "release": {"stop": 1}, "drive": {"n": 1, "t": 0, "ahead": 0, "left": 0},
     "look": {"n": 1, "t": 0, "left": 0, "down": 0},
     "seen": {"t": 0}, "record": {"name": "none"}, "moment": {"name": "none", "t": 0}, "add_task": {"mission": "greet"},
-    "move_task": {"task": 1, "priority": 1}, "cancel_task": {"task": 1},
+    "move_task": {"task": 1, "priority": 1}, "cancel_task": {"task": 1}, "approve_task": {"task": 1},
+    "add_person": {"name": "Ana", "run": "1"}, "fault": {"what": "camera frozen"},
 }  # fmt: skip
 """What must be there in a command beside its word."""
 

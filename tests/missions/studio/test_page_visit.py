@@ -148,6 +148,17 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(browser: Browser)
         page.wait_for("<img src=x", "Try: charge the battery")
 
 
+def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser) -> None:
+    with studio() as served:
+        page = Page(browser, served, view="#run")
+        page.press("Add with the robot's camera")
+        page.wait_for("What are they called?")
+        page.tab.find("textbox", "Name").focus()
+        page.tab.type("Ana")
+        page.press("Add with the robot's camera")
+        page.wait_for("Nothing runs: a camera is seen by way of a run")
+
+
 def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
     wait_until(lambda: page.enabled("Run simulated"))

@@ -1,0 +1,73 @@
+"""Letting the robot know somebody from what the camera of a run sees: by `mission person add`, and by its rules."""
+
+import asyncio
+import base64
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from config.library import shipped
+from missions.studio.commands import Watch
+from missions.studio.form import BadMessage
+from missions.studio.watching import Hearer, Watching
+from missions.studio.wishes import AddPerson
+
+COUNT = 6
+"""Pictures that are taken."""
+
+EVERY = 0.8
+"""Seconds from one to the next: time to turn one's head a little."""
+
+PATIENCE = 30.0
+"""Seconds that the pictures may take, and as many that `mission person add` may."""
+
+
+async def add_person(command: AddPerson, watching: Watching, robot: str) -> Mapping[str, object]:
+    """Answer `add_person`: with the people of the ``robot``, where it is one of the library, else the user's."""
+    with TemporaryDirectory(prefix="person-") as folder:
+        files = await _pictures(watching, Path(folder))
+        words = ["--robot", robot] if robot in shipped("robots") else []
+        said = await asyncio.to_thread(_add, *words, "--", command.name, *map(str, files))
+    return {"message": said}
+
+
+async def _pictures(watching: Watching, folder: Path) -> list[Path]:
+    """Take pictures of who stands before the camera of a run. Raises BadMessage where it shows none."""
+    hearer, taken, last = Hearer(watching), list[Path](), -EVERY
+    try:
+        async with asyncio.timeout(PATIENCE):
+            await watching.watch(hearer, Watch(state=False, pictures=1 / EVERY))
+            async for line in hearer.lines():
+                told = json.loads(line)
+                if told["say"] != "picture":
+                    continue
+                watching.seen(hearer, told["t"])
+                if told["t"] - last < EVERY:
+                    continue
+                last = told["t"]
+                taken.append(folder / f"{len(taken) + 1}.jpg")
+                taken[-1].write_bytes(base64.b64decode(told["jpeg"]))
+                if len(taken) == COUNT:
+                    return taken
+    except TimeoutError:
+        pass
+    finally:
+        watching.leave(hearer)
+    why = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {COUNT}"
+    raise BadMessage(
+        "no_person", f"nobody was added: {why}", "a mission that uses the camera, such as by_hand/drive_and_look"
+    )
+
+
+def _add(*words: str) -> str:
+    """Run `mission person add`, and return what it says. Raises BadMessage with its own words where it refuses."""
+    done = subprocess.run(  # noqa: S603 - ourselves
+        [sys.executable, "-m", "missions", "person", "add", *words],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise BadMessage("no_person", done.stderr.strip()[-4000:] or f"it ended with exit code {done.returncode}")
+    return "\n".join(filter(None, [done.stdout.strip(), done.stderr.strip()]))
