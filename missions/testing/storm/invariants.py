@@ -139,7 +139,7 @@ def limits_kept(seen: Witness) -> Iterator[str]:
                 continue
             if moved and not low - SLACK <= angle <= high + SLACK:
                 yield f"at {now.time:.2f} s {axis} of the {part} is at {angle:.3f}, and may be {low:.3f} to {high:.3f}"
-            if moved and part != "head" and most and abs(turned) > most * step * 1.1 + SLACK:
+            if moved and most and abs(turned) > most * step * 1.1 + SLACK:
                 yield f"at {now.time:.2f} s {axis} of the {part} turns at {turned / step:.2f}, and may at {most:.2f}"
 
 
@@ -194,10 +194,11 @@ def readable(seen: Witness) -> Iterator[str]:
         yield from seen.record.wrong(seen.moments, seen.runner.plan, seen.config, seen.seed)
 
 
-@invariant("nothing is left behind: no thread, no open file, no file")
+@invariant("nothing is left behind: no thread, no open file, no file, no behaviour that goes on")
 def nothing_left(seen: Witness) -> Iterator[str]:
     """See what was there afterwards, and not before."""
     yield from seen.left
+    yield from (f"{leaf.place} is still at it" for leaf in seen.leaves.values() if leaf.acting)
 
 
 def broken(seen: Witness) -> dict[str, str]:

@@ -10,6 +10,9 @@ from missions.testing.storm.leaves import GOALS, WAYS
 OFTEN = 0.7
 """The share of missions that begin again once they have ended."""
 
+ROGUES = 0.25
+"""The share of leaves that misbehave, beside those that are drawn with the others."""
+
 Draw = Callable[[Random], Any]
 
 COMPOSITES = (
@@ -125,7 +128,8 @@ class Trees:
 
     def _leaf(self) -> dict[str, Any]:
         chance = self._chance
-        word = chance.choice(self._words)
+        rogues = [word for word in self._words if word.startswith("rogue")]
+        word = chance.choice(rogues if chance.random() < ROGUES else self._words)
         if word == "move_joints":
             return {word: {"to": {joint: self._within(joint) for joint in self._some()}}}
         if word == "sweep":
