@@ -146,7 +146,7 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
             click.echo(f"wrote {pictures} pictures, {files} files and {made} tables to {folder}")
 
 
-@command.command(epilog="Example: mission record cut monday.mcap 10s 20s -o piece.mcap")
+@command.command(epilog="Example: mission record cut monday.mcap 2s 5s -o piece.mcap")
 @RECORD
 @click.argument("start", metavar="FROM", type=SECONDS)
 @click.argument("end", metavar="TO", type=SECONDS)

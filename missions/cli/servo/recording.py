@@ -17,7 +17,7 @@ from missions.cli.servo.until import patience, require_terminal, show
 from missions.hands.moves.record import Recording
 
 
-@click.command(epilog="Example: mission servo record hello --joint elbow --seconds 5")
+@click.command(epilog="Example: mission servo record my_hello --joint elbow --seconds 5")
 @target_options
 @click.argument("name")
 @click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "
