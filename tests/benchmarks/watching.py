@@ -84,7 +84,8 @@ async def page(host: str, token: str, run: str, zero: float, until: float, pictu
 
 
 async def stopper(host: str, token: str, run: str, until: float, found: Measured) -> None:
-    """Stop now and then, and go on."""
+    """Stop now and then, and go on; in the second half of the time, as stops make ticks of their own."""
+    await asyncio.sleep((until - time.monotonic()) / 2)
     async with opened(host, token) as own, opened(host, token) as main:
         number = 0
         while time.monotonic() < until:
@@ -192,7 +193,7 @@ def told(
     (begin, middle, end), (start, before, after) = times, used
     ticks = [each["tick"] for each in notes if "tick" in each]
     alone = [tick for tick in ticks if begin <= tick[0] < middle]
-    with_them = [tick for tick in ticks if middle <= tick[0] < end]
+    with_them = [tick for tick in ticks if middle <= tick[0] < (middle + end) / 2]
     stops: dict[str, list[float]] = {}
     for number, part, begun, done in (each["latched"] for each in notes if "latched" in each):
         if number <= len(found.stops):
