@@ -100,7 +100,7 @@ def helpless(seen: Witness) -> Iterator[str]:
         over, by_hand = min(end for each in others if (end := each.start + each.seconds) > fault.start), -WAY_OUT
         for before, now in _pairs(seen):
             by_hand = now.time if now.by_hand else by_hand
-            if not fault.start + WAY_OUT < now.time < min(over, seen.ended):
+            if not fault.start + BASE_RESTS < now.time < min(over, seen.ended):
                 continue
             if max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                 yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"

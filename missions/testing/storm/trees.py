@@ -106,7 +106,7 @@ class Trees:
     ) -> None:
         self._chance, self._joints, self._heads = chance, joints, heads
         self._words = [word for word, (needs, _) in LEAVES.items() if set(needs) <= set(parts)]
-        self._words += ["move_joints", "sweep"] if joints else []
+        self._words += ["move_joints", "move_joints", "move_joints", "sweep"] if joints else []
 
     def mission(self) -> str:
         """Return the text of a mission; whether it can be run is for the checker to say."""
@@ -131,7 +131,8 @@ class Trees:
         rogues = [word for word in self._words if word.startswith("rogue")]
         word = chance.choice(rogues if chance.random() < ROGUES else self._words)
         if word == "move_joints":
-            return {word: {"to": {joint: self._within(joint) for joint in self._some()}}}
+            goals = {joint: self._within(joint) for joint in self._some()}
+            return {word: {"to": goals, "speed": f"{chance.randint(5, 60)} deg/s"}}
         if word == "sweep":
             joint = self._some()[0]
             ends = sorted((self._within(joint), self._within(joint)), key=lambda it: float(it.split()[0]))
