@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from drivers.api import ignore
-from missions.executive.events import NodeChanged
+from missions.executive.events import NodeChanged, ReflexFired
 from missions.executive.telling import logging_to
 from missions.records.replay.rerun import rerun
 from missions.testing.storm.leaves import DOOMED
@@ -25,6 +25,9 @@ WAY_OUT = 1.0
 
 RETURN = 2.5
 """Seconds that a head has, once it is there, to go where its board or its driver sends it by itself."""
+
+GIVEN_UP = 9.0
+"""Seconds within which a mission ends that has to: its leaves have two, and the longest stall lasts six."""
 
 HAND = 1.0
 """Seconds after somebody has turned a joint, or overloaded it."""
@@ -154,6 +157,15 @@ def finite(seen: Witness) -> Iterator[str]:
         if not all(map(isfinite, (*sample.speeds, *sample.angles.values()))):
             yield f"at {sample.time:.2f} s something is nowhere: {sample}"
             return
+
+
+@invariant("a battery that is critical ends the mission")
+def battery(seen: Witness) -> Iterator[str]:
+    """See how long it went on, which is longer where no tick comes."""
+    fired = (event for event in seen.events if isinstance(event, ReflexFired))
+    for event in fired:
+        if event.what == "battery_critical" and event.on and event.t + GIVEN_UP < seen.ended:
+            yield f"it is critical at {event.t:.2f} s, and the mission goes on until {seen.ended:.2f} s"
 
 
 @invariant("every failure has a reason")

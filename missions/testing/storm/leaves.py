@@ -56,11 +56,11 @@ class Rogue(Leaf):
         return "nonsense" if self.way == "lies" else RUNNING if self.way == "never halts" else SUCCESS
 
     def terminate(self, new_status: Status) -> None:
-        """Stop what moves, or leave it, or raise before that."""
+        """Stop what moves, or leave the base to itself, or raise before that."""
         del new_status
         if self.way == "raises at end":
             raise _error("raises")
-        if self.way != "leaves":
+        if self.way != "leaves" or "base" not in self.drives:  # of which alone a velocity expires
             self._still()
 
     def halting(self) -> bool:
