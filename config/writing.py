@@ -38,7 +38,12 @@ def write_new(path: Path, text: str) -> None:
     """Write a new file. Raises FileExistsError, in words, where there is one already, and other OSErrors."""
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            try:
+                file.write(text)
+                file.flush()
+            except BaseException:  # a full disk, a Ctrl-C: what was not written must not be there already next time
+                path.unlink(missing_ok=True)
+                raise
     except FileExistsError as error:
         raise FileExistsError(f"{path} is there already, and is not written over: give another name") from error
 

@@ -14,6 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
+from config.reading import read_regular
 from drivers.api.quick import dataclass
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.register import Register
@@ -50,6 +51,10 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 )
 
 
+LARGEST = 1_000_000
+"""Bytes that a calibration file may have."""
+
+
 def load(path: str) -> Mapping[str, MotorCalibration]:
     """Read a calibration file. Raises BadRequest with all that is wrong with it, by motor and field."""
     file = Path(path).expanduser()
@@ -64,8 +69,8 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
 @lru_cache(maxsize=8)
 def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
-        told = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        told = json.loads(read_regular(Path(path), LARGEST).decode())
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
         raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
     if not isinstance(told, dict) or not told:
         raise BadRequest(f"calibration {path}: it names no motors", hint='{"elbow_flex": {"id": 3, ...}}')

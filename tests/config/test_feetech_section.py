@@ -96,6 +96,19 @@ def test_several_faults_are_told_at_once(tmp_path: Path) -> None:
     assert "motor 'jaw' needs id, drive_mode, homing_offset, range_min, range_max, not 7" in fault.message
 
 
+@pytest.mark.parametrize("held", ["[" * 100_000, '{"a":' * 100_000, "9" * 100_000])
+def test_brackets_in_brackets_and_endless_numbers_are_told_as_no_json(tmp_path: Path, held: str) -> None:
+    path = tmp_path / "so101.json"
+    path.write_text(held)
+    (fault,) = faults_of(path)
+    assert "it is no JSON" in fault.message
+
+
+def test_a_pipe_or_an_endless_device_is_no_calibration_and_is_not_waited_for() -> None:
+    (fault,) = faults_of(Path("/dev/zero"))
+    assert "calibration /dev/zero" in fault.message
+
+
 def test_a_motor_that_the_file_lacks_a_file_that_is_none_and_one_that_is_not_there_are_told(tmp_path: Path) -> None:
     path = tmp_path / "so101.json"
     path.write_text(json.dumps({"elbow_flex": ELBOW, "jaw": JAW}))

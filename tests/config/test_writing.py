@@ -87,6 +87,22 @@ def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None
     assert load_gesture(file) == NOD
 
 
+def test_a_file_that_the_disk_has_no_room_for_is_not_left_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = Path("/dev/full").open
+    file = tmp_path / "my_robot.yaml"
+
+    def opened(path: Path, *_: object, **__: object) -> object:
+        path.touch(exist_ok=False)
+        return full("w", encoding="utf-8")
+
+    monkeypatch.setattr(Path, "open", opened)
+    with pytest.raises(OSError, match="No space left"):
+        write_new(file, "robot: my_robot")
+    assert not file.exists()
+
+
 def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
     joint = JointKeys(
         id=3, written_model="MX-28", written_zero=0.5, turned=True, limits=(-1.0, 1.5), speed=2.0, torque=0.8

@@ -333,3 +333,10 @@ def test_the_command_keeps_the_answers_when_it_is_left(
     assert done.code == 0
     assert "what is the robot called?: kit  (answered before)" in done.out
     assert find("robots", "kit").is_file()
+
+
+@pytest.mark.parametrize("held", ["null", "[1]", "3", "[" * 100_000])
+def test_answers_that_are_none_are_as_if_nothing_had_been_answered(tmp_path: Path, held: str) -> None:
+    kept = tmp_path / "robot_new.json"
+    kept.write_text(held)
+    assert not Dialogue(kept).begun

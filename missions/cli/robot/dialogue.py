@@ -30,7 +30,11 @@ class Dialogue:
         if kept.is_file():
             try:
                 self._answers = dict(json.loads(kept.read_text(encoding="utf-8")))
-            except ValueError:  # cut off by a full disk: as if nothing had been answered
+            except (
+                ValueError,
+                TypeError,
+                RecursionError,
+            ):  # cut off by a full disk, or no answers: as if nothing had been answered
                 self._answers = {}
 
     @property
