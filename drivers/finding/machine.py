@@ -56,7 +56,7 @@ class Machine:
         """Return where the links of a path lead, as a path of the machine."""
         try:
             return "/" + str(self.at(path).resolve().relative_to(self.root.resolve()))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RuntimeError):  # links that lead in a circle, too
             return path
 
     def target(self, path: str) -> str:

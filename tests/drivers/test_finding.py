@@ -465,3 +465,8 @@ class Late(VirtualServoBus):
         come = [each for each in self._on_its_way if each[0] <= now]
         self._on_its_way = [each for each in self._on_its_way if each[0] > now]
         return b"".join(said for _, said in come)
+
+
+def test_links_that_lead_in_a_circle_are_as_they_stand(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    assert Machine(tmp_path).real("/loop") == "/loop"
