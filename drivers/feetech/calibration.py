@@ -12,9 +12,9 @@ import json
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
+from stat import S_ISREG
 from types import MappingProxyType
 
-from config.reading import read_regular
 from drivers.api.quick import dataclass
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.register import Register
@@ -60,6 +60,8 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
     file = Path(path).expanduser()
     try:
         found = file.stat()
+        if not S_ISREG(found.st_mode) or found.st_size > LARGEST:  # a pipe would be waited for
+            raise OSError(f"no file of at most {LARGEST} bytes")
         return _load(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
         hint = f"leave `calibration` out, then: mission servo home --into {path} --robot FILE"
@@ -69,7 +71,7 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
 @lru_cache(maxsize=8)
 def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
-        told = json.loads(read_regular(Path(path), LARGEST).decode())
+        told = json.loads(Path(path).read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
         raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
     if not isinstance(told, dict) or not told:
