@@ -18,7 +18,7 @@ from config.marked import Scalar, read_source
 from config.notices import NoticeConfig, Way, way
 from config.units import seen
 from drivers.api.driver import BrokenDriver, Driver, Drivers
-from drivers.api.keys import declared, key, keys
+from drivers.api.keys import Mistake, declared, key, keys
 from drivers.api.kinds import KINDS, Kind
 from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
@@ -199,10 +199,14 @@ def _driver(fields: Fields, kind: Kind, drivers: Drivers) -> Driver | None:
 def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Section]) -> None:
     """Note what is wrong with a section together with others."""
     keys = {kind: section.keys for kind, section in sections.items()}
+    ports: dict[str, str] = {}
     for kind, section in sections.items():
         fields, driver = read[kind], section.driver
         if fields is None:
             continue
+        port = getattr(section.keys, "port", "")
+        if port and (first := ports.setdefault(port, kind)) != kind:
+            note_mistakes(fields, [Mistake(f"port {port} is that of '{first}'", ("port",))])
         if driver.check is not None:
             note_mistakes(fields, driver.check(section.keys, keys))
         elif lacking := [need for need in driver.needs if need not in sections]:

@@ -89,6 +89,11 @@ class HeadKeys:
         "turn acceleration", default=7.0, low=0.1, help="How fast the turn rate of each axis changes at most."
     )
 
+    @property
+    def joints_led(self) -> tuple[str, ...]:
+        """The joints of the arm that it is made of: who turns one of them turns the head."""
+        return ()
+
 
 @keys
 class ArmKeys:

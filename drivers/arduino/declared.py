@@ -101,11 +101,16 @@ def servos_of_board(second: SecondKeys, others: Mapping[str, object]) -> Iterato
     if head.protocol == "lines":
         yield Mistake("the sketch that speaks lines has two servos, both of the 'head'", ("driver",))
         return
-    taken = {head.pan.servo: "pan", head.tilt.servo: "tilt"}
+    taken = {head.pan.servo: "the pan of the 'head'", head.tilt.servo: "the tilt of the 'head'"}
+    for name, other in others.items():
+        if other is second:
+            break  # the one that stands further down is told
+        if isinstance(other, SecondKeys):
+            taken |= {other.pan.servo: f"the pan of '{name}'", other.tilt.servo: f"the tilt of '{name}'"}
     for axis, its in (("pan", second.pan), ("tilt", second.tilt)):
         if its.servo in taken:
             at = (axis, "servo")
-            yield Mistake(f"servo {its.servo} is the {taken[its.servo]} of the 'head'", at, about=(at,))
+            yield Mistake(f"servo {its.servo} is {taken[its.servo]}", at, about=(at,))
 
 
 ARDUINO = Driver(

@@ -216,6 +216,11 @@ class NeckKeys(HeadKeys):
     pan: NeckJointKeys = key(help="The joint that turns the head left and right.")
     tilt: NeckJointKeys = key(help="The joint that turns the head up and down.")
 
+    @property
+    def joints_led(self) -> tuple[str, ...]:
+        """See HeadKeys."""
+        return self.pan.joint, self.tilt.joint
+
     def mistakes(self) -> Iterator[Mistake]:
         """Yield two axes that are one joint."""
         if self.pan.joint == self.tilt.joint:

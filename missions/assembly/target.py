@@ -5,8 +5,8 @@ from functools import partial
 
 from behaviours.joint_ranges import JointRanges
 from config.robot import RobotConfig
+from drivers.api.sections import HeadKeys
 from drivers.api.senses import MicrophoneKeys
-from drivers.dynamixel.declared import NeckKeys
 from missions.language.claims import Target
 
 
@@ -15,8 +15,8 @@ def target_of(robot: RobotConfig) -> Target:
     reach = None
     if robot.arm is not None:
         reach = JointRanges(robot.arm.limits, robot.arm.groups)
-    heads = {section.part: section.keys for section in robot.sections.values() if isinstance(section.keys, NeckKeys)}
-    necks = {joint: part for part, keys in heads.items() for joint in (keys.pan.joint, keys.tilt.joint)}
+    heads = {part: section.keys for part, section in robot.sections.items() if isinstance(section.keys, HeadKeys)}
+    necks = {joint: part for part, keys in heads.items() for joint in keys.joints_led}
     target = Target(robot.name, robot.parts, reach, necks=necks)
     if robot.microphone is None:
         return target

@@ -51,7 +51,7 @@ def calibrated(bus: Any, seen: dict[str, Any]) -> None:
     bus.disable_torque()
     seen["unlocked"] = [bus.read("Lock", name) for name in NAMES]
     seen["homings"] = bus.set_half_turn_homings()
-    seen["homed"] = bus.sync_read("Present_Position", normalize=False)
+    seen["homed"] = bus.sync_read("Present_Position", normalize=False, num_retry=5)
     looks = iter(({"pan": 1000, "elbow": 1000, "jaw": 2000}, {"pan": 3000, "elbow": 3100, "jaw": 3500}, None))
     bus.enable_torque()
 
@@ -59,8 +59,8 @@ def calibrated(bus: Any, seen: dict[str, Any]) -> None:
         goals = next(looks)
         if goals is None:
             return True
-        bus.sync_write("Goal_Position", goals, normalize=False)
-        until(lambda: bus.sync_read("Present_Position", normalize=False) == goals)
+        bus.sync_write("Goal_Position", goals, normalize=False, num_retry=5)
+        until(lambda: bus.sync_read("Present_Position", normalize=False, num_retry=5) == goals)
         return False
 
     motors_bus.enter_pressed = swept
@@ -79,7 +79,7 @@ def main(port: str) -> dict[str, Any]:
     bus = made(port)
     seen: dict[str, Any] = {"models": {}}
     bus.connect()
-    seen["models"] = [bus.ping(name) for name in NAMES]
+    seen["models"] = [bus.ping(name, num_retry=5) for name in NAMES]
     seen["firmware"] = sorted(set(bus._read_firmware_version(bus.ids).values()))
     seen["missing"] = bus.ping(9)
     bus.configure_motors()
@@ -91,17 +91,17 @@ def main(port: str) -> dict[str, Any]:
     near = SimpleNamespace(at={})
 
     def there() -> bool:
-        near.at = bus.sync_read("Present_Position")
+        near.at = bus.sync_read("Present_Position", num_retry=5)
         return all(abs(near.at[name] - goal[name]) < 0.2 for name in goal)
 
     seen["arrived"] = until(there)
     seen["positions"] = near.at
-    seen["moving"] = bus.sync_read("Moving", normalize=False)
-    bus.write("Goal_Position", "pan", 4000, normalize=False)  # beyond its limits
-    until(lambda: bus.read("Present_Position", "pan", normalize=False) >= 3000)
-    seen["beyond the limits"] = bus.read("Present_Position", "pan", normalize=False)
+    seen["moving"] = bus.sync_read("Moving", normalize=False, num_retry=5)
+    bus.write("Goal_Position", "pan", 4000, normalize=False, num_retry=5)  # beyond its limits
+    until(lambda: bus.read("Present_Position", "pan", normalize=False, num_retry=5) >= 3000)
+    seen["beyond the limits"] = bus.read("Present_Position", "pan", normalize=False, num_retry=5)
     seen["negative goal"] = _signed(bus)
-    seen["load"] = bus.read("Present_Load", "elbow", normalize=False)
+    seen["load"] = bus.read("Present_Load", "elbow", normalize=False, num_retry=5)
     bus.disconnect()
     return seen
 
@@ -109,10 +109,13 @@ def main(port: str) -> dict[str, Any]:
 def _signed(bus: Any) -> list[int]:
     """Write speeds below zero, and read them back."""
     bus.disable_torque("jaw")
-    bus.write("Goal_Velocity", "jaw", -321, normalize=False)
-    bus.write("Homing_Offset", "jaw", -1234, normalize=False)
-    told = [bus.read("Goal_Velocity", "jaw", normalize=False), bus.read("Homing_Offset", "jaw", normalize=False)]
-    bus.write("Goal_Velocity", "jaw", 0, normalize=False)
+    bus.write("Goal_Velocity", "jaw", -321, normalize=False, num_retry=5)
+    bus.write("Homing_Offset", "jaw", -1234, normalize=False, num_retry=5)
+    told = [
+        bus.read("Goal_Velocity", "jaw", normalize=False, num_retry=5),
+        bus.read("Homing_Offset", "jaw", normalize=False, num_retry=5),
+    ]
+    bus.write("Goal_Velocity", "jaw", 0, normalize=False, num_retry=5)
     return told
 
 
@@ -120,7 +123,7 @@ def alone(port: str) -> dict[str, Any]:
     """Find the one motor on the port at whatever rate, and make it the elbow, as ``lerobot-setup-motors`` does."""
     bus = made(port)
     bus.setup_motor("elbow")
-    found = bus.ping("elbow")
+    found = bus.ping("elbow", num_retry=5)
     bus.port_handler.closePort()
     return {"found": found, "at": bus.get_baudrate()}
 
@@ -132,7 +135,7 @@ def recognised(port: str, file: str) -> dict[str, Any]:
     motors = {name: Motor(each.id, "sts3215", MotorNormMode.DEGREES) for name, each in kinds.items()}
     bus = FeetechMotorsBus(port, motors, kinds)
     bus.connect()
-    seen = {"is calibrated": bus.is_calibrated, "positions": bus.sync_read("Present_Position")}
+    seen = {"is calibrated": bus.is_calibrated, "positions": bus.sync_read("Present_Position", num_retry=5)}
     bus.disconnect()
     return seen
 
@@ -145,7 +148,7 @@ def timed(port: str) -> dict[str, Any]:
     for number in range(200):
         begun = perf_counter()
         bus.sync_read("Present_Position", normalize=False, num_retry=5)
-        bus.sync_write("Goal_Position", dict.fromkeys(motors, 2000 + number % 20), normalize=False)
+        bus.sync_write("Goal_Position", dict.fromkeys(motors, 2000 + number % 20), normalize=False, num_retry=5)
         rounds.append(perf_counter() - begun)
     bus.disconnect(disable_torque=False)
     return {"median": median(rounds)}
