@@ -9,6 +9,7 @@ its joint is near step 2047; the range is in what it shows. ``drive_mode`` is 1 
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -71,7 +72,7 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
 @lru_cache(maxsize=8)
 def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
     try:
-        told = json.loads(Path(path).read_text(encoding="utf-8"))
+        told = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, brackets in brackets
         raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
     if not isinstance(told, dict) or not told:
@@ -83,6 +84,14 @@ def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
             hint="correct the file, or leave it out and write it anew: mission servo home --into FILE --robot ROBOT",
         )
     return MappingProxyType({motor: MotorCalibration(**{f: each[f] for f in _BOUNDS}) for motor, each in told.items()})
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Return the entries of a mapping. Raises ValueError for a name that stands there twice."""
+    twice = [name for name, count in Counter(name for name, _ in pairs).items() if count > 1]
+    if twice:
+        raise ValueError(f"it has {' and '.join(repr(name) for name in twice)} twice")
+    return dict(pairs)
 
 
 def _faults(motor: str, told: object) -> Iterable[str]:

@@ -104,6 +104,13 @@ def test_brackets_in_brackets_and_endless_numbers_are_told_as_no_json(tmp_path: 
     assert "it is no JSON" in fault.message
 
 
+def test_a_motor_that_is_there_twice_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "so101.json"
+    path.write_text(f'{{"jaw": {json.dumps(JAW)}, "jaw": {json.dumps(JAW)}}}')
+    (fault,) = faults_of(path)
+    assert "it has 'jaw' twice" in fault.message
+
+
 def test_a_pipe_or_an_endless_device_is_no_calibration_and_is_not_waited_for() -> None:
     (fault,) = faults_of(Path("/dev/zero"))
     assert "calibration /dev/zero" in fault.message

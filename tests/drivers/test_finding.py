@@ -1,5 +1,6 @@
 """Ten desks: what is said of each is right, nothing that could move is sent, and nobody is disturbed."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -470,3 +471,13 @@ class Late(VirtualServoBus):
 def test_links_that_lead_in_a_circle_are_as_they_stand(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to("loop")
     assert Machine(tmp_path).real("/loop") == "/loop"
+
+
+def test_a_pipe_in_a_recorded_tree_is_not_waited_for_and_an_endless_file_is_read_to_its_first_page(
+    desk: RecordedMachine,
+) -> None:
+    folder = desk.root / "sys"
+    os.mkfifo(folder / "product")
+    desk.write("sys/serial", "7" * 1_000_000)
+    assert desk.machine.text("/sys/product") == ""
+    assert len(desk.machine.text("/sys/serial")) == 4096

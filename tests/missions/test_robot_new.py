@@ -4,6 +4,7 @@ What is plugged in is virtual, on pseudo-terminals; the machine is recorded. Som
 they ask for, and every byte on the wires is kept.
 """
 
+import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, suppress
@@ -332,6 +333,14 @@ def test_the_command_keeps_the_answers_when_it_is_left(
     done = command(capsys, "robot", "new", "--root", root)
     assert done.code == 0
     assert "what is the robot called?: kit  (answered before)" in done.out
+    assert find("robots", "kit").is_file()
+
+
+@pytest.mark.parametrize("held", [{"a": 1}, "../../kit", "k" * 100_000, "two words"])
+def test_a_name_that_was_kept_is_looked_at_again(bench: Workbench, held: object) -> None:
+    bench.kept.parent.mkdir(parents=True, exist_ok=True)
+    bench.kept.write_text(json.dumps({"name": held}))
+    bench.session(Person({"called": "kit"}))
     assert find("robots", "kit").is_file()
 
 

@@ -34,7 +34,7 @@ class Dialogue:
                 ValueError,
                 TypeError,
                 RecursionError,
-            ):  # cut off by a full disk, or no answers: as if nothing had been answered
+            ):  # cut off by a full disk, or no answers: as if there were none
                 self._answers = {}
 
     @property
@@ -55,17 +55,19 @@ class Dialogue:
         self, key: str, question: str, default: str | None = None, check: Callable[[str], object] = lambda _: None
     ) -> str:
         """Ask for a text; ``check`` raises ValueError, in words, for what cannot be."""
-        if key in self._answers:
-            return self._again(question, str(self._answers[key]))
+        kept = self._answers.get(key)
         while True:
-            answer = self._asked(question, default)
+            answer = kept if isinstance(kept, str) else self._asked(question, default)
             try:
                 check(answer)
             except ValueError as error:
                 if self.yes:
                     raise click.UsageError(f"{question}: {error}") from None
                 self.tell(f"  {error}")
+                kept = None
                 continue
+            if kept is not None:
+                return self._again(question, answer)
             self.keep(key, answer)
             return answer
 

@@ -32,6 +32,9 @@ from missions.library.drivers import Table, robot_of
 from missions.library.folders import state_folder
 from missions.library.shipped import load_mission
 
+LONGEST = 64
+"""Letters that the name of a robot may have."""
+
 FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
     ("greet", {}),
     ("wave", {}),
@@ -96,11 +99,13 @@ def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience:
 
 
 def _free(name: str, output: Path | None) -> None:
-    path = output or config_folder() / "robots" / f"{name}.yaml"
     if not name.replace("-", "_").isidentifier():
-        raise ValueError(f"'{name}' is no name: letters, digits and _")
+        raise ValueError(f"'{name:.40}' is no name: letters, digits and _")
+    if len(name) > LONGEST:
+        raise ValueError(f"a name has at most {LONGEST} letters")
     if name in shipped("robots"):
         raise ValueError(f"{name} ships with MissionTree: give yours another name")
+    path = output or config_folder() / "robots" / f"{name}.yaml"
     if path.exists():
         raise ValueError(f"{path} is there already: give another name")
 
