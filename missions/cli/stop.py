@@ -13,7 +13,7 @@ import click
 from missions.cli.names import runs
 from missions.cli.root import FAILURE, SUCCESS
 from missions.studio import sockets
-from missions.studio.holders import END_TIME, Holder, holder_of, holders
+from missions.studio.holders import END_TIME, Holder, commands, holder_of
 from missions.studio.sockets import linked
 
 NOBODY = "no mission runs"
@@ -39,7 +39,7 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
     if release or resume:
         asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
     # What was ended is not there to be released. Who has no socket is looked for first: a run may get one meanwhile.
-    others = [] if release or resume else [each for each in holders() if not each.is_run and _meant(each, which)]
+    others = [] if release or resume else [each for each in commands() if _meant(each, which)]
     found = sockets.sockets()
     said: dict[object, tuple[bool, str]] = {}
     by = f"mission stop (process {os.getpid()})"

@@ -138,12 +138,17 @@ def holder_of(process: int) -> Holder | None:
 
 
 def holders() -> list[Holder]:
-    """Return all that there are, in no order, but for this process: who stops all others does not end itself."""
+    """Return all that there are, in no order."""
     found: list[Holder | None] = []
     with suppress(OSError):
         names = [each.name.removesuffix(ENDING) for each in sockets.socket_folder().glob(f"*{ENDING}")]
         found = [holder_of(int(name)) for name in names if name.isdecimal()]
-    return [each for each in found if each is not None and each.process != os.getpid()]
+    return [each for each in found if each is not None]
+
+
+def commands() -> list[Holder]:
+    """Return those that are no runs, but for this process: who stops all others does not end itself."""
+    return [each for each in holders() if not each.is_run and each.process != os.getpid()]
 
 
 def _note_of(process: int) -> Path:

@@ -9,7 +9,7 @@ from typing import Self
 
 from missions.studio import sockets
 from missions.studio.form import BadMessage
-from missions.studio.holders import Holder, holders
+from missions.studio.holders import Holder, commands
 from missions.studio.link import Link
 from missions.studio.watching import Watching
 
@@ -106,7 +106,7 @@ class Hub:
 
     async def _end_commands(self, by: str) -> dict[str, Mapping[str, object]]:
         """End them, each once, however many ask for it; return what became of each, by its process."""
-        held = [each for each in holders() if not each.is_run]
+        held = commands()
         for each in held:
             if each not in self._ending:
                 self._ending[each] = task = asyncio.ensure_future(asyncio.to_thread(each.end, by))
