@@ -194,7 +194,7 @@ class _Ways:
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
         if step.kind == UNKNOWN:  # it may make one end of another
             after = self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
-            return After(after.success or {}, after.failure or {})
+            return After(*(_without(step.own_names, each or {}) for each in after))
         kind = MODIFIERS[step.kind]
         guarded = here.guarded or (bool(kind.cut_when) and _asks_variables(step))
         caught = here.caught or catches(step, step.children[0])
