@@ -1,9 +1,11 @@
 """``mission task``: missions that are to be run later, in turn, or again and again; ``mission serve`` runs them."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, replace
+from getpass import getuser
 from pathlib import Path
 from typing import Literal
 
@@ -47,6 +49,13 @@ def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> lis
             CompletionItem(str(each.id), help=each.mission) for each in tasks if str(each.id).startswith(incomplete)
         ]
     return []
+
+
+def _user() -> str:
+    """Return who sits here: a name, or in a container without names, a number."""
+    with suppress(KeyError, OSError):
+        return getuser()
+    return str(os.geteuid())
 
 
 NUMBER = click.argument("number", metavar="TASK", type=Whole(min=1), shell_complete=_numbers)
@@ -223,10 +232,11 @@ def list_command(everything: bool, as_json: bool) -> None:
 
 @command.command(epilog="Example: mission task approve 3")
 @NUMBER
-def approve(number: int) -> None:
+@click.option("--by", default=_user, metavar="NAME", help="Who approves it, if not the user of this computer.")
+def approve(number: int, by: str) -> None:
     """Let a task begin that was added with --needs-approval; each of a repetition needs its own."""
     with _queue() as (queue, _):
-        queue.approve(number, wall_clock())
+        queue.approve(number, wall_clock(), by)
     click.echo(f"task {number} is approved")
 
 
@@ -266,7 +276,9 @@ def log(number: int, as_json: bool) -> None:
     click.echo(f"task {number}: {task.name}, {task.state.replace('_', ' ')}{reason}")
     click.echo(f"{clock(task.added)}  added, due {f'at {clock(task.due)}' if task.due else 'at once'}")
     if task.needs_approval:
-        click.echo("needs approval" if task.approved is None else f"{clock(task.approved)}  approved")
+        click.echo(
+            "needs approval" if task.approved is None else f"{clock(task.approved)}  approved by {task.approved_by}"
+        )
     for attempt in attempts:
         click.echo(about_attempt(attempt))
     for letter in letters:

@@ -1,14 +1,19 @@
 """The stop that a person asks for: every actuator still, at once, until somebody releases it."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from contextlib import suppress
+from threading import Thread
 
+from behaviours.run import log
 from drivers.api import Base, Device, Latching
 from drivers.errors import DeviceFault
-from missions.executive.watchdog import attempt_all
 
 REPLY_TIME = 0.2
 """Seconds for which a stop waits to hear that the actuators were told: a leaf that hangs may hold a driver's lock."""
+
+MOST_PRESSES = 64
+"""Presses of one latch that are remembered: each counts as one stop, by however many ways it comes."""
 
 
 class StopLatch:
@@ -34,22 +39,29 @@ class StopLatch:
         """Who has stopped it; empty while nobody has."""
         self.number = 0
         """How many stops there were."""
+        self._presses: deque[str] = deque(maxlen=MOST_PRESSES)  # of those that are latched
 
-    def stop(self, by: str) -> list[str]:
+    def stop(self, by: str, press: str = "") -> list[str]:
         """Stop for ``by``; return the parts that were told within ``REPLY_TIME``. The others are told when they can be.
 
-        Again while it is stopped, all are told once more, and it counts as another stop.
+        Again while it is stopped, all are told once more, and it counts as another stop, unless it is a
+        ``press`` that has come another way.
         """
-        self.reason = f"stopped by {by}"
-        self.number += 1
-        parts = list(self._parts)
-        told: list[str] = []
+        if press not in self._presses:
+            self.number += 1
+            self.reason = f"stopped by {by}"
+            self._presses.extend([press] * bool(press))
+        left, told = deque(self._parts), list[str]()
         self._hold(True)  # which only sets a flag: a tick that goes on is not waited for
-        # Each on a thread of its own: a leaf that hangs may hold what it waits for.
-        threads = attempt_all({part: partial(self._still, part, told) for part in parts})
-        for thread in threads.values():
+        # A leaf that hangs may hold what a part waits for. So there is a thread for each, and each does all that is
+        # left: mostly the first one does it all, and the last part waits for no thread to be started on a busy machine.
+        threads: list[Thread] = []
+        while left and len(threads) < len(self._parts):
+            threads.append(Thread(target=self._still_all, args=(left, told), name="stop", daemon=True))
+            threads[-1].start()
+        for thread in threads:
             thread.join(REPLY_TIME / len(threads))
-        return [part for part in parts if part in told]
+        return [part for part in self._parts if part in told]
 
     def release(self, number: int) -> bool:
         """Release the stop of this number, if that is the last one; the mission stays paused. Say whether it was."""
@@ -59,6 +71,7 @@ class StopLatch:
             self._base.enable()
         self.enable()
         self.reason = ""
+        self._presses.clear()
         self._hold(False)
         return True
 
@@ -73,6 +86,16 @@ class StopLatch:
         self._before()
         if self.reason:
             raise DeviceFault(self.reason, hint="mission stop --release")
+
+    def _still_all(self, left: deque[str], told: list[str]) -> None:
+        """Make still what no other thread has taken yet."""
+        with suppress(IndexError):
+            while True:
+                part = left.popleft()
+                try:
+                    self._still(part, told)
+                except Exception:  # the next part must stand still all the same
+                    log.exception("%s could not be made to hold still", part)
 
     def _still(self, part: str, told: list[str]) -> None:
         if part == "base" and self._base is not None:

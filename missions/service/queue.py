@@ -92,7 +92,7 @@ class Queue:
                 raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
             self._execute("UPDATE task SET priority = ? WHERE id = ?", priority, number)
 
-    def approve(self, number: int, now: float) -> None:
+    def approve(self, number: int, now: float, by: str) -> None:
         """Let a task begin that needs a person's approval; each of a repetition needs its own.
 
         Raises TaskError for one that is not there, does not wait, or does not need it.
@@ -103,7 +103,7 @@ class Queue:
                 raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
             if not task.unapproved:
                 raise TaskError(f"task {number} needs no approval", hint="mission task list")
-            self._execute("UPDATE task SET approved = ? WHERE id = ?", now, number)
+            self._execute("UPDATE task SET approved = ?, approved_by = ? WHERE id = ?", now, by, number)
 
     def task(self, number: int) -> Task:
         """Return a task. Raises TaskError for one that is not there."""

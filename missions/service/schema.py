@@ -84,7 +84,10 @@ CREATE TRIGGER approved_first BEFORE UPDATE OF state ON task
     BEGIN SELECT RAISE (ABORT, 'nobody has approved this task'); END;
 """
 
-STEPS = (FIRST, SECOND, THIRD)
+FOURTH = "ALTER TABLE task ADD COLUMN approved_by TEXT NOT NULL DEFAULT '';"
+"""Who approved a task."""
+
+STEPS = (FIRST, SECOND, THIRD, FOURTH)
 """What makes the tables, and each version of those of the version before: a file of any earlier one is brought up."""
 
 VERSION = len(STEPS)

@@ -78,8 +78,8 @@ class Task(NewTask):
     """A task in the queue. ``reason`` says why it ended as it did; ``cancelling`` that somebody wants it stopped.
 
     ``attempts`` were begun; ``failures`` of them ended in a failure, ``interruptions`` were cut off by something that
-    counts. It is not begun before ``not_before``. ``approved`` is when somebody did so. ``series`` is the first
-    task of a repetition.
+    counts. It is not begun before ``not_before``. ``approved`` is when somebody did so, ``approved_by`` who.
+    ``series`` is the first task of a repetition.
     """
 
     id: int
@@ -93,6 +93,7 @@ class Task(NewTask):
     cancelling: bool
     series: int | None
     approved: float | None = None
+    approved_by: str = ""
 
     @property
     def unapproved(self) -> bool:

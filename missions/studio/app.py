@@ -19,8 +19,8 @@ from missions.studio.ring import records_folder, records_in
 from missions.studio.session import Session
 from missions.studio.studio import PAGE, Studio, edition
 
-MOST_CLIENTS = 64
-"""Websockets at once."""
+MOST_CLIENTS = 96
+"""Websockets at once; a page has three."""
 
 TRY_LATER = 1013
 """The code by which a websocket is closed for which there is no room."""

@@ -75,6 +75,9 @@ class Stop(OfRun):
 
     word: ClassVar[str] = "stop"
     role: ClassVar[Role] = "viewer"
+    press: Annotated[
+        str, "Any text, another one at each press: sent again, or by two ways, it counts once.", Bound(high=60)
+    ] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

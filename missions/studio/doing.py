@@ -32,7 +32,7 @@ class Doing:
         """Do a command."""
         match command:
             case Stop():
-                parts = self._latch.stop(command.by or SOMEBODY)
+                parts = self._latch.stop(command.by or SOMEBODY, command.press)
                 self._wheels.stop()
                 return {"parts": parts, "stops": self._latch.number}
             case Drive():

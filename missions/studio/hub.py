@@ -71,7 +71,7 @@ class Hub:
             if new:
                 self._changed()
 
-    async def stop(self, run: str, by: str) -> Mapping[str, object]:
+    async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
         """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there.
 
         Who stops all ends the commands that hold a robot and have no control socket, too: teleop, and those of heads.
@@ -80,29 +80,29 @@ class Hub:
             await self.look()
             self.known(run)
         if run:
-            return await self._stop_these({run: self._links[run]}, by)
+            return await self._stop_these({run: self._links[run]}, by, press)
         links = dict(self._links)
         ended = asyncio.ensure_future(self._end_commands(by))
-        told = await self._stop_these(links, by)
+        told = await self._stop_these(links, by, press)
         await self.look()  # one that has come meanwhile, too
         new = {run: link for run, link in self._links.items() if links.get(run) is not link}
-        return {**told, **await self._stop_these(new, by), **await ended}
+        return {**told, **await self._stop_these(new, by, press), **await ended}
 
-    async def _stop_these(self, links: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
-        told = await asyncio.gather(*(self._stop(link, by) for link in links.values()))
+    async def _stop_these(self, links: Mapping[str, Link], by: str, press: str) -> dict[str, Mapping[str, object]]:
+        told = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
         return dict(zip(links, told, strict=True))
 
-    async def _stop(self, link: Link, by: str) -> Mapping[str, object]:
+    async def _stop(self, link: Link, by: str, press: str) -> Mapping[str, object]:
         """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link."""
         following = self._following.get(link)
         if following is None:
-            following = self._following[link] = asyncio.ensure_future(self._stop_next(link, by))
+            following = self._following[link] = asyncio.ensure_future(self._stop_next(link, by, press))
         return await asyncio.shield(following)
 
-    async def _stop_next(self, link: Link, by: str) -> Mapping[str, object]:
+    async def _stop_next(self, link: Link, by: str, press: str) -> Mapping[str, object]:
         async with link.stopping:
             del self._following[link]
-            return await _stop(link, by)
+            return await _stop(link, by, press)
 
     async def _end_commands(self, by: str) -> dict[str, Mapping[str, object]]:
         """End them, each once, however many ask for it; return what became of each, by its process."""
@@ -167,10 +167,10 @@ def _end_of(holder: Holder, task: asyncio.Task[bool]) -> Mapping[str, object]:
     }
 
 
-async def _stop(link: Link, by: str) -> Mapping[str, object]:
+async def _stop(link: Link, by: str, press: str) -> Mapping[str, object]:
     """Stop one run; where it does not answer, end it by a signal."""
     try:
-        answer = await link.ask({"do": "stop", "by": by})
+        answer = await link.ask({"do": "stop", "by": by, "press": press})
     except TimeoutError:
         link.terminate()
         return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}

@@ -60,7 +60,9 @@ def cancel_task(command: Command) -> Json:
 
 def approve_task(command: Command) -> Json:
     """Answer `approve_task`."""
-    return {"message": _task("approve", str(command.task if isinstance(command, ApproveTask) else 0))}
+    return {
+        "message": _task("approve", f"--by={command.by}", str(command.task)) if isinstance(command, ApproveTask) else {}
+    }
 
 
 def move_task(command: Command) -> Json:

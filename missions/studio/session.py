@@ -9,7 +9,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from drivers.clock import Clock, SystemClock
 from missions.studio import sockets
-from missions.studio.audit import UNTOLD
 from missions.studio.commands import KEY, Command, OfRun, Role, Seen, Stop, Watch
 from missions.studio.form import BadMessage, written
 from missions.studio.link import Link
@@ -173,8 +172,7 @@ class Session:
         else:
             if command.id is not None:
                 await self.say(Answer(id=command.id, ok=True, result=result))
-        if command.word not in UNTOLD:
-            self._studio.audit.tell(self.name, self.role, _about(command), outcome)
+        self._studio.tell(self, self.role, command, outcome)
 
     async def _do(self, command: Command) -> Mapping[str, object] | None:
         match command:
@@ -187,7 +185,7 @@ class Session:
         return None
 
     async def _stop(self, command: Stop) -> Mapping[str, object]:
-        return {"stopped": await self._studio.stop(command.run, self.name)}
+        return {"stopped": await self._studio.stop(command.run, self.name, command.press)}
 
     # --- what goes to and comes from runs -----------------------------------------------------------------------------
 
@@ -205,8 +203,7 @@ class Session:
             except BadMessage as error:
                 outcome = error.error
                 await self.say(_refused(command.id, error))
-            if command.word not in UNTOLD:
-                self._studio.audit.tell(self.name, self.role, _about(command), outcome)
+            self._studio.tell(self, self.role, command, outcome)
 
     async def _link(self, run: str) -> Link:
         """Return this client's own connection to a run: its end is the end of the client. Raises BadMessage."""
@@ -262,8 +259,3 @@ class Session:
 
 def _refused(number: int | None, error: BadMessage) -> Answer:
     return Answer(id=number, ok=False, error=error.error, message=str(error), hint=error.hint or None)
-
-
-def _about(command: Command) -> Mapping[str, object]:
-    """Return what the log says of a command."""
-    return {name: value for name, value in written(command, KEY).items() if name not in ("id", "by") and value != ""}

@@ -1,30 +1,38 @@
 """What all clients of a studio share: the runs, the page, who is there, and who does what they ask for."""
 
 import hashlib
+from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
 from missions.studio.access import Access
-from missions.studio.audit import Audit
-from missions.studio.commands import Command, Role
+from missions.studio.audit import UNTOLD, Audit
+from missions.studio.commands import KEY, Command, Role, Stop
 from missions.studio.enrolling import add_person
-from missions.studio.form import BadMessage
+from missions.studio.form import BadMessage, written
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import AddPerson, Revoke, Start
+from missions.studio.wishes import AddPerson, ApproveTask, Revoke, Start
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
 
 
+MOST_PRESSES = 256
+"""Presses of STOP that are remembered: each is written into the log once, by however many ways it comes."""
+
+
 class Client(Protocol):
-    """Who is connected."""
+    """Who is connected, and what the others see of that."""
+
+    name: str
 
     def tell(self, runs: Runs) -> None:
         """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
@@ -53,6 +61,7 @@ class Studio:
         self._launcher = launcher
         self._clients: set[Client] = set()
         self._names = 0
+        self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
         self.versions = {edition(), str(VERSION)}
 
     def name(self, role: Role) -> str:
@@ -78,11 +87,21 @@ class Studio:
         """How many clients are connected."""
         return len(self._clients)
 
-    async def stop(self, run: str, by: str) -> Mapping[str, object]:
+    async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
         """Stop a run, or all for no name: those too that are being started. Raises BadMessage for one not there."""
         if not run:
             self._launcher.stop()
-        return await self.hub.stop(run, by)
+        return await self.hub.stop(run, by, press)
+
+    def tell(self, by: Client, role: Role, command: Command, outcome: str) -> None:
+        """Write into the log who has commanded what, and what came of it."""
+        if command.word in UNTOLD or (isinstance(command, Stop) and command.press in self._presses):
+            return
+        if isinstance(command, Stop) and command.press:
+            self._presses.append(command.press)
+        told = written(command, KEY).items()
+        about = {name: value for name, value in told if name not in ("id", "by", "press") and value != ""}
+        self.audit.tell(by.name, role, about, outcome)
 
     async def do(self, command: Command, by: Client) -> Mapping[str, object]:
         """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
@@ -97,6 +116,8 @@ class Studio:
         if isinstance(command, AddPerson):
             about = self.hub.known(command.run)
             return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
+        if isinstance(command, ApproveTask):
+            command = replace(command, by=by.name)
         return await self._reader.do(command)
 
     def _revoke(self, by: Client) -> Mapping[str, object]:

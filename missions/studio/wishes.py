@@ -143,6 +143,7 @@ class ApproveTask(Command):
 
     word: ClassVar[str] = "approve_task"
     task: Annotated[int, "Its number.", Bound(1, 2**53)]
+    by: Annotated[str, "The studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,10 +18,12 @@ function typing(node) {
 
 export class Stop extends HTMLElement {
   #main = null;
-  #own = new Link(PROTOCOL); // STOP works on a page that is old, too
+  // STOP works on a page that is old, too. Two, as one loses a segment now and then, and waits; the main one mostly waits.
+  #own = [new Link(PROTOCOL), new Link(PROTOCOL)];
   #watcher = null;
   #latched = new Map(); // by run: who has stopped it, and which stop that is
   #pending = false;
+  #press = "";
   #timer = 0;
   #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
   #said = el("p", { class: "said", role: "alert" });
@@ -34,16 +36,18 @@ export class Stop extends HTMLElement {
     this.#button.addEventListener("click", (event) => event.detail === 0 && this.stop());
     addEventListener("keydown", (event) => this.#key(event), { capture: true });
     addEventListener("keyup", (event) => event.key === " " && !typing(event.target) && event.preventDefault(), { capture: true });
-    this.#own.on("how", () => {
-      if (this.#pending) this.#send();
-      this.#show();
-    });
-    this.#own.on("runs", (message) => this.#runs(message.runs));
+    for (const own of this.#own) {
+      own.on("how", () => {
+        if (this.#pending) this.#send();
+        this.#show();
+      });
+      own.on("runs", (message) => this.#runs(message.runs));
+    }
     this.#hold();
     this.#stay();
   }
 
-  /** Use the main link where the own one is not open, and hear from the `watcher` what is stopped. */
+  /** Use the main link besides the own ones, and hear from the `watcher` what is stopped. */
   begin(link, watcher) {
     this.#main = link;
     this.#watcher = watcher;
@@ -52,9 +56,13 @@ export class Stop extends HTMLElement {
     link.on("how", () => this.#show());
   }
 
-  /** Open the own connection with the cookie that there is now. */
+  /** Open the own connections with the cookie that there is now. */
   retry() {
-    this.#own.retry(true);
+    for (const own of this.#own) own.retry(true);
+  }
+
+  get #links() {
+    return [...this.#own, this.#main].filter(Boolean);
   }
 
   /** Whether something is stopped. */
@@ -65,6 +73,7 @@ export class Stop extends HTMLElement {
   /** Stop every run of this machine, now; tried again until it is answered. */
   stop() {
     this.#pending = true;
+    this.#press = `${Date.now()} ${Math.random()}`; // by it, what comes by several ways counts once
     this.dispatchEvent(new Event("stop"));
     this.#show();
     this.#send();
@@ -80,9 +89,9 @@ export class Stop extends HTMLElement {
 
   #send() {
     clearTimeout(this.#timer);
-    // The own link first, and the other one besides: what is lost of one on its way is sent again only after a while.
-    for (const link of [this.#own, this.#main]) {
-      if (link?.open) link.ask({ do: "stop" }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
+    // By all at once: what is lost of one on its way is sent again only after a while, and all behind it waits.
+    for (const link of this.#links) {
+      if (link.open) link.ask({ do: "stop", press: this.#press }, ANSWER).then((result) => this.#answered(result), (error) => this.#failed(error));
     }
     this.#timer = setTimeout(() => this.#pending && this.#send(), AGAIN);
   }
@@ -123,12 +132,12 @@ export class Stop extends HTMLElement {
 
   /** Return who has stopped it, in words: this page, by either of its connections, or another one. */
   #who(by) {
-    const mine = [this.#own, this.#main].map((link) => link?.welcome?.name);
+    const mine = this.#links.map((link) => link.welcome?.name);
     return mine.includes(by.replace(/^stopped by /, "")) ? "stopped from this page" : by;
   }
 
   #show(text = "") {
-    const lost = !this.#own.open && !this.#main?.open;
+    const lost = !this.#links.some((link) => link.open);
     let said = text;
     if (this.#pending) said = lost ? "NOT STOPPED: no link to the robot. Use its own switch." : "Stopping…";
     else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#who(each.by)))].join("; ")}`;

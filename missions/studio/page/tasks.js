@@ -58,6 +58,7 @@ export class Tasks {
       waits && when,
       task.every && `every ${task.every}`,
       `priority ${task.priority}`,
+      task.approved_by && `approved by ${task.approved_by}`,
       task.attempts > 1 && `${task.attempts} attempts`,
       ...params,
     ];

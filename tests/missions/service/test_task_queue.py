@@ -245,7 +245,7 @@ def test_each_of_a_repetition_needs_an_approval_of_its_own_and_is_missed_without
     task = replace(new(every="1 h", late=600.0), needs_approval=True)
     number = queue.add(task)
     assert queue.queue.claim(queue.now) is None
-    queue.queue.approve(number, queue.now)
+    queue.queue.approve(number, queue.now, "ana")
     assert queue.attempt("success").state == "done"
     queue.now = START + 3600.0
     (second,) = queue.queue.tasks(ended=False)

@@ -132,6 +132,7 @@ def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served
     page.press("Approve")
     page.press("Press again to approve")
     wait_until(lambda: not page.says("needs approval"))
+    page.wait_for("approved by operator")
     page.press("Cancel")
     page.press("Press again to cancel")
     page.wait_for("The queue is empty.")

@@ -17,6 +17,7 @@ from drivers.clock import ManualClock
 from missions.studio import sockets
 from missions.studio.access import Access
 from missions.studio.audit import Audit
+from missions.studio.commands import Stop
 from missions.studio.form import BadMessage
 from missions.studio.launch import Launcher
 from missions.studio.messages import Runs
@@ -155,6 +156,16 @@ def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) ->
     assert len(lines) == 1 + 20 + 1 + 1
     assert [lines[number]["who"] for number in (0, -2)] == ["operator 1", "viewer 2"]
     assert lines[-1]["unwritten"] == 99_980
+
+
+def test_a_press_of_stop_is_written_once_by_however_many_ways_it_comes(tmp_path: Path) -> None:
+    studio = studio_of(tmp_path)
+    for number, press in ((1, "a"), (2, "a"), (3, "b"), (3, ""), (3, "")):
+        client = Session(cast("Any", Deaf()), "viewer", f"viewer {number}", studio)
+        studio.tell(client, "viewer", Stop(press=press), "ok")
+    lines = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
+    assert [each["who"] for each in lines] == ["viewer 1", "viewer 3", "viewer 3", "viewer 3"]
+    assert not any("press" in each for each in lines)
 
 
 def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
