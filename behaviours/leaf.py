@@ -38,7 +38,8 @@ class Leaf(Stopping):
     longer than a tick.
 
     It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
-    ``terminate`` unless it succeeded. ``initialise`` is called again while it raises NotConnected; once it was called,
+    ``terminate`` unless it succeeded; of one without a ``terminate``, what it drives is stopped for it when it fails or
+    is halted. ``initialise`` is called again while it raises NotConnected; once it was called,
     ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
     """
 
@@ -62,7 +63,6 @@ class Leaf(Stopping):
     computed: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
     _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
-    _finishes: ClassVar[bool] = False  # it has a terminate of its own
     _since: float | None = None
 
     def __init_subclass__(cls) -> None:
@@ -182,7 +182,7 @@ class Leaf(Stopping):
                 self._since = run.now()
         elif self._leaf_stage != AT_REST:
             self._leaf_stage = AT_REST
-            if self._finishes:
+            if self._finishes or status is FAILURE:
                 self._terminate(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
             self._keep(self.keep_as)

@@ -19,6 +19,7 @@ class Stopping(Node):
 
     drives: ClassVar[frozenset[str]] = frozenset()
     halt_limit: ClassVar[float] = 1.0
+    _finishes: ClassVar[bool] = False  # it has a terminate of its own
     _leaf_stage = AT_REST
     _halt_by: float | None = None
     _halt_tick = -1
@@ -41,6 +42,9 @@ class Stopping(Node):
         return False
 
     def _terminate(self, status: Status) -> None:
+        if not self._finishes:  # it says nothing of what it moves: that holds still
+            self._stop_safely()
+            return
         try:
             self.terminate(status)
         except BaseException as error:  # what cannot be stopped politely is stopped by its driver

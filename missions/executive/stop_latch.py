@@ -34,7 +34,7 @@ class StopLatch:
         before: Callable[[], None],
     ) -> None:
         self._devices, self._parts, self._base, self._safe_stop = devices, stilled, base, safe_stop
-        self._hold, self._before = hold, before
+        self.hold, self._before = hold, before
         self.reason = ""
         """Who has stopped it; empty while nobody has."""
         self.number = 0
@@ -52,7 +52,7 @@ class StopLatch:
             self.reason = f"stopped by {by}"
             self._presses.extend([press] * bool(press))
         left, told = deque(self._parts), list[str]()
-        self._hold(True)  # which only sets a flag: a tick that goes on is not waited for
+        self.hold(True)  # which only sets a flag: a tick that goes on is not waited for
         # A leaf that hangs may hold what a part waits for. So there is a thread for each, and each does all that is
         # left: mostly the first one does it all, and the last part waits for no thread to be started on a busy machine.
         threads: list[Thread] = []
@@ -72,7 +72,7 @@ class StopLatch:
         self.enable()
         self.reason = ""
         self._presses.clear()
-        self._hold(False)
+        self.hold(False)
         return True
 
     def enable(self) -> None:

@@ -14,6 +14,7 @@ import cv2
 
 from missions.testing.play import Verdict, play
 from missions.testing.suite import Case
+from missions.testing.with_parent import end_with_parent
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -76,7 +77,8 @@ def _pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def _prepare() -> None:
-    """Prepare a process that is one of several: OpenCV has no cores to itself."""
+    """Prepare a process that is one of several: OpenCV has no cores to itself, and its parent may be killed."""
+    end_with_parent()
     cv2.setNumThreads(1)
 
 

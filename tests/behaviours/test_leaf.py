@@ -83,6 +83,40 @@ def test_a_leaf_starts_once_and_ends_once() -> None:
     assert bench.settled == []
 
 
+class Careless(Leaf):
+    """Says nothing of how it stops."""
+
+    word = "careless"
+    drives = BASE
+    works: Callable[[], Any]
+
+    def update(self) -> Status:
+        status: Status = self.works()
+        return status
+
+
+def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_is_halted() -> None:
+    bench = Bench()
+    leaf = bench.put(Careless("careless"), works=gives(RUNNING))
+    bench.tick(leaf)
+    assert bench.settled == []
+    assert bench.halt(leaf)
+    assert bench.settled == [BASE]
+
+
+@pytest.mark.parametrize("works", [gives(FAILURE), fails_with(Boom("no")), gives("nonsense")])
+def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_fails(works: Callable[[], Any]) -> None:
+    bench = Bench()
+    assert bench.tick(bench.put(Careless("careless"), works=works)) is FAILURE
+    assert bench.settled == [BASE]
+
+
+def test_a_leaf_without_a_terminate_that_succeeds_leaves_all_as_it_is() -> None:
+    bench = Bench()
+    assert bench.tick(bench.put(Careless("careless"), works=gives(SUCCESS))) is SUCCESS
+    assert bench.settled == []
+
+
 def test_it_starts_again_after_success_failure_and_halt() -> None:
     bench = Bench()
     leaf = bench.put(Puppet(), works=gives(SUCCESS, FAILURE, RUNNING, RUNNING))

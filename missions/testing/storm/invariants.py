@@ -35,6 +35,9 @@ HAND = 1.0
 SLACK = 0.03
 """Radians by which a servo may be beyond its limit: half a degree of rounding, and a step."""
 
+AT_ONCE = 1e-6
+"""Seconds within which two things happen at the same time, in whatever order."""
+
 HELD = {"run": ("stopped", "paused", "stalled"), "base": ("unplugged",)}
 """Faults for as long as which nothing moves, or the base does not."""
 
@@ -100,10 +103,13 @@ def helpless(seen: Witness) -> Iterator[str]:
         others = [each for each in seen.struck if each.part == fault.part and each.state in HELD[fault.part]]
         if fault.state != "paused":
             others = [each for each in others if each.state == fault.state and each.start >= fault.start]
-        over, by_hand = min(end for each in others if (end := each.start + each.seconds) > fault.start), -WAY_OUT
+        # A base without its cable is stopped by its firmware, and its wheels obey that as late as all else.
+        lag = seen.lag if fault.part == "base" else 0.0
+        ends = [each.start + each.seconds for each in others]
+        over, by_hand = min(end for end in ends if end >= fault.start - AT_ONCE), -WAY_OUT
         for before, now in _pairs(seen):
             by_hand = now.time if now.by_hand else by_hand
-            if not fault.start + BASE_RESTS < now.time < min(over, seen.ended):
+            if not fault.start + BASE_RESTS + lag < now.time < min(over, seen.ended):
                 continue
             if max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                 yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"

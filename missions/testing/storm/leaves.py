@@ -9,11 +9,32 @@ from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from drivers.api import HeadPose, Velocity
 from drivers.errors import DeviceFault, NotConnected
 
-WAYS = ("raises", "raises at start", "raises at end", "lies", "never halts", "leaves", "is offline", "faults")
-"""What it does, beside moving what it claims."""
+LEFT = "leaves"
+
+WAYS = (
+    "raises",
+    "raises at start",
+    "raises at end",
+    "lies",
+    "never halts",
+    "never stops",
+    "comes late",
+    LEFT,
+    "is offline",
+    "faults",
+)
+"""What it does, beside moving what it claims. One that ``never stops`` leaves it to others to stop what it moves; one
+that ``comes late`` fails until it is ticked for the last time of some; one that ``leaves`` succeeds, and what it moves
+goes on."""
+
+ENDLESS = ("never halts", "never stops")
+"""The ways of those that go on for ever, and say after a halt that they still stop."""
 
 DOOMED = ("raises", "raises at start", "lies", "faults")
 """The ways of those that cannot succeed."""
+
+CARELESS = ("raises", "lies", "never halts", "never stops", "faults")
+"""The ways of those that have no ``terminate``: were they to succeed, what they move would rightly go on."""
 
 GOALS = {"fast": 99.0, "nan": nan, "endless": inf, "mild": 0.2}
 """What it asks of what it claims."""
@@ -38,6 +59,7 @@ class Rogue(Leaf):
     goal: str = argument("text", f"what it asks for: {', '.join(GOALS)}", default="mild")
     after: int = argument("count", "after so many ticks", default=2)
     _ticks = 0
+    _missed = 0
 
     def initialise(self) -> None:
         """Begin, or raise."""
@@ -47,25 +69,28 @@ class Rogue(Leaf):
 
     def update(self) -> Any:
         """Ask for something; misbehave once the time has come."""
+        if self.way == "comes late" and self._missed < self.after:
+            self._missed += 1
+            return self.fail("it is not time yet")
         self._ticks += 1
         self._ask(GOALS[self.goal])
         if self._ticks <= self.after:
             return RUNNING
         if self.way in ERRORS:
             raise _error(self.way)
-        return "nonsense" if self.way == "lies" else RUNNING if self.way == "never halts" else SUCCESS
+        return "nonsense" if self.way == "lies" else RUNNING if self.way in ENDLESS else SUCCESS
 
     def terminate(self, new_status: Status) -> None:
         """Stop what moves, or leave the base to itself, or raise before that."""
-        del new_status
         if self.way == "raises at end":
             raise _error("raises")
-        if self.way != "leaves" or "base" not in self.drives:  # of which alone a velocity expires
+        left = self.way == LEFT and (new_status is SUCCESS or "base" in self.drives)  # whose velocity expires
+        if not left and self.way != "never stops":
             self._still()
 
     def halting(self) -> bool:
         """Take for ever, if that is its way."""
-        return self.way == "never halts"
+        return self.way in ENDLESS
 
     def _ask(self, goal: float) -> None:
         """Command what it claims; one that claims nothing asks for nothing."""
@@ -111,3 +136,24 @@ class RogueArm(Rogue):
 
     def _still(self) -> None:
         self.robot.arm.hold()
+
+
+class CarelessBase(RogueBase):
+    """One that drives the base, and says nothing of how it stops."""
+
+    word = "careless_base"
+    terminate = Leaf.terminate
+
+
+class CarelessHead(RogueHead):
+    """One that turns the head, and says nothing of how it stops."""
+
+    word = "careless_head"
+    terminate = Leaf.terminate
+
+
+class CarelessArm(RogueArm):
+    """One that moves the arm, and says nothing of how it stops."""
+
+    word = "careless_arm"
+    terminate = Leaf.terminate

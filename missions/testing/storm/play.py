@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from config.reading import files_read
+from drivers.api import ignore
 from drivers.api.kinds import KINDS
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
@@ -76,7 +77,7 @@ def played_twice(weather: Weather) -> Outcome:
 
 def play(weather: Weather) -> Outcome:
     """Play a weather once. Whatever is raised is what does not hold."""
-    clock, witness = SystemClock(), Witness(seed=weather.seed)
+    clock, witness = SystemClock(), Witness(seed=weather.seed, lag=weather.physics.get("lag", 0.0))
     threads, files = set(threading.enumerate()), _open_files()
     with TemporaryDirectory(prefix="mission-storm-") as folder:
         there: set[str] = set()
@@ -144,8 +145,16 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
     witness.struck = trouble.struck
     if weather.stop_at:
         countdown = count(weather.stop_at, -1)
-        stop = Mishap("run", "stopped", IN_TICK, seconds=1.0)
-        witness.at_command = lambda: trouble.begin(stop) if next(countdown) == 1 else None
+        stop = Mishap("run", "stopped", IN_TICK, seconds=weather.stop_for)
+
+        def strike() -> None:
+            if next(countdown) == 1:
+                trouble.begin(stop)
+                timeline.run(timeline.clock.now() + weather.hangs)
+
+        witness.at_command = strike
+        if weather.alone:
+            runner.latch.hold = ignore
     timeline = witness.twins.timeline
     timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
     try:

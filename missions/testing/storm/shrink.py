@@ -41,6 +41,9 @@ def shrunk(outcome: Outcome, told: Callable[[Outcome], object] = lambda _: None)
         {"world": "empty"},
         {"mast": False},
         {"stop_at": 0},
+        {"hangs": 0.0},
+        {"alone": False},
+        {"limbs": 1.0},
         {"record": ""},
     ]
     for each in easier:

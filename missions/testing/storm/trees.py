@@ -5,10 +5,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from random import Random
 from typing import Any
 
-from missions.testing.storm.leaves import GOALS, WAYS
+from missions.testing.storm.leaves import CARELESS, GOALS, WAYS
 
 OFTEN = 0.7
 """The share of missions that begin again once they have ended."""
+
+CONTESTS = 0.15
+"""The share of missions in which a behaviour comes late, and takes what another one is moving."""
 
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
@@ -56,6 +59,10 @@ def _rogue(it: Random) -> dict[str, object]:
     return {"way": it.choice(WAYS), "goal": it.choice(list(GOALS)), "after": it.randint(1, 30)}
 
 
+def _careless(it: Random) -> dict[str, object]:
+    return {**_rogue(it), "way": it.choice(CARELESS)}
+
+
 LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
     "drive": (["base"], lambda it: {"distance": _metres(it, -0.6, 1.2), "speed": f"{it.uniform(0.05, 0.4):.2f} m/s"}),
     "turn": (["base"], lambda it: {"angle": _angle(it, 200), "speed": f"{it.uniform(20, 100):.0f} deg/s"}),
@@ -72,6 +79,9 @@ LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
     "rogue_base": (["base"], _rogue),
     "rogue_head": (["head"], _rogue),
     "rogue_arm": (["arm"], _rogue),
+    "careless_base": (["base"], _careless),
+    "careless_head": (["head"], _careless),
+    "careless_arm": (["arm"], _careless),
     "look": (["head"], lambda it: {"pan": _angle(it, 75), "tilt": _angle(it, 15)}),
     "scan": (["head"], lambda it: {"rows": it.randint(1, 2), "smooth": it.random() < 0.5}),
     "nod": (["head"], lambda it: it.randint(1, 3)),
@@ -110,7 +120,7 @@ class Trees:
 
     def mission(self) -> str:
         """Return the text of a mission; whether it can be run is for the checker to say."""
-        tree = self._tree(3)
+        tree = self._contest() if self._chance.random() < CONTESTS else self._tree(3)
         if self._chance.random() < OFTEN:
             tree = {"sequence": [{**tree, "on_failure": "succeed"}, {"wait": "50 ms"}], "repeat": "forever"}
         return f"mission: storm\ntree: {json.dumps(tree)}\n"
@@ -126,9 +136,19 @@ class Trees:
             step[word] = MODIFIERS[word](chance)
         return step
 
+    def _contest(self) -> dict[str, Any]:
+        chance = self._chance
+        rogues = [word for word in self._words if word.startswith("rogue_")]
+        if not rogues:
+            return self._tree(3)
+        word = chance.choice(rogues)
+        first = {**_rogue(chance), "way": "comes late"}
+        second = {**_rogue(chance), "way": chance.choice(WAYS)}
+        return {"reactive_selector": [{word: first}, {word: second}, self._tree(1)]}
+
     def _leaf(self) -> dict[str, Any]:
         chance = self._chance
-        rogues = [word for word in self._words if word.startswith("rogue")]
+        rogues = [word for word in self._words if word.startswith(("rogue", "careless"))]
         word = chance.choice(rogues if chance.random() < ROGUES else self._words)
         if word == "move_joints":
             goals = {joint: self._within(joint) for joint in self._some()}

@@ -66,7 +66,7 @@ PLAIN = ("wave_rover",)
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
-STOPPED = 0.15
+STOPPED = 0.2
 """The share of runs that are stopped in the midst of a command."""
 
 Record = Literal["", "kept", "killed", "full"]
@@ -80,9 +80,11 @@ class Weather:
     """All that a run of the storm is made of: plain data, which can be sent to another process or written into a test.
 
     ``mission`` is the name of one that ships, or the text of one. ``pace`` is the share of the robot's speeds that it
-    may go, ``mast`` says whether it has a second head. ``faults`` are phrases of test files. ``seconds`` after its
-    start somebody ends the mission, if it has not ended by then. ``record`` says what becomes of the run's record.
-    At the command of number ``stop_at`` somebody stops it, for a second, between its tick and the device.
+    may go, ``limbs`` that of its heads and arm; ``mast`` says whether it has a second head. ``faults`` are phrases of
+    test files. ``seconds`` after its start somebody ends the mission, if it has not ended by then. ``record`` says what
+    becomes of the run's record. At the command of number ``stop_at`` somebody stops it, for ``stop_for`` seconds,
+    between its tick and the device; that tick then ``hangs`` for some seconds. If the stop is ``alone``, nothing but
+    the latch holds the robot still: ticks go on.
     """
 
     seed: int
@@ -98,6 +100,10 @@ class Weather:
     eyes: Literal["pixels", "truth"] = "truth"
     record: Record = ""
     stop_at: int = 0
+    limbs: float = 1.0
+    stop_for: float = 1.0
+    hangs: float = 0.0
+    alone: bool = False
 
     def robot_text(self) -> str:
         """Return the robot's file."""
@@ -105,7 +111,8 @@ class Weather:
         text = re.sub(r"max_speed: ([\d.]+) m/s", lambda it: f"max_speed: {float(it[1]) * self.pace:.3f} m/s", text)
         text = re.sub(r"max_turn: ([\d.]+) deg/s", lambda it: f"max_turn: {float(it[1]) * self.pace:.1f} deg/s", text)
         text = re.sub(r"^rate: \d+ Hz", f"rate: {self.rate} Hz", text, flags=re.MULTILINE)
-        return text + (MAST if self.mast else "")
+        text += MAST if self.mast else ""
+        return re.sub(r"\bspeed: ([\d.]+) deg/s", lambda it: f"speed: {float(it[1]) * self.limbs:.1f} deg/s", text)
 
     def robot_config(self) -> RobotConfig:
         """Return the robot, read."""
@@ -148,6 +155,10 @@ def draw(seed: int) -> Weather:
         mast=robot == "turtlebot2_arm" and chance.random() < 0.3,
         physics=_physics(chance),
         eyes="pixels" if chance.random() < 0.03 else "truth",
+        limbs=chance.choice([1.0, 0.5, 0.2, 0.1]),
+        stop_for=chance.choice([1.0, 3.0]),
+        hangs=chance.choice([0.0, 0.0, 2.0]),
+        alone=chance.random() < 0.4,
     )
     config = weather.robot_config()
     weather, plan = _with_mission(weather, config, chance)

@@ -14,6 +14,7 @@ from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mishaps import Mishap
+from missions.testing.storm.leaves import LEFT
 from missions.testing.storm.record import StormRecord
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Drawing
@@ -41,7 +42,8 @@ class Witness:
     """All that is known of one run. It is a listener of the run's events, and is told of its moments.
 
     ``claimed`` says at which times each part was a running leaf's, ``back`` when it came back; ``ended`` is when the
-    mission was over. ``at_command`` is called at each command, within the tick that it comes from.
+    mission was over, ``lag`` by how much later the wheels obey. ``at_command`` is called at each command, within the
+    tick that it comes from.
     """
 
     history: History = field(default_factory=History)
@@ -52,12 +54,15 @@ class Witness:
     struck: list[Mishap] = field(default_factory=list)
     ended: float = 0.0
     seed: int = 0
+    lag: float = 0.0
     left: list[str] = field(default_factory=list)
     whole: bool = True
     leaves: Mapping[str, Leaf] = field(default_factory=dict)
     record: StormRecord | None = None
     at_command: Callable[[], object] = ignore
     _runner: Runner | None = None
+    _left: set[str] = field(default_factory=set)  # by one that meant to leave it moving
+    _claiming: set[str] = field(default_factory=set)  # as of the last tick: also while none comes
 
     def watch(self, runner: Runner) -> None:
         """Look at a run from now on, on its own timeline."""
@@ -75,11 +80,14 @@ class Witness:
         if isinstance(event, CommandSent):
             self.at_command()
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self.leaves:
-            self._claims(self.leaves[event.node], event.t)
+            leaf = self.leaves[event.node]
+            self._claims(leaf, event.t)
+            self._left -= leaf.claims
+            if event.status == "success" and getattr(leaf, "way", "") == LEFT:
+                self._left |= leaf.claims
         elif isinstance(event, Ticked):
-            for leaf in self.leaves.values():
-                if leaf.status is RUNNING or leaf.acting:
-                    self._claims(leaf, event.t)
+            running = (leaf for leaf in self.leaves.values() if leaf.status is RUNNING or leaf.acting)
+            self._claiming = {part for leaf in running for part in leaf.claims}
         elif isinstance(event, FaultRaised) and event.what == "online":
             self.back.setdefault(event.part, []).append(event.t)
 
@@ -144,6 +152,8 @@ class Witness:
 
     def _sample(self) -> None:
         twins, now = self.twins, self.twins.timeline.clock.now()
+        for part in self._claiming | self._left if not self.ended else ():
+            self.claimed.setdefault(part, []).append(now)
         speeds, by_hand = (0.0, 0.0), False
         angles: dict[tuple[str, str], float] = {}
         for part, twin in twins.parts.items():

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from missions.testing.sweep.row import Row
 from missions.testing.sweep.sweep import Sweep
 from missions.testing.sweep.trial import run_some
+from missions.testing.with_parent import end_with_parent
 
 CHUNK = 8
 """Seeds that a worker gets at a time, at most: enough to read the mission rarely, few enough to see the sweep go on."""
@@ -86,7 +87,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Have some workers; whatever ends it but its own end, Ctrl-C above all, ends them at once."""
     others = set(multiprocessing.active_children())
     # Not forked: a fork takes along whatever threads have locked.
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         yield pool
     except BaseException:
@@ -126,15 +127,3 @@ def _undisturbed() -> Iterator[None]:
             signal.signal(signal.SIGINT, handler)
     if heard:
         raise KeyboardInterrupt
-
-
-def _begin() -> None:
-    """Begin as a worker, which ends with its parent, however that ends."""
-    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -149,7 +149,7 @@ def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
             "outcomes": outcomes(step),
             "never_rests": always_true(real.halting),
             "lingers": real.halting is not Leaf.halting,
-            "stops": not real.drives or real.terminate is not Leaf.terminate,
+            "stops": not real.drives or real.terminate is Leaf.terminate or not does_nothing(real.terminate),
         },
     )
 
@@ -176,12 +176,27 @@ def _listed(value: object) -> list[Status]:
 
 def always_true(function: object) -> bool:
     """Say whether all that a method ever returns is a plain true, as far as its source shows that."""
+    body = _source(function)
+    returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)] if body else []
+    ends = body is not None and isinstance(body.body[-1], ast.Return)
+    return ends and all(isinstance(value, ast.Constant) and value.value is True for value in returns)
+
+
+def does_nothing(function: object) -> bool:
+    """Say whether a method plainly does nothing, as far as its source shows that."""
+    body = _source(function)
+    idle = (ast.Pass, ast.Delete)
+    return body is not None and all(
+        isinstance(each, idle) or (isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant))
+        for each in body.body
+    )
+
+
+def _source(function: object) -> ast.FunctionDef | None:
     if not isinstance(function, FunctionType):
-        return False
+        return None
     try:
         (body,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
     except (OSError, SyntaxError):
-        return False
-    returns = [node.value for node in ast.walk(body) if isinstance(node, ast.Return)]
-    ends = isinstance(body, ast.FunctionDef) and isinstance(body.body[-1], ast.Return)
-    return ends and all(isinstance(value, ast.Constant) and value.value is True for value in returns)
+        return None
+    return body if isinstance(body, ast.FunctionDef) else None

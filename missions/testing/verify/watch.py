@@ -148,7 +148,9 @@ class Watch:
             self.breaches.append(Breach(CLEAN, f"{leaf.place} still runs", leaf))
         for part in sorted(self.moving):
             claimant = next(leaf for leaf in self.leaves if part in leaf.drives and not leaf.stops)
-            self.breaches.append(Breach(CLEAN, f"the {part} still moves: {claimant.place} has no terminate", claimant))
+            self.breaches.append(
+                Breach(CLEAN, f"the {part} still moves: {claimant.place} leaves it to itself", claimant)
+            )
 
     def _note(self, monitor: Monitor, broken: str, node: Node) -> None:
         if broken:

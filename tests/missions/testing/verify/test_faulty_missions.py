@@ -24,7 +24,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "second_try_out_of_time": (REACHED, 7, "'say' is never reached", None),
     "race_with_a_question": (REACHED, 6, "'look' is never reached", None),
     "case_that_never_comes": (REACHED, 13, "'say' is never reached", None),
-    "left_rolling": (CLEAN, 6, "the base still moves: roll_away (line 6) has no terminate", 2),
+    "left_rolling": (CLEAN, 6, "the base still moves: roll_away (line 6) leaves it to itself", 2),
     "gesture_while_driving": (
         "never: gesture while drive",
         12,

@@ -53,7 +53,7 @@ def test_what_is_refuted_is_shown_at_its_line_with_a_run(capsys: pytest.CaptureF
     outcome = verify(capsys, str(FOLDER / "left_rolling.yaml"), "--behaviours", str(FOLDER / "rolling.py"))
     assert outcome.code == 1
     shown = outcome.out.partition("\n\n")[2].splitlines()
-    assert shown[0].endswith("left_rolling.yaml:6:7: the base still moves: roll_away (line 6) has no terminate")
+    assert shown[0].endswith("left_rolling.yaml:6:7: the base still moves: roll_away (line 6) leaves it to itself")
     assert shown[1:] == [
         "     6 |     - roll_away",
         "       |       ^^^^^^^^^",

@@ -21,6 +21,9 @@ class RollAway(Leaf):
         self.robot.base.drive(Velocity(0.1, 0.0))
         return RUNNING
 
+    def terminate(self, new_status: Status) -> None:
+        pass
+
 
 class RollOn(RollAway):
     """Roll until halted."""
