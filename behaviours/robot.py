@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.tracking.lag import Lag
-from drivers.api import Base, Head, Joints, Ranger, Screen, Voice
+from drivers.api import Base, Head, Joints, Ranger, Ros2, Screen, Voice
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -37,6 +37,7 @@ class Robot:
     ranger_part: Ranger | None = None
     hearing_part: Hearing | None = None
     screen_part: Screen | None = None
+    ros2_part: Ros2 | None = None
     lag: Lag = field(default_factory=Lag, compare=False)
     heads: Mapping[str, Head] = field(default_factory=dict)
 
@@ -84,6 +85,11 @@ class Robot:
     def screen(self) -> Screen:
         """The screen with the robot's face."""
         return _there(self.screen_part, "screen")
+
+    @property
+    def ros2(self) -> Ros2:
+        """The nodes of ROS 2."""
+        return _there(self.ros2_part, "ros2")
 
     def of_head(self, name: str) -> "Robot":
         """Return the robot as who turns the head of a name sees it: that one is its head."""

@@ -18,6 +18,7 @@ KEYS: Mapping[str, str] = {
     "microphone": "mic ears",
     "voice": "speech tts speaker",
     "screen": "display monitor",
+    "ros2": "ros ros_2 zenoh rmw nodes",
     "notices": "notifications notify alerts",
     "driver": "type kind class plugin backend",
     "port": "device dev path file serial serial_port com tty usb address",

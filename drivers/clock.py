@@ -46,6 +46,11 @@ class ManualClock:
         self._now = max(self._now, time)
 
 
+def since_1970() -> int:
+    """Return the time of day in nanoseconds since 1970, as messages of other programs are stamped."""
+    return time.time_ns()
+
+
 def time_of_day() -> datetime:
     """Return the time of day, in UTC: to say when something was, never to measure how long it took."""
     return datetime.now(UTC)

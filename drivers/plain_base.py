@@ -164,13 +164,18 @@ class PlainBase(SteeredBase):
 
     def _reported(self, now: float, moves: Velocity | None, *, volts: float = 0.0, percent: float = 100.0) -> None:
         """Take a report: how it ``moves``, and its battery, where that is measured. Raises NotConnected."""
-        self._counters["reports"] += 1
         with self._lock:
             self._reckoning.advance(now, moves)
             pose, velocity = self._reckoning.pose, self._reckoning.velocity
             state = BaseState(pose, velocity, battery_voltage=volts, battery_percent=percent, reckoned=self._reckoned)
+            self._take(state, now)
+
+    def _take(self, state: BaseState, now: float) -> None:
+        """Take a state that the base has reported just now. Raises NotConnected."""
+        self._counters["reports"] += 1
+        with self._lock:
             self._latest = Reading(state, now, Quality.GOOD)
-            self._headings.add(now, [pose.heading])
+            self._headings.add(now, [state.pose.heading])
             self._mux.hear(now)
             self._mux.feel(state, now)
         self._heard_at = now  # last: who sees it online also sees its state
@@ -183,6 +188,11 @@ class PlainBase(SteeredBase):
             self._mux.halt()
             self._mux.absence.heard(self._clock.now(), anew=True)
         self._report(DeviceStatus(self.name, "fault", why, hint))
+
+    @property
+    def _resting(self) -> float:
+        """Seconds from one renewal to the next while it stands and is to stand."""
+        return RESTING
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
@@ -206,7 +216,7 @@ class PlainBase(SteeredBase):
             velocity = self._mux.velocity(now, felt)
             if velocity != STILL:
                 self._moved_at = now
-            if now - self._moved_at < SETTLED or now - self._sent_at >= RESTING:
+            if now - self._moved_at < SETTLED or now - self._sent_at >= self._resting:
                 self._send(velocity)
             steering = self._mux.steering
         self._renewed_at = now

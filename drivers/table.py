@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 
 HOUSE: Mapping[str, Mapping[str, str]] = {
+    "ros2": {"zenoh": "drivers.ros2.declared:ZENOH"},
     "base": {
         "kobuki": "drivers.kobuki.declared:KOBUKI",
         "waveshare": "drivers.waveshare.declared:WAVESHARE",
         "pi_car": "drivers.pi_car.declared:PI_CAR",
+        "ros2": "drivers.ros2.declared:BASE",
     },
     "head": {
         "arduino": "drivers.arduino.declared:ARDUINO",
@@ -15,7 +17,7 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
         "pca9685": "drivers.pi_car.declared:PI_HEAD",
     },
     "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
-    "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR"},
+    "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR", "ros2": "drivers.ros2.declared:RANGE"},
     "camera": {"opencv": "drivers.camera.declared:OPENCV"},
     "microphone": {
         "microphone": "drivers.microphone.declared:MICROPHONE",

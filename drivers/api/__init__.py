@@ -33,6 +33,7 @@ from drivers.api.measures import Angle, Duration, Length
 from drivers.api.microphone import SOUND_RATE, Microphone, Sound
 from drivers.api.ranging import Ranger, RangeScan, wrapped
 from drivers.api.renamed import renamed
+from drivers.api.ros2 import GoalState, Progress, Ros2
 from drivers.api.screen import Mood, Screen, Shown
 from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity
 from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice
@@ -59,6 +60,7 @@ __all__ = [
     "DockSignals",
     "Duration",
     "Gesture",
+    "GoalState",
     "Head",
     "HeadLimits",
     "HeadPose",
@@ -78,6 +80,7 @@ __all__ = [
     "MouthShape",
     "Pose2D",
     "Priority",
+    "Progress",
     "Quality",
     "RangeScan",
     "Ranger",
@@ -85,6 +88,7 @@ __all__ = [
     "Reading",
     "Reflexes",
     "Report",
+    "Ros2",
     "Samples",
     "Screen",
     "Shown",

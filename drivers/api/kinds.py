@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from drivers.api.quick import dataclass
-from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, ScreenKeys, VoiceKeys
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 from drivers.api.steering import Source
 
@@ -101,9 +101,21 @@ KINDS: Mapping[str, Kind] = {
             usual="opencv",
             after=("base", "head"),
         ),
+        Kind(
+            "ros2",
+            "ros2",
+            "The nodes of ROS 2 that a robot is made of.",
+            Ros2Keys,
+            "drivers.api:Ros2",
+            still=lambda it: it.stop(),
+            usual="zenoh",
+            wired=True,
+            step=6,
+        ),
     )
 }
-"""The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead."""
+"""The kinds by name, in the order in which parts open and close: the head before the arm whose joints it may lead, and
+last the nodes of ROS 2, by which others say their last word."""
 
 
 def kind_of(part: str) -> Kind:

@@ -137,6 +137,19 @@ class ArmKeys:
 
 
 @keys
+class Ros2Keys:
+    """The keys of every way to the nodes of ROS 2: which of them are meant, and the places of their map."""
+
+    domain: int | None = key(
+        default=None, low=0, high=232, help="The domain; else that of ROS_DOMAIN_ID in the environment, or 0."
+    )
+    namespace: str = key(default="", help="What names that do not begin with `/` are within, such as `/robot1`.")
+    places: str = key(default="", help="A file with places by name, for `navigate`; beside the robot file unless `/`.")
+    navigation: str = key(default="navigate_to_pose", help="The action of Nav2 that drives to a place.")
+    through: str = key(default="navigate_through_poses", help="The action of Nav2 that drives through several.")
+
+
+@keys
 class RangeKeys:
     """The keys of every range finder: where it sits, and what of the robot it sees."""
 

@@ -29,7 +29,8 @@ class Stage:
 
     Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time. ``parts`` are
     the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by name, and ``keys`` what the
-    robot file says of each of its parts. ``part`` is the name of the one that is made.
+    robot file says of each of its parts. ``part`` is the name of the one that is made. ``listen`` is the
+    address at which a robot of ROS 2 is to be found; empty for any that is free.
     """
 
     clock: Clock
@@ -43,6 +44,7 @@ class Stage:
     parts: Mapping[str, Any] = field(default_factory=dict)
     keys: Mapping[str, Any] = field(default_factory=dict)
     part: str = ""
+    listen: str = ""
 
     def wheels(self) -> Wheels:
         """Return wheels that err as they do here, at the place where the robot starts."""

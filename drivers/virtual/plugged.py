@@ -2,14 +2,48 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 from drivers.api import HeadPose, Pose2D
 from drivers.virtual.terminal import WireDevice
+
+T = TypeVar("T")
+
+
+class Socket(Protocol):
+    """Where virtual devices are plugged in: a ``drivers.virtual.terminal.Terminal``, or what does for it elsewhere."""
+
+    @property
+    def path(self) -> str:
+        """Where they are to be found."""
+        ...
+
+    def open(self) -> None:
+        """Plug in."""
+        ...
+
+    def close(self) -> None:
+        """Unplug. Safe more than once."""
+        ...
+
+    def unplug(self) -> None:
+        """Pull the plug."""
+        ...
+
+    def replug(self) -> None:
+        """Put it in again."""
+        ...
+
+    def ask(self, question: Callable[[], T]) -> T:
+        """Ask the devices something while they stand still."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class Plugged:
     """A ``device`` on a wire, whose pseudo-terminal is called after ``wire``; None for a part on the wire of another.
+
+    ``terminal`` is where it is plugged in, if that is no pseudo-terminal; its device is then its own.
 
     A base tells its true ``pose`` at a time, a head where it truly ``looks``, and each its ``state`` in plain values.
     All are called while the terminal waits: the device is theirs alone.
@@ -20,3 +54,4 @@ class Plugged:
     pose: Callable[[float], Pose2D] | None = None
     looks: Callable[[float], HeadPose] | None = None
     state: Callable[[float], object] | None = None
+    terminal: Socket | None = None

@@ -18,7 +18,7 @@ from drivers.sim.rendered import RenderedCamera
 from drivers.sim.stage import Stage
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import ORIGIN, World
-from drivers.virtual.plugged import Plugged
+from drivers.virtual.plugged import Plugged, Socket
 from drivers.virtual.terminal import Terminal
 from missions.assembly.order import making_order
 from missions.assembly.worlds import build_physics, build_world
@@ -46,6 +46,7 @@ class Simulation:
         world: WorldConfig | None = None,
         answered: Callable[[str, str], None] = ignore,
         seed: int = 0,
+        listen: str = "",
     ) -> None:
         self._config = world
         self._world = None if world is None else build_world(world)
@@ -55,13 +56,14 @@ class Simulation:
         self._robot = robot
         self._clock = clock
         self.parts: dict[str, Plugged] = {}
-        self.terminals: dict[str, Terminal] = {}
+        self.terminals: dict[str, Socket] = {}
         stage = Stage(
             clock,
             self._world,
             self.pose,
             physics=build_physics(PhysicsConfig() if world is None else world.physics),
             seed=seed,
+            listen=listen,
             parts=self.parts,
             keys={kind: section.keys for kind, section in robot.sections.items()},
         )
@@ -70,7 +72,9 @@ class Simulation:
             if not section.driver.virtual:
                 continue
             self.parts[kind] = plugged = resolved(section.driver.virtual)(section.keys, replace(stage, part=kind))
-            if plugged.device is not None:
+            if plugged.terminal is not None:
+                self.terminals[kind] = plugged.terminal
+            elif plugged.device is not None:
                 self.terminals[kind] = Terminal(plugged.wire, plugged.device, clock)
 
     @property
@@ -104,7 +108,7 @@ class Simulation:
         if base is None or base.pose is None:
             return ORIGIN if self._world is None else self._world.start
         pose = base.pose
-        return self.terminals["base"].ask(lambda: pose(time))
+        return self._terminal("base").ask(lambda: pose(time))
 
     def viewpoint(self, time: float) -> Viewpoint:
         """Return where the camera truly is and looks: on the head, on the base."""
@@ -120,7 +124,7 @@ class Simulation:
         looks = head.looks
         return self._terminal("head").ask(lambda: looks(time))
 
-    def _terminal(self, kind: str) -> Terminal:
+    def _terminal(self, kind: str) -> Socket:
         """Return the terminal of a part, or of the part on whose wire it sits."""
         owner = next(each for each in (kind, *self._robot.sections[kind].driver.needs) if each in self.terminals)
         return self.terminals[owner]

@@ -8,8 +8,8 @@ from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import joints
 from drivers.dynamixel.models import MODELS
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.plugged import Socket
 from drivers.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
 from missions.assembly.simulation import Simulation
 
 ON_JOINTS = {
@@ -63,7 +63,7 @@ class Hands:
             raise ValueError(f"no joint '{name}'; {one_of(name, self._joints) or 'this robot has none'}")
         return self._joints[name]
 
-    def _terminals(self, part: str) -> list[Terminal]:
+    def _terminals(self, part: str) -> list[Socket]:
         terminals = self._simulation.terminals
         if part and part not in terminals:
             raise ValueError(f"no part '{part}' with a plug; {one_of(part, terminals)}")

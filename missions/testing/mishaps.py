@@ -20,6 +20,7 @@ STATES: dict[str, tuple[str, ...]] = {
     "microphone": ("unplugged", "deaf"),
     "voice": ("unplugged", "hanging"),
     "screen": UNPLUGGED,
+    "ros2": UNPLUGGED,
     "run": ("stalled", "paused", "stopped"),
 }
 """What can happen to each part, and to the run itself; to one that is not here, only that it is ``UNPLUGGED``."""

@@ -3,6 +3,7 @@
 from math import pi, radians
 
 from drivers.api import Pose2D, Ranger, RangeScan
+from drivers.ros2.ranger import Ros2Ranger
 from drivers.rplidar.driver import GATHER, RPLidar
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking
@@ -10,6 +11,7 @@ from drivers.sim.things import Box
 from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.world import World
 from drivers.virtual.rplidar import VirtualLidar
+from drivers.virtual.topics import VirtualScan
 from tests.contract.rigs import InSimulatedTime, Rig
 from tests.drivers.cranked import HandWire
 
@@ -78,6 +80,32 @@ class WireRange(InSimulatedTime, RangeRig):
 
 class WireRangeA2(WireRange):
     model = "a2"
+
+
+class TopicRange(InSimulatedTime, RangeRig):
+    """Its scans come by ROS 2."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robot = VirtualScan(self.look, "/scan", yaw=PLACE[2], seed=4)
+        self.wire = HandWire(self.robot, self.timeline)
+        self.device = Ros2Ranger(
+            self.wire.link("range", report=self.notices.append),
+            self.clock,
+            self.robot.channels[0],
+            place=PLACE,
+            blind=BLIND,
+            changed=self.changed,
+        )
+
+    def unplug(self) -> None:
+        self.wire.unplug()
+
+    def plug_in(self) -> None:
+        self.wire.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
 
 
 class TwinRange(InSimulatedTime, RangeRig):

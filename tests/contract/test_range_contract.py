@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 
 from drivers.api import Pose2D, Quality
-from tests.contract.range_rigs import PLACE, RangeRig, TwinRange, WireRange, WireRangeA2
+from tests.contract.range_rigs import PLACE, RangeRig, TopicRange, TwinRange, WireRange, WireRangeA2
 from tests.contract.rigs import simulated
 
 
-@pytest.fixture(params=[simulated(WireRange, "wire"), simulated(WireRangeA2, "wire a2"), simulated(TwinRange, "twin")])
+@pytest.fixture(
+    params=[
+        simulated(WireRange, "wire"),
+        simulated(WireRangeA2, "wire a2"),
+        simulated(TopicRange, "ros2"),
+        simulated(TwinRange, "twin"),
+    ]
+)
 def rig(request: pytest.FixtureRequest) -> Iterator[RangeRig]:
     made: RangeRig = request.param()
     yield made

@@ -1,0 +1,1 @@
+"""Robots that speak ROS 2, over Zenoh, with no ROS installed."""

@@ -1,0 +1,260 @@
+"""A base that is driven by ROS 2: its velocity a Twist or a TwistStamped, its pose from Odometry."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import atan2, cos, inf, isfinite, sin, tau
+from typing import Any, Unpack
+
+from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.kobuki.requests import check_light, tone
+from drivers.kobuki.steered import Settings
+from drivers.link import Link
+from drivers.plain_base import RESTING, PlainBase
+from drivers.reckoning import TwoWheels
+from drivers.ros2 import create3, wire
+from drivers.ros2.line import Channel, absent
+from drivers.ros2.types import Malformed, types
+
+TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+ODOMETRY = "nav_msgs/msg/Odometry"
+
+KINDS: Mapping[str, tuple[str, ...]] = {
+    "cmd_vel": TWISTS,
+    "odom": (ODOMETRY,),
+    "battery": ("sensor_msgs/msg/BatteryState",),
+    "hazards": ("irobot_create_msgs/msg/HazardDetectionVector",),
+    "dock": ("irobot_create_msgs/msg/DockStatus",),
+    "lights": ("irobot_create_msgs/msg/LightringLeds",),
+    "sounds": ("irobot_create_msgs/msg/AudioNoteVector",),
+    "sensors": ("turtlebot3_msgs/msg/SensorState",),
+}
+"""The topics of a base by the words for them in its section, and their types."""
+
+SENT = frozenset({"cmd_vel", "lights", "sounds"})
+"""Those that the base is told by."""
+
+UNFELT = 1.0
+"""Seconds without a word of its contacts after which a base that has some counts as silent."""
+
+JUMP = 0.3
+"""Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
+
+CHARGING = 1
+"""The status of a battery that charges, as sensor_msgs numbers it."""
+
+
+class Ros2Base(PlainBase):
+    """A ``drivers.api.Base`` over a link to topics; ``words`` name them by their places, as ``KINDS`` does.
+
+    Its pose begins at 0 when it is first heard, and goes on from where it was when somebody sets the odometry, and
+    after it was away. While it stands, nothing is sent: what else drives the robot, such as Nav2, is not in its way.
+    ``halted`` is called when a person stops or latches it: to end whatever else drives it.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        channels: Sequence[Channel],
+        words: Sequence[str],
+        *,
+        halted: Callable[[], None] = lambda: None,
+        anchored: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
+        **settings: Unpack[Settings],
+    ) -> None:
+        super().__init__(link, clock, TwoWheels(1.0, inf), reckoned=False, **settings)
+        self._channels, self._words = channels, list(words)
+        self._halted, self._anchored = halted, anchored
+        self._finder = wire.FrameFinder()
+        self._kinds: dict[str, str] = {}
+        self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
+        self._raw: tuple[Pose2D, float] | None = None
+        self._contacts = (Sides(), Sides(), Sides())
+        self._brief = (Sides(), Sides(), Sides())  # felt since the last odometry
+        self._felt_at = -inf
+        self._battery = (0.0, 100.0, False)
+        self._docked = False
+        self._lamps = {1: Lamp.OFF, 2: Lamp.OFF}
+
+    def connected(self) -> None:
+        """Begin anew: nothing of before is in force, and the pose goes on from where it was."""
+        self._finder = wire.FrameFinder()
+        self._kinds.clear()
+        self._origin = self._raw = None
+        super().connected()
+
+    def received(self, data: bytes) -> None:
+        """Take what has come, and obey."""
+        now = self._bytes_at = self._clock.now()
+        for channel, payload in self._finder.feed(data):
+            try:
+                if channel == wire.ABOUT:
+                    number, kind = wire.told(payload)
+                    word = self._words[number]
+                    if kind not in {"", *KINDS[word]}:
+                        raise ValueError(kind)
+                    self._kinds[word] = kind
+                else:
+                    self._hear(self._words[channel], payload, now)
+            except (Malformed, ValueError, LookupError):
+                self._counters["malformed"] += 1
+
+    def play(self, tune: Tune) -> None:
+        """Play a tune, where it has a sounder. Raises NotConnected."""
+        self._require()
+        self._tell_topic("sounds", create3.notes(create3.TUNES[tune], 0.2))
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play a tone, where it has a sounder. Raises BadRequest, NotConnected."""
+        tone(self.name, frequency, seconds)
+        self._require()
+        self._tell_topic("sounds", create3.notes([round(frequency)], seconds))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch a light, where it has some. Raises BadRequest, NotConnected."""
+        check_light(self.name, number)
+        self._require()
+        self._lamps[number] = colour
+        self._tell_topic("lights", create3.ring(self._lamps[1], self._lamps[2]))
+
+    def latch(self, reason: str) -> None:
+        """Stand still until ``enable``, whoever commands, and whatever else drives it."""
+        super().latch(reason)
+        self._halted()
+
+    # --- what PlainBase asks for --------------------------------------------------------------------------------------
+
+    @property
+    def _resting(self) -> float:
+        return RESTING if self._mux.latched else inf
+
+    def _greet(self) -> None:
+        self._link.write(wire.ASK)
+
+    def _send(self, velocity: Velocity) -> None:
+        self._sent_at = self._clock.now()
+        kind = self._kinds.get("cmd_vel", "")
+        twist = {"linear": {"x": velocity.linear}, "angular": {"z": velocity.angular}}
+        if kind == TWISTS[0]:
+            self._link.write(wire.frame(0, types().encode(kind, twist)))
+        elif kind:
+            # Its time is left 0, which controllers take for now: two clocks may differ by more than they bear.
+            self._link.write(wire.frame(0, types().encode(kind, {"header": {"frame_id": "base_link"}, "twist": twist})))
+
+    def _go(self, left: float, right: float) -> None:
+        raise AssertionError((left, right))  # it is told velocities, by _send
+
+    def _hears(self, now: float) -> bool:
+        feels = not (self._has("hazards") or self._has("sensors")) or now - self._felt_at <= UNFELT
+        return bool(self._kinds.get("cmd_vel")) and feels and super()._hears(now)
+
+    def _silence(self, now: float) -> tuple[str, str]:
+        for word in ("odom", "cmd_vel", "hazards", "sensors"):
+            if self._has(word) and not self._kinds.get(word):
+                error = absent(self.name, self._channels[self._words.index(word)])
+                return str(error), error.hint
+        if super()._hears(now):
+            return f"{self.name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
+        return f"{self.name}: {self._channels[1].topic}: no odometry comes", "is the robot on, and the network there?"
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _has(self, word: str) -> bool:
+        return word in self._words
+
+    def _tell_topic(self, word: str, values: Mapping[str, object]) -> None:
+        if self._has(word):
+            kind = KINDS[word][0]
+            self._link.write(wire.frame(self._words.index(word), types().encode(kind, values)))
+
+    def _hear(self, word: str, payload: bytes, now: float) -> None:
+        told = types().decode(KINDS[word][0], payload)
+        match word:
+            case "odom":
+                self._odometry(told, now)
+            case "hazards":
+                self._feel(create3.felt(told.detections), now)
+            case "sensors":
+                # The cliff of a TurtleBot 3 is a bare figure of a sensor that few have: its bumper alone counts.
+                self._feel((Sides(centre=told.bumper != 0), Sides(), Sides()), now)
+            case "dock":
+                self._docked = bool(told.is_docked)
+            case "battery":
+                self._battery = _battery(told)
+
+    def _feel(self, contacts: tuple[Sides, Sides, Sides], now: float) -> None:
+        self._contacts, self._felt_at = contacts, now
+        self._brief = tuple(map(_either, self._brief, contacts))  # type: ignore[assignment]
+
+    def _odometry(self, told: Any, now: float) -> None:
+        at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
+        figures = (at.x, at.y, turned.x, turned.y, turned.z, turned.w, moves.linear.x, moves.angular.z)
+        if not all(map(isfinite, figures)):
+            raise ValueError("odometry that is no number")
+        yaw = atan2(2 * (turned.w * turned.z + turned.x * turned.y), 1 - 2 * (turned.y**2 + turned.z**2))
+        raw = Pose2D(at.x, at.y, yaw)
+        pose = self._placed(raw, now, told.header.frame_id)
+        (bumper, cliff, drop), self._brief = self._brief, self._contacts
+        volts, percent, charging = self._battery
+        velocity = Velocity(moves.linear.x, moves.angular.z)
+        before = self._latest.value
+        state = BaseState(
+            pose, velocity, bumper, cliff, drop,
+            battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._docked,
+        )  # fmt: skip
+        self._tell(before, [state])
+        self._take(state, now)
+
+    def _placed(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
+        """Return where that is for us, whose pose is continuous."""
+        before = self._latest.value
+        here = Pose2D(0.0, 0.0, 0.0) if before is None else before.pose
+        if self._raw is not None:
+            was, at = self._raw
+            reach = JUMP + 2 * self.limits.speed * max(now - at, 0.0)
+            if (raw.x - was.x) ** 2 + (raw.y - was.y) ** 2 > reach**2:
+                self._origin = None
+        if self._origin is None:
+            self._origin = raw, here
+            self._anchored(_undone(raw, here), frame)
+        self._raw = raw, now
+        (ox, oy, oh), pose = (self._origin[0].x, self._origin[0].y, self._origin[0].heading), self._origin[1]
+        turn = pose.heading - oh
+        dx, dy = raw.x - ox, raw.y - oy
+        x, y = pose.x + dx * cos(turn) - dy * sin(turn), pose.y + dx * sin(turn) + dy * cos(turn)
+        heading = raw.heading + turn
+        return Pose2D(x, y, heading + tau * round((here.heading - heading) / tau))
+
+    def stop(self, **given: Any) -> None:
+        """Stand still now; see ``drivers.api.Base``."""
+        super().stop(**given)
+        if given.get("source") is None and not self._closing:
+            self._halted()
+
+    def _stand(self) -> None:
+        self._moved_at = self._clock.now()  # said again for a while: a message may be lost
+        try:
+            self._send(STILL)
+        except NotConnected:
+            return
+
+
+def _either(one: Sides, other: Sides) -> Sides:
+    return replace(one, left=one.left or other.left, centre=one.centre or other.centre, right=one.right or other.right)
+
+
+def _undone(raw: Pose2D, here: Pose2D) -> Pose2D:
+    """Return where our origin is, as it is told by the robot."""
+    turn = raw.heading - here.heading
+    x = raw.x - (here.x * cos(turn) - here.y * sin(turn))
+    return Pose2D(x, raw.y - (here.x * sin(turn) + here.y * cos(turn)), turn)
+
+
+def _battery(told: Any) -> tuple[float, float, bool]:
+    """Return volts, percent, and whether it charges; what is not measured as a base without a gauge tells it."""
+    share = float(told.percentage)
+    percent = 100.0 if not isfinite(share) else share if share > 1.01 else 100 * share
+    volts = float(told.voltage)
+    return (volts if isfinite(volts) else 0.0), min(max(percent, 0.0), 100.0), told.power_supply_status == CHARGING

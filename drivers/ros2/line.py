@@ -1,0 +1,144 @@
+"""The line from a part to its topics of ROS 2, in the form of a port: so a ``drivers.link.Link`` owns and serves it.
+
+What goes along it are frames (``drivers.ros2.wire.frame``): of a channel, which is a topic, or about who is there.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from threading import Condition
+
+from drivers.api import Report
+from drivers.errors import NotConnected
+from drivers.link import Link, Port
+from drivers.loop import MakeLoop, ThreadLoop
+from drivers.ros2 import wire
+from drivers.ros2.node import Node, Publisher
+from drivers.ros2.types import types
+
+RETRY = 0.1
+"""Seconds until a session that is not there yet is looked for again."""
+
+BAUD = 7447
+"""What stands where other lines have a rate: the port of Zenoh's routers."""
+
+Nodes = Callable[[str], Node]
+"""Returns the node, for somebody. Raises NotConnected while there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A topic of a part: its full name, the types that it may have, the best first, and whether the part sends on it.
+
+    ``depth`` is how many messages wait for the part at most: the newest.
+    """
+
+    topic: str
+    kinds: tuple[str, ...]
+    sends: bool = False
+    depth: int = 10
+
+
+def link(name: str, nodes: Nodes, channels: Sequence[Channel], report: Report, loop: MakeLoop = ThreadLoop) -> Link:
+    """Return the link of a part to its topics, whose numbers are their places."""
+
+    def dial(who: str, port: str, baud: int) -> Port:
+        del port, baud
+        return TopicPort(nodes(who), channels)
+
+    where = next((each.topic for each in channels), "")
+    return Link(name, where, BAUD, retry=RETRY, report=report, dial=dial, loop=loop)
+
+
+class TopicPort:
+    """A ``drivers.link.Port`` to topics. Raises NotConnected for a type that is not known."""
+
+    def __init__(self, node: Node, channels: Sequence[Channel]) -> None:
+        self._node, self._channels = node, channels
+        self._changed = Condition()
+        self._waiting = [deque[bytes](maxlen=each.depth) for each in channels]
+        self._said: deque[bytes] = deque()
+        self._senders: dict[int, Publisher] = {}
+        self._there: dict[int, str] = {}
+        self._version = -1
+        self._finder = wire.FrameFinder()
+        self.malformed = 0
+        for number, each in enumerate(channels):
+            types().warm(*each.kinds)
+            if not each.sends:
+                node.subscribe(each.topic, each.kinds, self._hear(number), self._miss, self)
+
+    def arrived(self, patience: float) -> bytes:
+        """Return the frames that have come; wait up to ``patience`` seconds for the first. Raises OSError if lost."""
+        self._look()
+        with self._changed:
+            if not (self._said or any(self._waiting)):
+                self._changed.wait(patience)
+            found = list(self._said)
+            self._said.clear()
+            for each in self._waiting:
+                found += each
+                each.clear()
+        if self._node.lost:
+            raise OSError(f"{self._channels[0].topic}: the session of Zenoh has gone")
+        return b"".join(found)
+
+    def write(self, data: bytes) -> None:
+        """Send frames; those for nobody are dropped, as a topic drops them. Raises OSError if the session is lost."""
+        if self._node.lost:
+            raise OSError(f"{self._channels[0].topic}: the session of Zenoh has gone")
+        for channel, payload in self._finder.feed(data):
+            if channel == wire.ABOUT:
+                self._version = -1
+                self._there.clear()
+            elif (sender := self._senders.get(channel)) is not None:
+                sender.send(payload)
+
+    def set_dtr(self, *, on: bool) -> None:
+        """Do nothing: there are no modem lines."""
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._node.forget(self)
+
+    def _hear(self, number: int) -> Callable[[str, bytes], None]:
+        def heard(kind: str, payload: bytes) -> None:
+            with self._changed:
+                if self._there.get(number) != kind:
+                    self._there[number] = kind
+                    self._said.append(wire.about(number, kind))
+                self._waiting[number].append(wire.frame(number, payload))
+                self._changed.notify()
+
+        return heard
+
+    def _miss(self) -> None:
+        self.malformed += 1
+
+    def _look(self) -> None:
+        """Tell who is there, as that changes: for what is sent, who listens, and with which type."""
+        if self._version == self._node.version:
+            return
+        self._version = self._node.version
+        for number, channel in enumerate(self._channels):
+            role = wire.SUBSCRIBER if channel.sends else wire.PUBLISHER
+            other = self._node.kind_of(role, channel.topic, channel.kinds)
+            kind = "" if other is None else other.kind
+            if channel.sends and other is not None:
+                self._sender(number, other)
+            with self._changed:
+                if self._there.get(number, None if channel.sends else "") != kind:
+                    self._there[number] = kind
+                    self._said.append(wire.about(number, kind))
+
+    def _sender(self, number: int, other: wire.Entity) -> None:
+        known = self._senders.get(number)
+        if known is None or (known.entity.kind, known.entity.digest) != (other.kind, other.digest):
+            self._senders[number] = self._node.publisher(other.name, other.kind, other.digest)
+
+
+def absent(who: str, channel: Channel) -> NotConnected:
+    """Say that nobody is there for a channel."""
+    verb = "listens to" if channel.sends else "sends"
+    hint = f"`mission ros2 topics` lists what there is; is {channel.topic} right, and its namespace?"
+    return NotConnected(f"{who}: nobody {verb} {channel.topic} ({' or '.join(channel.kinds)})", hint=hint)

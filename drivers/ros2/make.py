@@ -1,0 +1,52 @@
+"""From the keys of a robot file to the drivers of its parts that are reached by ROS 2."""
+
+import os
+
+from drivers.api.driver import Site
+from drivers.errors import BadRequest
+from drivers.kobuki.steered import settings_of
+from drivers.ros2 import base as bases
+from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.graph import Ros2Graph
+from drivers.ros2.line import Channel, link
+from drivers.ros2.ranger import SCAN, Ros2Ranger
+from drivers.ros2.session import access_of
+
+
+def domain_of(keys: ZenohKeys) -> int:
+    """Return the domain of a robot file, else that of the environment. Raises BadRequest for one that is none."""
+    told = os.environ.get("ROS_DOMAIN_ID", "").strip() if keys.domain is None else str(keys.domain)
+    if told and not (told.isdigit() and int(told) <= 232):
+        raise BadRequest(f"ros2: ROS_DOMAIN_ID is '{told}': it must be a number from 0 to 232", hint="unset it")
+    return int(told or 0)
+
+
+def graph(keys: ZenohKeys, site: Site) -> Ros2Graph:
+    """Return the nodes of ROS 2."""
+    return Ros2Graph(
+        access_of(keys, site.port), site.clock, keys, domain=domain_of(keys), report=site.report, changed=site.changed
+    )
+
+
+def topics_of(keys: Ros2BaseKeys) -> dict[str, str]:
+    """Return the topics of a base that its file names, by the words for them."""
+    return {word: getattr(keys, word) for word in bases.KINDS if getattr(keys, word)}
+
+
+def base(keys: Ros2BaseKeys, site: Site) -> bases.Ros2Base:
+    """Return the driver of a base."""
+    nodes: Ros2Graph = site.parts["ros2"]
+    topics = topics_of(keys)
+    channels = [Channel(nodes.full(topic), bases.KINDS[word], word in bases.SENT) for word, topic in topics.items()]
+    line = link("base", nodes.node, channels, site.report)
+    return bases.Ros2Base(
+        line, site.clock, channels, list(topics), halted=nodes.stop, anchored=nodes.anchor, **settings_of(keys, site)
+    )
+
+
+def ranger(keys: Ros2RangeKeys, site: Site) -> Ros2Ranger:
+    """Return the driver of a range finder."""
+    nodes: Ros2Graph = site.parts["ros2"]
+    channel = Channel(nodes.full(keys.scan), (SCAN,), depth=1)
+    line = link("range", nodes.node, [channel], site.report)
+    return Ros2Ranger(line, site.clock, channel, place=keys.place, blind=keys.blind, changed=site.changed)

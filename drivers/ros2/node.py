@@ -1,0 +1,234 @@
+"""A node of ROS 2 on a session of Zenoh: who else is there, topics, services. Each call returns at once."""
+
+import secrets
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+from drivers.clock import Clock, since_1970
+from drivers.ros2 import wire
+from drivers.ros2.sieve import Sieve
+from drivers.ros2.types import types
+from drivers.ros2.wire import Attachment, Entity
+
+if TYPE_CHECKING:
+    import zenoh
+
+Heard = Callable[[str, bytes], None]
+"""Told of a message: its type, and its bytes. Called from a thread of Zenoh's; must return at once."""
+
+Replied = Callable[[bytes | None], None]
+"""Told of the reply to a request; None once there will be none. Called from a thread of Zenoh's."""
+
+
+class Node:
+    """A node called ``name`` on a ``session`` that it does not own. Safe between threads.
+
+    ``version`` counts up whenever another node, or an end point of one, is found or lost.
+    """
+
+    def __init__(
+        self, session: "zenoh.Session", clock: Clock, *, domain: int = 0, namespace: str = "", name: str = "missiontree"
+    ) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        self._zenoh, self._session, self._clock = zenoh, session, clock
+        self.domain, self.namespace, self.name = domain, namespace, name
+        self.version = 0
+        self.lost = False
+        self._zid = str(session.zid())
+        self._lock = Lock()
+        self._numbers = 0
+        self._found: dict[str, Entity] = {}
+        self._publishers: dict[tuple[str, str, str], Publisher] = {}
+        self._declared: list[tuple[object, Any]] = []
+        self._token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
+        # Last: it is told at once of all that are there.
+        self._keep(session.liveliness().declare_subscriber(f"{wire.ADMIN}/{domain}/**", self._seen, history=True))
+
+    def entities(self, role: str = "", name: str = "") -> list[Entity]:
+        """Return who is there, of a role, and for a topic or service of this name; ours are not among them."""
+        with self._lock:
+            found = list(self._found.values())
+        return [each for each in found if role in {"", each.role} and name in {"", each.name}]
+
+    def kind_of(self, role: str, name: str, kinds: Iterable[str] = ()) -> Entity | None:
+        """Return who is there for a name, with one of these types, the first that is; None for nobody."""
+        found = self.entities(role, name)
+        wanted = list(kinds)
+        if not wanted:
+            return found[0] if found else None
+        return next((each for kind in wanted for each in found if each.kind == kind), None)
+
+    def publisher(self, name: str, kind: str, digest: str = "") -> "Publisher":
+        """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token."""
+        with self._lock:
+            if (known := self._publishers.get((name, kind, digest))) is not None:
+                return known
+            entity = self._entity(wire.PUBLISHER, name, kind, digest)
+            declared = self._session.declare_publisher(
+                entity.key, congestion_control=self._zenoh.CongestionControl.DROP, express=True
+            )
+            self._publishers[name, kind, digest] = made = Publisher(declared, entity)
+        self._token(entity)
+        return made
+
+    def subscribe(
+        self, name: str, kinds: Iterable[str], heard: Heard, malformed: Callable[[], None], owner: object = None
+    ) -> list[Sieve]:
+        """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
+
+        Until the node closes, or ``forget`` is called for its ``owner``.
+        """
+        sieves = []
+        for kind in kinds:
+            with self._lock:
+                entity = self._entity(wire.SUBSCRIBER, name, kind, "")
+            self._token(entity, owner)
+            sieve = Sieve()
+            sieves.append(sieve)
+            self._keep(
+                self._session.declare_subscriber(
+                    wire.key(self.domain, name, wire.dds(kind)), self._heard(kind, sieve, heard, malformed)
+                ),
+                owner,
+            )
+        return sieves
+
+    def call(self, server: Entity, payload: bytes, replied: Replied, *, patience: float) -> None:
+        """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most."""
+        with self._lock:
+            self._numbers += 1
+            attached = Attachment(self._numbers, since_1970(), _gid()).pack()
+        once = _Once(replied)
+        handler = self._zenoh.handlers.Callback(once.reply, once.end)
+        self._session.get(
+            server.key,
+            handler,
+            target=self._zenoh.QueryTarget.ALL_COMPLETE,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
+            timeout=patience,
+            payload=payload,
+            attachment=attached,
+        )
+
+    def serve(self, name: str, kind: str, asked: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
+        """Answer requests: ``asked`` is told each, on a thread of Zenoh's, and given what sends the answer, once."""
+        with self._lock:
+            entity = self._entity(wire.SERVER, name, kind, "")
+
+        def take(query: "zenoh.Query") -> None:
+            told = wire.attachment(bytes(query.attachment or b""))
+            if told is None or query.payload is None:
+                query.drop()  # type: ignore[no-untyped-call]
+                return
+
+            def answer(payload: bytes) -> None:
+                with query:
+                    attached = Attachment(told.number, since_1970(), told.gid).pack()
+                    query.reply(query.key_expr, payload, attachment=attached)
+
+            asked(bytes(query.payload), answer)
+
+        key = wire.key(self.domain, name, wire.dds(kind))  # whatever hash: who built the type otherwise is told by CDR
+        self._keep(self._session.declare_queryable(key, take, complete=True))
+        self._token(entity)
+
+    def forget(self, owner: object) -> None:
+        """Take back what was declared for an owner."""
+        with self._lock:
+            gone = [each for whose, each in self._declared if whose is owner]
+            self._declared = [(whose, each) for whose, each in self._declared if whose is not owner]
+        self._take_back(gone)
+
+    def close(self) -> None:
+        """Take back all that was declared: others see that it has gone."""
+        with self._lock:
+            gone, self._declared = [each for _, each in self._declared], []
+        self._take_back(gone)
+
+    def _take_back(self, declared: list[Any]) -> None:
+        for each in reversed(declared):
+            with suppress(self._zenoh.ZError):  # the session has gone, and they with it
+                each.undeclare()
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _entity(self, role: str, name: str, kind: str, digest: str) -> Entity:
+        self._numbers += 1
+        found = digest or types().digest(kind)
+        own = (self.domain, self._zid, "0", str(self._numbers), self.name, self.namespace)
+        return Entity(role, *own, name, kind, found, wire.QOS)
+
+    def _token(self, entity: Entity, owner: object = None) -> None:
+        self._keep(self._session.liveliness().declare_token(entity.token), owner)
+
+    def _keep(self, declared: Any, owner: object = None) -> None:
+        with self._lock:
+            self._declared.append((owner, declared))
+
+    def _seen(self, sample: "zenoh.Sample") -> None:
+        token = str(sample.key_expr)
+        found = wire.entity(token)
+        if found is None or found.zid == self._zid:
+            return
+        with self._lock:
+            if sample.kind == self._zenoh.SampleKind.PUT:
+                self._found[token] = found
+            else:
+                self._found.pop(token, None)
+            self.version += 1
+
+    def _heard(
+        self, kind: str, sieve: Sieve, heard: Heard, malformed: Callable[[], None]
+    ) -> Callable[["zenoh.Sample"], None]:
+        def take(sample: "zenoh.Sample") -> None:
+            told = wire.attachment(bytes(sample.attachment or b""))
+            if told is None:
+                malformed()
+            elif sieve.passes(told, self._clock.now()):
+                heard(kind, bytes(sample.payload))
+
+        return take
+
+
+class Publisher:
+    """Sends on one topic, numbered and stamped. ``entity`` is what its token tells of it."""
+
+    def __init__(self, declared: Any, entity: Entity) -> None:
+        self._declared, self.entity = declared, entity
+        self._lock = Lock()
+        self._number = 0
+        self._gid = _gid()
+
+    def send(self, payload: bytes) -> None:
+        """Send a message; what cannot go out now is dropped."""
+        with self._lock:
+            self._number += 1
+            attached = Attachment(self._number, since_1970(), self._gid).pack()
+            self._declared.put(payload, attachment=attached)
+
+
+class _Once:
+    """Tells the first reply alone, and the end where none came."""
+
+    def __init__(self, replied: Replied) -> None:
+        self._replied: Replied | None = replied
+        self._lock = Lock()
+
+    def reply(self, reply: "zenoh.Reply") -> None:
+        self._tell(bytes(reply.ok.payload) if reply.ok is not None else None)
+
+    def end(self) -> None:
+        self._tell(None)
+
+    def _tell(self, payload: bytes | None) -> None:
+        with self._lock:
+            replied, self._replied = self._replied, None
+        if replied is not None:
+            replied(payload)
+
+
+def _gid() -> bytes:
+    return secrets.token_bytes(16)

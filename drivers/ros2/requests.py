@@ -1,0 +1,260 @@
+"""Requests to services and actions of ROS 2 that are under way: what was sent, accepted, told and answered."""
+
+import json
+from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import count
+from threading import RLock
+from typing import Any
+from uuid import uuid4
+
+from drivers.api.ros2 import GoalState, Progress
+from drivers.clock import Clock
+from drivers.errors import BadRequest, NotConnected
+from drivers.guard import guarded
+from drivers.ros2 import wire
+from drivers.ros2.node import Node, Replied
+from drivers.ros2.reasons import reason
+from drivers.ros2.types import Malformed, types
+
+ANSWER_TIME = 2.0
+"""Seconds in which a server accepts a goal, or confirms that it cancels one."""
+
+RESULT_TIME = 3600.0
+"""Seconds in which the result of an action comes; a service has as long."""
+
+SILENCE = 1.0
+"""Seconds without its server's token after which a goal is said to be unknown."""
+
+KEPT = 100
+"""Requests that are over and are still told of."""
+
+FEEDBACK, CANCEL, RESULT = "_action/feedback", "_action/cancel_goal", "_action/get_result"
+ENDED = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
+"""The ends of an action, as action_msgs numbers them."""
+
+_NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
+
+
+class _Request:
+    """A request: to a service, or a goal of an action."""
+
+    def __init__(self, name: str, kind: str, *, goal: bool) -> None:
+        self.name, self.kind, self.goal = name, kind, goal
+        self.uuid = list(uuid4().bytes)
+        self.progress = Progress(GoalState.SENT)
+        self.accepted = self.cancel = self.cancelling = False
+        self.lost_since: float | None = None
+
+
+class Requests:
+    """The requests of one robot. ``nodes`` returns the node; ``changed`` is called whenever one has come further.
+
+    Safe between threads: replies come on those of Zenoh.
+    """
+
+    def __init__(self, nodes: Callable[[], Node], clock: Clock, changed: Callable[[], None]) -> None:
+        self._nodes, self._clock = nodes, clock
+        self._changed = guarded(changed)
+        self._lock = RLock()
+        self._numbers = count(1)
+        self._all: dict[int, _Request] = {}
+        self._heard: dict[tuple[str, str], Node] = {}  # the actions whose feedback is heard, on which node
+
+    def call(self, name: str, kind: str, values: str) -> int:
+        """Ask a service. Raises BadRequest, NotConnected."""
+        server = self._server(name, kind)
+        payload = types().encode(f"{server.kind}_Request", _object(server.kind, values))
+        number, request = self._new(_Request(name, server.kind, goal=False))
+        self._nodes().call(server, payload, partial(self._answered, request), patience=RESULT_TIME)
+        return number
+
+    def begin(self, name: str, kind: str, goal: Mapping[str, object]) -> int:
+        """Begin an action. Raises BadRequest, NotConnected."""
+        server = self._server(f"{name}/_action/send_goal", kind and f"{kind}_SendGoal")
+        kind = server.kind.removesuffix("_SendGoal")
+        request = _Request(name, kind, goal=True)
+        payload = types().encode(server.kind + "_Request", {"goal_id": {"uuid": request.uuid}, "goal": goal})
+        number, request = self._new(request)
+        self._hear_feedback(name, kind)
+        self._nodes().call(server, payload, partial(self._taken, request), patience=ANSWER_TIME)
+        return number
+
+    def cancel(self, number: int) -> None:
+        """Cancel an action; one that is not accepted yet, as soon as it is."""
+        with self._lock:
+            request = self._all.get(number)
+            if request is None or not request.goal or request.progress.over or request.cancel:
+                return
+            request.cancel = True
+            accepted = request.accepted
+            self._tell(request, GoalState.CANCELLING)
+        if accepted:
+            self._send_cancel(request)
+
+    def cancel_all(self) -> None:
+        """Cancel all actions."""
+        for number in list(self._all):
+            self.cancel(number)
+
+    def progress(self, number: int) -> Progress:
+        """Return how far one has come. Raises BadRequest for a number that was never given, or long ago."""
+        request = self._all.get(number)
+        if request is None:
+            raise BadRequest(f"ros2: there is no request {number}")
+        return request.progress
+
+    def look(self, node: Node | None) -> None:
+        """Notice servers that have gone: called now and then, with the node that there is."""
+        now = self._clock.now()
+        for request in list(self._all.values()):
+            if request.progress.over:
+                continue
+            name = f"{request.name}/_action/send_goal" if request.goal else request.name
+            there = node is not None and node.kind_of(wire.SERVER, name) is not None
+            with self._lock:
+                if there:
+                    request.lost_since = None
+                    continue
+                if request.lost_since is None:
+                    request.lost_since = now
+                elif now - request.lost_since >= SILENCE:
+                    what = "its server has gone" if node is not None else "the network has gone"
+                    self._tell(request, GoalState.UNKNOWN, f"{request.name}: {what}; whether it goes on is unknown")
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _server(self, name: str, kind: str) -> wire.Entity:
+        found = self._nodes().kind_of(wire.SERVER, name, [kind] if kind else ())
+        if found is None:
+            told = name.removesuffix("/_action/send_goal")
+            of = f" of the type {kind.removesuffix('_SendGoal')}" if kind else ""
+            raise NotConnected(
+                f"ros2: nobody offers {told}{of}", hint="`mission ros2 topics --all` lists what there is"
+            )
+        return found
+
+    def _new(self, request: _Request) -> tuple[int, _Request]:
+        with self._lock:
+            number = next(self._numbers)
+            self._all[number] = request
+            over = [each for each, it in self._all.items() if it.progress.over]
+            for each in over[:-KEPT]:
+                del self._all[each]
+        return number, request
+
+    def _tell(
+        self, request: _Request, state: GoalState, reason: str = "", *, feedback: str = "", result: str = ""
+    ) -> None:
+        with self._lock:
+            if request.progress.over:
+                return
+            request.progress = Progress(state, reason, feedback or request.progress.feedback, result)
+        self._changed()
+
+    def _answered(self, request: _Request, payload: bytes | None) -> None:
+        """Take the answer of a service."""
+        if payload is None:
+            self._tell(request, GoalState.UNKNOWN, f"{request.name}: no answer came")
+            return
+        try:
+            told = types().decode(f"{request.kind}_Response", payload)
+        except Malformed as error:
+            self._tell(request, GoalState.FAILED, f"{request.name}: {error}")
+            return
+        self._tell(request, GoalState.SUCCEEDED, result=json.dumps(types().values(told)))
+
+    def _taken(self, request: _Request, payload: bytes | None) -> None:
+        """Take whether a goal was accepted; then ask for its result."""
+        try:
+            told = None if payload is None else types().decode(f"{request.kind}_SendGoal_Response", payload)
+        except Malformed as error:
+            told = None
+            self._tell(request, GoalState.UNKNOWN, f"{request.name}: {error}")
+        if told is None:
+            # It may have been accepted, and its answer lost: so it is cancelled, in case.
+            self._send_cancel(request)
+            self._tell(request, GoalState.UNKNOWN, f"{request.name}: no answer within {ANSWER_TIME:g} s")
+            return
+        if not told.accepted:
+            self._tell(request, GoalState.FAILED, f"{request.name}: the goal was rejected")
+            return
+        with self._lock:
+            request.accepted = True
+            cancel = request.cancel
+            self._tell(request, GoalState.CANCELLING if cancel else GoalState.RUNNING)
+        if cancel:
+            self._send_cancel(request)
+        service = f"{request.kind}_GetResult"
+        asked = types().encode(f"{service}_Request", {"goal_id": {"uuid": request.uuid}})
+        self._ask(request, RESULT, service, asked, partial(self._ended, request), RESULT_TIME)
+
+    def _ended(self, request: _Request, payload: bytes | None) -> None:
+        """Take the result."""
+        if payload is None:
+            self._tell(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
+            return
+        status, values = _result(request.kind, payload)
+        state = ENDED.get(status, GoalState.UNKNOWN)
+        why = "" if state is GoalState.SUCCEEDED else reason(request.kind, values)
+        why = why or ("" if state is GoalState.SUCCEEDED else f"it {_NAMES.get(status, f'ended as {status}')}")
+        told = f"{request.name}: {why}" if why else ""
+        self._tell(request, state, told, result=json.dumps(values))
+
+    def _send_cancel(self, request: _Request) -> None:
+        with self._lock:
+            if request.cancelling:
+                return
+            request.cancelling = True
+        service = "action_msgs/srv/CancelGoal"
+        asked = types().encode(f"{service}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
+        self._ask(request, CANCEL, service, asked, lambda payload: None, ANSWER_TIME)  # noqa: ARG005 - its end is told
+
+    def _ask(self, request: _Request, part: str, kind: str, payload: bytes, replied: Replied, patience: float) -> None:
+        try:
+            server = self._server(f"{request.name}/{part}", kind)
+            self._nodes().call(server, payload, replied, patience=patience)
+        except NotConnected as error:
+            self._tell(request, GoalState.UNKNOWN, str(error))
+
+    def _hear_feedback(self, name: str, kind: str) -> None:
+        node = self._nodes()
+        with self._lock:
+            if self._heard.get((name, kind)) is node:
+                return
+            self._heard[name, kind] = node
+        told = f"{kind}_FeedbackMessage"
+        node.subscribe(f"{name}/{FEEDBACK}", [told], self._fed_back, lambda: None)
+
+    def _fed_back(self, kind: str, payload: bytes) -> None:
+        try:
+            told = types().decode(kind, payload)
+            uuid = told.goal_id.uuid.tolist()
+        except (Malformed, AttributeError):
+            return
+        for request in list(self._all.values()):
+            if request.uuid == uuid and not request.progress.over:
+                feedback = json.dumps(types().values(told.feedback))
+                self._tell(request, request.progress.state, feedback=feedback)
+
+
+def _object(kind: str, values: str) -> Mapping[str, object]:
+    try:
+        found = json.loads(values or "{}")
+    except ValueError as error:
+        raise BadRequest(f"{kind}: {values!r} is no JSON: {error}") from error
+    if not isinstance(found, dict):
+        raise BadRequest(f"{kind}: needs an object with its fields, got {values!r}")
+    return found
+
+
+def _result(kind: str, payload: bytes) -> tuple[int, Any]:
+    """Return the status of an action's end, and its result: nothing of one that another ROS 2 defines otherwise."""
+    try:
+        told = types().decode(f"{kind}_GetResult_Response", payload)
+        return int(told.status), types().values(told.result)
+    except Malformed:
+        # The status stands first, whatever follows; of Nav2's result of Jazzy, an error code.
+        status = payload[4] if len(payload) > 4 else 0
+        code = int.from_bytes(payload[6:8], "little") if len(payload) == 8 else None
+        return status, {} if code is None else {"error_code": code}

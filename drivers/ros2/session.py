@@ -1,0 +1,124 @@
+"""Opening a session of Zenoh, as `rmw_zenoh` has it: no multicast, a router that is named, TLS and a user if wanted."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Literal
+
+from drivers.errors import BadRequest, NotConnected
+
+if TYPE_CHECKING:
+    import zenoh
+
+LEASE = 2000
+"""Milliseconds of silence after which the other end gives this session up, and its tokens go."""
+
+OFFERED = "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot; then look at 'router' in the robot file"
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """How Zenoh is reached: ``endpoints`` to connect to, and to ``listen`` at, such as ``tcp/127.0.0.1:7447``.
+
+    ``user`` and ``password`` are what a router asks for. ``ca``, ``certificate`` and ``private_key`` are files: who
+    signed the other's certificate, and our own. Endpoints with TLS begin with ``tls/``.
+    """
+
+    endpoints: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    mode: Literal["client", "peer", "router"] = "client"
+    listen: tuple[str, ...] = ()
+    user: str = ""
+    password: str = ""
+    ca: str = ""
+    certificate: str = ""
+    private_key: str = ""
+
+
+def access_of(keys: Any, router: str = "") -> Access:
+    """Return how the router of a robot file is reached; at ``router`` instead, where that is given.
+
+    Raises BadRequest for a file of a password that cannot be read.
+    """
+    password = ""
+    if keys.password_file:
+        try:
+            password = Path(keys.password_file).expanduser().read_text(encoding="utf-8").split("\n")[0].strip()
+        except OSError as error:
+            raise BadRequest(f"ros2: password_file {keys.password_file}: {error.strerror}") from error
+    return Access(
+        tuple(each.strip() for each in (router or keys.router).split(",")),
+        keys.mode,
+        user=keys.user,
+        password=password,
+        ca=keys.ca,
+        certificate=keys.certificate,
+        private_key=keys.private_key,
+    )
+
+
+def open_session(who: str, access: Access, *, patience: float = 0.5) -> "zenoh.Session":
+    """Open a session; blocks for ``patience`` seconds at most. Raises NotConnected, with what to try.
+
+    Peers and routers are open at once; they go on looking for the others by themselves.
+    """
+    try:
+        import zenoh  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise NotConnected(f"{who}: Zenoh is not installed", hint="pip install 'missiontree[ros2]'") from error
+    where = ", ".join(access.endpoints or access.listen)
+    try:
+        return zenoh.open(_config(zenoh, access, patience))
+    except zenoh.ZError as error:
+        words = str(error).split(" at /")[0]
+        raise NotConnected(f"{who}: {where}: no router of Zenoh answers: {words}", hint=OFFERED) from error
+
+
+def _config(zenoh: Any, access: Access, patience: float) -> Any:
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": access.mode,
+        "connect/endpoints": list(access.endpoints),
+        "connect/timeout_ms": round(1000 * patience) if access.mode == "client" else 0,
+        "connect/exit_on_failure": access.mode == "client",
+        "listen/endpoints": list(access.listen),
+        "scouting/multicast/enabled": False,
+        "transport/link/tx/lease": LEASE,
+        "timestamping/enabled": False,
+        "transport/shared_memory/enabled": False,  # whose files outlive a crash
+    }
+    if access.user:
+        settings |= {"transport/auth/usrpwd/user": access.user, "transport/auth/usrpwd/password": access.password}
+    if access.ca:
+        settings["transport/link/tls/root_ca_certificate"] = str(Path(access.ca).expanduser())
+    if access.certificate:
+        settings |= {
+            "transport/link/tls/enable_mtls": True,
+            "transport/link/tls/connect_certificate": str(Path(access.certificate).expanduser()),
+            "transport/link/tls/connect_private_key": str(Path(access.private_key).expanduser()),
+        }
+    for name, value in settings.items():
+        if not (name == "listen/endpoints" and not value and access.mode != "peer"):
+            config.insert_json5(name, json.dumps(value))
+    return config
+
+
+class Transports:
+    """Counts who a session is connected to; ``changed`` is called, from a thread of Zenoh's, when that is nobody."""
+
+    def __init__(self, session: "zenoh.Session", changed: Callable[[], None]) -> None:
+        import zenoh  # noqa: PLC0415 - an extra
+
+        self._put = zenoh.SampleKind.PUT
+        self._changed = changed
+        self._lock = Lock()
+        self.count = 0
+        self._listener = session.info.declare_transport_events_listener(self._told, history=True)
+
+    def _told(self, event: "zenoh.TransportEvent") -> None:
+        with self._lock:
+            self.count += 1 if event.kind == self._put else -1
+            alone = self.count <= 0
+        if alone:
+            self._changed()

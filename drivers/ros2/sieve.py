@@ -1,0 +1,54 @@
+"""Which of the messages that arrive count: each once, in their order, and none that was long under way."""
+
+from drivers.ros2.wire import Attachment
+
+LATE = 0.5
+"""Seconds by which a message may have been under way for longer than the quickest of its sender."""
+
+JUMPED = 1.0
+"""Seconds of nothing but late messages after which the sender's clock is taken to have been set."""
+
+_SENDERS = 16
+"""Senders on one topic that are told apart at most."""
+
+
+class _Sender:
+    """What is known of a sender."""
+
+    def __init__(self, number: int, shift: float) -> None:
+        self.number, self.shift = number, shift
+        self.late_since: float | None = None
+
+
+class Sieve:
+    """Says of each message of one topic whether it counts; ``late`` and ``doubled`` count those that do not.
+
+    Not safe between threads: Zenoh calls a subscriber from one at a time.
+    """
+
+    def __init__(self) -> None:
+        self.late = self.doubled = 0
+        self._senders: dict[bytes, _Sender] = {}
+
+    def passes(self, told: Attachment, now: float) -> bool:
+        """Whether a message with this attachment counts that has arrived at time ``now``."""
+        shift = now - told.sent / 1e9  # two clocks: only differences count
+        known = self._senders.get(told.gid)
+        if known is None:
+            if len(self._senders) >= _SENDERS:
+                self._senders.pop(next(iter(self._senders)))
+            self._senders[told.gid] = _Sender(told.number, shift)
+            return True
+        if told.number <= known.number:
+            self.doubled += 1
+            return False
+        known.number = told.number
+        if shift - known.shift > LATE:
+            if known.late_since is None:
+                known.late_since = now
+            if now - known.late_since < JUMPED:
+                self.late += 1
+                return False
+            known.shift = shift
+        known.shift, known.late_since = min(known.shift, shift), None
+        return True

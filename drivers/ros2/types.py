@@ -1,0 +1,244 @@
+"""Messages of ROS 2: values from and to CDR by the name of their type, and the hashes of types. CDR is done by rosbags.
+
+Loading takes a tenth of a second, and the first message of a type some milliseconds more: drivers do both as they open.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from drivers.errors import BadRequest, DriverError
+from drivers.ros2.definitions import ACTIONS, MESSAGES, SERVICES
+
+_EMPTY = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
+"""What a type without fields has on the wire."""
+
+_DEEPEST = 12
+"""How deep values may be nested in what a mission gives, and how long a list it is shown."""
+
+_LONGEST = 1000
+
+
+class Malformed(DriverError):
+    """Bytes that are no message of the type that they should be."""
+
+
+@cache
+def types() -> "Types":
+    """Return the types that there are: those of ROS 2 Jazzy that rosbags has, and ours. Made once."""
+    return Types()
+
+
+class Types:
+    """The types by name, as ROS 2 writes them: "geometry_msgs/msg/Twist"."""
+
+    def __init__(self) -> None:
+        self._store: Any = get_typestore(Stores.ROS2_JAZZY)
+        # ROS takes `char` for a uint8, in hashes too.
+        for name in ("service_msgs/msg/ServiceEventInfo",):
+            constants, fields = self._store.fielddefs[name]
+            self._store.fielddefs[name] = (constants, [_unchar(each) for each in fields])
+
+    def knows(self, name: str) -> bool:
+        """Whether there is such a type; of services and actions, too."""
+        try:
+            self._known(name)
+        except BadRequest:
+            return False
+        return True
+
+    def define(self, name: str, text: str) -> None:
+        """Add a type by the text of its definition. Raises BadRequest for one that is not understood."""
+        try:
+            ((constants, fields),) = get_types_from_msg(text, "a/msg/B").values()
+            found = [_resolved(each, name) for each in fields] or [_EMPTY]
+            for used in _used(found):
+                self._known(used)
+            self._store.register({name: (constants, found)})
+        except BadRequest:
+            raise
+        except Exception as error:  # a grammar, which raises what it likes
+            raise BadRequest(f"{name}: this definition is not understood: {error}") from error
+
+    def define_service(self, name: str, request: str, response: str) -> None:
+        """Add the types of a service."""
+        self.define(f"{name}_Request", request)
+        self.define(f"{name}_Response", response)
+        self._service(name)
+
+    def define_action(self, name: str, goal: str, result: str, feedback: str) -> None:
+        """Add the types of an action, with those of its services and topics."""
+        for part, text in (("Goal", goal), ("Result", result), ("Feedback", feedback)):
+            self.define(f"{name}_{part}", text)
+        own = {
+            "SendGoal_Request": f"unique_identifier_msgs/UUID goal_id\n{name}_Goal goal",
+            "SendGoal_Response": "bool accepted\nbuiltin_interfaces/Time stamp",
+            "GetResult_Request": "unique_identifier_msgs/UUID goal_id",
+            "GetResult_Response": f"int8 status\n{name}_Result result",
+            "FeedbackMessage": f"unique_identifier_msgs/UUID goal_id\n{name}_Feedback feedback",
+        }
+        for part, text in own.items():
+            fields = []
+            for line in text.splitlines():
+                kind, word = line.split()
+                base = (Nodetype.BASE, (kind, 0))
+                fields.append((word, (Nodetype.NAME, _full(kind)) if "/" in kind else base))
+            self._store.register({f"{name}_{part}": ([], fields)})
+        self._service(f"{name}_SendGoal")
+        self._service(f"{name}_GetResult")
+
+    def _service(self, name: str) -> None:
+        """Add what a service is for its hash: request, response, and what tells of both."""
+        request, response, event = (f"{name}_{part}" for part in ("Request", "Response", "Event"))
+        several = [(word, (Nodetype.SEQUENCE, ((Nodetype.NAME, kind), 1))) for word, kind in
+                   (("request", request), ("response", response))]  # fmt: skip
+        info = ("info", (Nodetype.NAME, "service_msgs/msg/ServiceEventInfo"))
+        self._store.register({event: ([], [info, *several])})
+        whole = zip(("request_message", "response_message", "event_message"), (request, response, event), strict=True)
+        self._store.register({name: ([], [(word, (Nodetype.NAME, kind)) for word, kind in whole])})
+
+    def digest(self, name: str) -> str:
+        """Return the hash of a type, as its keys have it. Raises BadRequest for one that is not known."""
+        digest: str = self._store.hash_rihs01(self._known(name))
+        return digest
+
+    def warm(self, *names: str) -> None:
+        """Be ready for messages of these types."""
+        for name in names:
+            self._store.get_msgdef(self._known(name))
+
+    def encode(self, name: str, values: Mapping[str, object]) -> bytes:
+        """Return a message with these values, the others zero. Raises BadRequest for what does not fit the type."""
+        try:
+            made = self._made(self._known(name), values, name)
+            return bytes(self._store.serialize_cdr(made, name, little_endian=True))
+        except BadRequest:
+            raise
+        except (SerdeError, ValueError, TypeError, AttributeError, OverflowError) as error:
+            raise BadRequest(f"{error}", hint="see its definition: `ros2 interface show`") from error
+        except Exception as error:  # struct.error
+            raise BadRequest(f"{name}: a value does not fit: {error}") from error
+
+    def decode(self, name: str, payload: bytes) -> Any:
+        """Return the message: an object with the fields of the type. Raises Malformed for bytes that are none."""
+        try:
+            return self._store.deserialize_cdr(payload, name)
+        except Exception as error:  # bytes from outside: whatever they bring about is their fault
+            raise Malformed(f"{name}: {len(payload)} bytes that are no such message: {error}") from error
+
+    def values(self, message: object, depth: int = _DEEPEST) -> Any:
+        """Return a message in plain values, as JSON has them; of long arrays the beginning."""
+        if isinstance(message, np.ndarray):
+            return message[:_LONGEST].tolist()
+        if isinstance(message, np.generic):
+            return message.item()
+        if (kind := getattr(message, "__msgtype__", None)) is not None:
+            names = [word for word, _ in self._store.fielddefs[kind][1] if word != _EMPTY[0]]
+            return {name: self.values(getattr(message, name), depth - 1) for name in names} if depth else {}
+        if isinstance(message, list | tuple):
+            return [self.values(each, depth - 1) for each in message[:_LONGEST]] if depth else []
+        return message
+
+    def _known(self, name: str) -> str:
+        """Return the name of a type that there is; ours are defined when they are first asked for."""
+        if name in self._store.fielddefs:
+            return name
+        if name in MESSAGES:
+            self.define(name, MESSAGES[name])
+        elif (service := _whose(name, SERVICES)) is not None:
+            self.define_service(service, *SERVICES[service])
+        elif (action := _whose(name, ACTIONS)) is not None:
+            self.define_action(action, *ACTIONS[action])
+        if name not in self._store.fielddefs:
+            packages = sorted({each.split("/")[0] for each in (*self._store.fielddefs, *MESSAGES, *SERVICES, *ACTIONS)})
+            hint = f"known are messages of {', '.join(packages)}"
+            raise BadRequest(f"the type '{name}' of ROS 2 is not known", hint=hint)
+        return name
+
+    def _made(self, name: str, values: Mapping[str, object], at: str) -> object:
+        if not isinstance(values, Mapping):
+            raise ValueError(f"{at}: needs fields, got {values!r}")
+        known = self._store.fielddefs[name][1]
+        if wrong := values.keys() - {word for word, _ in known}:
+            words = ", ".join(word for word, _ in known if word != _EMPTY[0]) or "none"
+            raise ValueError(f"{at} has no field '{min(wrong)}': its fields are {words}")
+        given = {word: self._value(kind, values.get(word), f"{at}.{word}") for word, kind in known}
+        return self._store.types[name](**given)
+
+    def _value(self, kind: Any, value: object, at: str) -> Any:
+        what, of = kind
+        if what == Nodetype.NAME:
+            return value if hasattr(value, "__msgtype__") else self._made(of, value or {}, at)  # type: ignore[arg-type]
+        if what == Nodetype.BASE:
+            return _basic(of[0], value, at)
+        inner, size = of
+        given = [] if value is None else value
+        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray | bytes):
+            raise ValueError(f"{at}: needs a list, got {value!r}")
+        if inner[0] == Nodetype.BASE and inner[1][0] != "string":
+            dtype = {"char": "uint8", "byte": "uint8"}.get(inner[1][0], inner[1][0])
+            array = np.frombuffer(given, np.uint8) if isinstance(given, bytes) else np.asarray(given, dtype)
+            return (
+                np.zeros(size, dtype) if what == Nodetype.ARRAY and value is None else array.astype(dtype, copy=False)
+            )
+        if what == Nodetype.ARRAY and value is None:
+            given = [None] * size
+        return [self._value(inner, each, f"{at}[{place}]") for place, each in enumerate(given)]
+
+
+def _whose(name: str, known: Mapping[str, object]) -> str | None:
+    """Return the service or action that a type is a part of."""
+    return next((each for each in known if name == each or name.startswith(f"{each}_")), None)
+
+
+def _used(fields: Sequence[Any]) -> list[str]:
+    """Return the types of the fields."""
+    inner = [of[0] if what in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (what, of) for _, (what, of) in fields]
+    return [of for what, of in inner if what == Nodetype.NAME]
+
+
+def _basic(kind: str, value: Any, at: str) -> object:
+    if kind == "string":
+        if value is not None and not isinstance(value, str):
+            raise ValueError(f"{at}: needs a text, got {value!r}")
+        return value or ""
+    if kind == "bool":
+        return bool(value)
+    number = 0 if value is None else value
+    if isinstance(number, str) or not hasattr(number, "__float__"):
+        raise ValueError(f"{at}: needs a number, got {value!r}")
+    if kind.startswith("float"):
+        return float(number)
+    if number != int(number):
+        raise ValueError(f"{at}: needs a whole number, got {value!r}")
+    return int(number)
+
+
+def _full(kind: str) -> str:
+    """Return a type by its whole name: definitions leave out `msg`."""
+    return kind if kind.count("/") == 2 else kind.replace("/", "/msg/")
+
+
+def _resolved(field: Any, name: str) -> Any:
+    """Return a field whose type of the same package goes by its whole name."""
+    word, (what, of) = field
+    package = name.split("/", maxsplit=1)[0]
+
+    def named(kind: Any) -> Any:
+        return (kind[0], kind[1].replace("a/msg/", f"{package}/msg/")) if kind[0] == Nodetype.NAME else kind
+
+    if what in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
+        return word, (what, (named(of[0]), of[1]))
+    return word, named((what, of))
+
+
+def _unchar(field: Any) -> Any:
+    word, (what, of) = field
+    if what == Nodetype.ARRAY and of[0] == (Nodetype.BASE, ("char", 0)):
+        return word, (what, ((Nodetype.BASE, ("uint8", 0)), of[1]))
+    return field

@@ -1,0 +1,181 @@
+"""ROS 2 on Zenoh as `rmw_zenoh` has it: keys of topics, liveliness tokens, attachments. And frames on a line to a part.
+
+See docs/design.md of ros2/rmw_zenoh. Nothing here opens anything.
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+
+ADMIN = "@ros2_lv"
+"""What the keys of liveliness tokens begin with."""
+
+PUBLISHER, SUBSCRIBER, SERVER, CLIENT, NODE = "MP", "MS", "SS", "SC", "NN"
+"""The kinds of entities, as tokens have them."""
+
+QOS = "::,10:,:,:,,"
+"""Reliable, volatile, the last ten kept: what rclcpp calls its default."""
+
+_ATTACHED = struct.Struct("<qqB")
+_GID = 16
+_FRAME = struct.Struct("<HI")
+_NAME = re.compile(r"[^/*$#?%\s]+")
+
+ABOUT = 0xFFFF
+"""The channel on which a line tells what it has found of the others."""
+
+_KEPT = 64_000_000
+"""Bytes of a frame at most: more is no frame."""
+
+
+def dds(name: str) -> str:
+    """Return a type as keys have it: "std_msgs/msg/String" is "std_msgs::msg::dds_::String_"."""
+    package, kind, word = name.split("/")
+    return f"{package}::{kind}::dds_::{word}_"
+
+
+def plain(name: str) -> str:
+    """Return a type as ROS 2 writes it: the inverse of ``dds``. Raises ValueError for another form."""
+    package, kind, inner, word = name.split("::")
+    if inner != "dds_" or not word.endswith("_"):
+        raise ValueError(f"{name}: no type of DDS")
+    return f"{package}/{kind}/{word[:-1]}"
+
+
+def key(domain: int, name: str, kind: str = "*", digest: str = "*") -> str:
+    """Return the key of a topic or a service; ``kind`` is its type as ``dds`` gives it, ``digest`` the type's hash."""
+    return f"{domain}/{name.strip('/')}/{kind}/{digest}"
+
+
+def whole(name: str, namespace: str = "") -> str:
+    """Return the full name of a topic: one that does not begin with "/" is within ``namespace``."""
+    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+
+
+def valid(name: str) -> bool:
+    """Whether a topic may be called so on the wire: no wildcard of Zenoh, nothing empty."""
+    return all(_NAME.fullmatch(part) for part in name.strip("/").split("/"))
+
+
+@dataclass(frozen=True, slots=True)
+class Entity:
+    """A node, or an end point of one: ``name`` is its topic or service, ``kind`` its type (as ROS 2 writes it)."""
+
+    role: str
+    domain: int
+    zid: str
+    node_id: str
+    number: str
+    node: str
+    namespace: str = ""
+    name: str = ""
+    kind: str = ""
+    digest: str = ""
+    qos: str = ""
+
+    @property
+    def token(self) -> str:
+        """The key of its liveliness token."""
+        own = f"{ADMIN}/{self.domain}/{self.zid}/{self.node_id}/{self.number}/{self.role}/%"
+        own += f"/{_mangled(self.namespace)}/{self.node}"
+        if self.role == NODE:
+            return own
+        return f"{own}/{_mangled(self.name)}/{dds(self.kind)}/{self.digest}/{self.qos}"
+
+    @property
+    def key(self) -> str:
+        """The key on which it sends or listens."""
+        return key(self.domain, self.name, dds(self.kind), self.digest)
+
+
+def entity(token: str) -> Entity | None:
+    """Return whose token that is; None for one that is not understood."""
+    parts = token.split("/")
+    if len(parts) < 9 or parts[0] != ADMIN:
+        return None
+    _, domain, zid, node_id, number, role, _, namespace, node, *rest = parts
+    try:
+        told = int(domain)
+        if role == NODE:
+            return Entity(role, told, zid, node_id, number, node, _demangled(namespace))
+        name, kind, digest, *qos = rest
+        return Entity(
+            role, told, zid, node_id, number, node, _demangled(namespace), _demangled(name), plain(kind), digest,
+            "/".join(qos),
+        )  # fmt: skip
+    except ValueError:
+        return None
+
+
+def _mangled(name: str) -> str:
+    return name.replace("/", "%") or "%"
+
+
+def _demangled(name: str) -> str:
+    return "" if name == "%" else name.replace("%", "/")
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """What goes with each message: a number that counts up, when it was sent (ns since 1970), and by whom."""
+
+    number: int
+    sent: int
+    gid: bytes
+
+    def pack(self) -> bytes:
+        """Return it as it is on the wire."""
+        return _ATTACHED.pack(self.number, self.sent, len(self.gid)) + self.gid
+
+
+def attachment(data: bytes) -> Attachment | None:
+    """Return what was attached; None for what is none."""
+    if len(data) != _ATTACHED.size + _GID:
+        return None
+    number, sent, length = _ATTACHED.unpack_from(data)
+    return Attachment(number, sent, data[_ATTACHED.size :]) if length == _GID else None
+
+
+def frame(channel: int, payload: bytes) -> bytes:
+    """Return a message of a channel as it is on the line between a part and its session."""
+    return _FRAME.pack(channel, len(payload)) + payload
+
+
+def about(channel: int, kind: str) -> bytes:
+    """Return the frame that tells of a channel: the type of who is there, or nothing for nobody."""
+    return frame(ABOUT, struct.pack("<H", channel) + kind.encode())
+
+
+ASK = frame(ABOUT, b"")
+"""Asks who is there, on every channel."""
+
+
+def told(payload: bytes) -> tuple[int, str]:
+    """Return the channel and the type of a frame of ``about``. Raises ValueError for what is none."""
+    if len(payload) < 2:
+        raise ValueError("too short")
+    return struct.unpack_from("<H", payload)[0], payload[2:].decode()
+
+
+class FrameFinder:
+    """Cuts what comes along a line into frames: (channel, payload). Overlong ones begin anew."""
+
+    def __init__(self) -> None:
+        self._begun = b""
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Return the frames that are whole by now."""
+        held = self._begun + data if self._begun else data
+        at, found = 0, []
+        while at + _FRAME.size <= len(held):
+            channel, length = _FRAME.unpack_from(held, at)
+            if length > _KEPT:
+                at = len(held)
+                break
+            end = at + _FRAME.size + length
+            if end > len(held):
+                break
+            found.append((channel, held[at + _FRAME.size : end]))
+            at = end
+        self._begun = held[at:]
+        return found

@@ -1,0 +1,161 @@
+"""A robot of ROS 2 behind a router of Zenoh: its virtual devices, each on its topics, on loopback."""
+
+import socket
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from threading import Event, RLock, Thread
+from typing import Any, TypeVar
+
+from drivers.clock import Clock
+from drivers.ros2 import wire
+from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.make import domain_of, topics_of
+from drivers.ros2.node import Node, Publisher
+from drivers.ros2.session import Access, open_session
+from drivers.sim.scanner import looking
+from drivers.sim.stage import Stage
+from drivers.sim.world import World
+from drivers.virtual.plugged import Plugged
+from drivers.virtual.topics import Topics, VirtualBase, VirtualScan
+
+T = TypeVar("T")
+
+PERIOD = 0.005
+"""Seconds between two looks at what the devices have to say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """What the devices of a robot are served by: its domain, its namespace, and where its router listens."""
+
+    domain: int
+    namespace: str
+    listen: str
+
+
+class Ros2Terminal:
+    """Serves ``devices`` by Zenoh, with a router of its own; as ``drivers.virtual.terminal.Terminal`` does on a wire.
+
+    ``path`` is where the router listens. ``unplug`` ends the router, and with it all that was declared.
+    """
+
+    def __init__(self, served: Served, clock: Clock) -> None:
+        self.devices: list[Topics] = []
+        self.path = served.listen
+        self._served, self._clock = served, clock
+        self._lock = RLock()
+        self._session: Any = None
+        self._node: Node | None = None
+        self._senders: dict[tuple[int, int], Publisher] = {}
+        self._ending = Event()
+        self._thread: Thread | None = None
+        self.serving: list[Callable[[Node], None]] = []
+        """Called with each new node: what else it is to serve, such as actions."""
+
+    def open(self) -> None:
+        """Plug everything in. Does nothing while it is open."""
+        if self._thread is None:
+            self.replug()
+            self._ending.clear()
+            self._thread = Thread(target=self._run, name="virtual ros2", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Unplug, and end the thread. Safe more than once."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self.unplug()
+
+    def unplug(self) -> None:
+        """End the router."""
+        with self._lock:
+            session, self._session, self._node = self._session, None, None
+            self._senders.clear()
+        if session is not None:
+            session.close()
+
+    def replug(self) -> None:
+        """Start the router, and declare everything."""
+        if self._session is not None:
+            return
+        session = open_session("virtual ros2", Access(endpoints=(), mode="router", listen=(self.path,)))
+        node = Node(session, self._clock, domain=self._served.domain, namespace=self._served.namespace, name="robot")
+        for place, device in enumerate(self.devices):
+            for number, channel in enumerate(device.channels):
+                if channel.sends:  # the driver does
+                    node.subscribe(channel.topic, channel.kinds[:1], self._heard(device, number), lambda: None)
+                else:
+                    self._senders[place, number] = node.publisher(channel.topic, channel.kinds[0])
+        for serve in self.serving:
+            serve(node)
+        with self._lock:
+            self._session, self._node = session, node
+
+    def ask(self, question: Callable[[], T]) -> T:
+        """Ask the devices something while they stand still."""
+        with self._lock:
+            return question()
+
+    def _heard(self, device: Topics, number: int) -> Callable[[str, bytes], None]:
+        def heard(kind: str, payload: bytes) -> None:
+            del kind
+            with self._lock:
+                device.feed(wire.frame(number, payload), self._clock.now())
+
+        return heard
+
+    def _run(self) -> None:
+        finder = wire.FrameFinder()
+        while not self._ending.wait(PERIOD):
+            with self._lock:
+                now = self._clock.now()
+                for place, device in enumerate(self.devices):
+                    for number, payload in finder.feed(device.poll(now)):
+                        if number != wire.ABOUT and (sender := self._senders.get((place, number))) is not None:
+                            sender.send(payload)
+
+
+def free_address() -> str:
+    """Return an address on loopback at which nobody listens."""
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{found.getsockname()[1]}"
+
+
+def graph(keys: ZenohKeys, stage: Stage) -> Plugged:
+    """Return the router of a virtual robot, for the other parts to be served by."""
+    terminal = Ros2Terminal(Served(domain_of(keys), keys.namespace, stage.listen or free_address()), stage.clock)
+    return Plugged(None, "ros2", terminal=terminal)
+
+
+def base(keys: Ros2BaseKeys, stage: Stage) -> Plugged:
+    """Return a virtual base."""
+    full = _full(stage)
+    device = VirtualBase(stage.body(), {word: full(name) for word, name in topics_of(keys).items()})
+    _terminal(stage).devices.append(device)
+
+    def state(now: float) -> object:
+        return asdict(device.pose(now)) | asdict(device.body.velocity)
+
+    return Plugged(None, pose=device.pose, state=state)
+
+
+def ranger(keys: Ros2RangeKeys, stage: Stage) -> Plugged:
+    """Return a virtual range finder, which sees the world from where the base truly is."""
+    world = World() if stage.world is None else stage.world
+    look = looking(world, keys.place, stage.pose, height=keys.position[2])
+    device = VirtualScan(look, _full(stage)(keys.scan), yaw=keys.yaw, seed=stage.seed)
+    _terminal(stage).devices.append(device)
+    return Plugged(None)
+
+
+def _terminal(stage: Stage) -> Ros2Terminal:
+    terminal: Ros2Terminal = stage.parts["ros2"].terminal
+    return terminal
+
+
+def _full(stage: Stage) -> Callable[[str], str]:
+    namespace = stage.keys["ros2"].namespace
+    return lambda name: wire.whole(name, namespace)

@@ -1,0 +1,191 @@
+"""What ``drivers.api.Base`` promises, kept by a base of ROS 2 over its topics: with Twist, and with TwistStamped."""
+
+from collections.abc import Iterator
+from math import radians
+
+import pytest
+
+from drivers.api import STILL, Lamp, Pose2D, Sides
+from drivers.ros2.base import Ros2Base
+from drivers.ros2.wire import frame
+from drivers.sim.body import NOTHING, Body
+from drivers.virtual.topics import VirtualBase
+from tests.contract.rigs import InSimulatedTime, simulated
+from tests.contract.test_base_contract import (  # noqa: F401 - all that a base promises
+    BaseRig,
+    Room,
+    test_a_bumper_forbids_forward_but_not_back_and_round,
+    test_a_cliff_ends_a_drive_forward_though_it_is_asked_for,
+    test_a_command_that_nobody_renews_ends_by_itself,
+    test_a_full_turn_goes_on_counting,
+    test_a_past_heading_lies_between_those_measured_before_and_after,
+    test_a_person_has_the_wheels_before_the_mission_and_a_while_after,
+    test_a_velocity_that_is_no_number_is_refused_and_changes_nothing,
+    test_a_wall_stops_it_and_it_can_back_off,
+    test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind,
+    test_before_it_is_opened_it_says_so_and_knows_nothing,
+    test_closed_it_stands_still_and_opened_again_it_drives,
+    test_driven_into_something_it_backs_off_by_itself,
+    test_it_gathers_speed_gently_and_keeps_it_while_asked,
+    test_it_plays_shines_and_refuses_what_it_has_not,
+    test_latched_it_stands_whoever_commands_until_it_is_enabled,
+    test_nobody_commands_in_the_name_of_safety,
+    test_opened_it_comes_online_and_says_so_once,
+    test_plugged_in_again_it_is_back_at_rest_where_it_was,
+    test_stop_is_at_once_and_without_a_ramp,
+    test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest,
+    test_what_is_asked_for_is_slowed_down_as_a_whole,
+    test_with_its_wheels_in_the_air_it_does_nothing,
+)
+from tests.drivers.cranked import HandWire
+
+TOPICS = {
+    "cmd_vel": "/cmd_vel",
+    "odom": "/odom",
+    "battery": "/battery_state",
+    "hazards": "/hazard_detection",
+    "dock": "/dock_status",
+    "lights": "/cmd_lightring",
+    "sounds": "/cmd_audio",
+}
+
+
+class Topics(InSimulatedTime, BaseRig):
+    stamped = False
+    topics = TOPICS
+
+    def __init__(self) -> None:
+        super().__init__()
+        origin = Pose2D(3.0, -2.0, radians(130))  # it has driven before
+        self.robot = VirtualBase(Body(ground=Room()), self.topics, stamped=self.stamped, origin=origin)
+        self.wire = HandWire(self.robot, self.timeline)
+        self.halts = 0
+        self.start_told: list[Pose2D] = []
+        self.device = Ros2Base(
+            self.wire.link("base", report=self.notices.append),
+            self.clock,
+            self.robot.channels,
+            list(self.topics),
+            halted=self.halted,
+            anchored=lambda pose, _: self.start_told.append(pose),
+            report=self.notices.append,
+            changed=self.changed,
+        )
+
+    def halted(self) -> None:
+        self.halts += 1
+
+    def truth(self) -> Pose2D:
+        return self.robot.pose(self.clock.now())
+
+    def touch(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING) -> None:
+        self.robot.bumper, self.robot.cliff = bumper, cliff
+
+    def lift(self, *, up: bool) -> None:
+        self.robot.wheel_drop = Sides(left=up, right=up)
+
+    def shines(self, number: int) -> Lamp:
+        return self.robot.lamps[number - 1]
+
+    def unplug(self) -> None:
+        self.wire.unplug()
+
+    def plug_in(self) -> None:
+        self.wire.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class Stamped(Topics):
+    stamped = True
+
+
+@pytest.fixture(params=[simulated(Topics, "twist"), simulated(Stamped, "twist stamped")])
+def rig(request: pytest.FixtureRequest) -> Iterator[Topics]:
+    rig: Topics = request.param()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def base(rig: Topics) -> Topics:
+    """A rig whose base is there."""
+    rig.start()
+    return rig
+
+
+def test_forward_is_forward_and_left_is_anticlockwise_wherever_its_odometry_began(base: Topics) -> None:
+    assert base.state().pose == Pose2D(0.0, 0.0, 0.0)
+    base.drive(0.2, 0.0, lambda: base.state().pose.x > 0.06)
+    assert base.truth().x > 0.04
+    assert base.state().pose.y == pytest.approx(0.0, abs=1e-3)
+    base.device.stop()
+    base.drive(0.0, 1.0, lambda: base.state().pose.heading > 0.4)
+    assert base.truth().heading > 0.3
+    assert base.start_told[0] == base.robot.origin
+
+
+def test_at_rest_it_says_nothing_that_could_hold_up_who_else_drives_the_robot(base: Topics) -> None:
+    base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.1)
+    base.wait(2.0)
+    said = len(base.robot.velocities)
+    assert [velocity for _, velocity in base.robot.velocities[-10:]] == [STILL] * 10
+    base.wait(5.0)
+    assert len(base.robot.velocities) == said
+
+
+def test_latched_it_is_told_to_stand_again_and_again_and_what_else_drives_it_is_ended(base: Topics) -> None:
+    base.wait(2.0)
+    said, halts = len(base.robot.velocities), base.halts
+    base.device.latch("somebody shouted")
+    base.wait(2.0)
+    assert base.halts > halts
+    assert len(base.robot.velocities) - said >= 10
+
+
+def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
+    base.drive(0.2, 0.0, lambda: base.state().pose.x > 0.1)
+    base.comes_to_rest()
+    base.wait(0.1)
+    before = base.state().pose
+    base.robot.origin = Pose2D(40.0, 7.0, -1.0)
+    base.wait(0.2)
+    assert base.state().pose.x == pytest.approx(before.x, abs=1e-6)
+    assert base.state().pose.heading == pytest.approx(before.heading, abs=1e-6)
+    base.drive(0.2, 0.0, lambda: base.state().pose.x > before.x + 0.1)
+    assert base.state().pose.y == pytest.approx(before.y, abs=2e-3)
+
+
+def test_a_link_that_stalls_brings_it_to_rest_within_seven_tenths_of_a_second(base: Topics) -> None:
+    base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.19)
+    base.robot.frozen = True
+    began = base.clock.now()
+    base.until(lambda: base.robot.body.velocity == STILL)
+    assert base.clock.now() - began < 0.7
+    base.until(lambda: not base.device.health().online)
+    base.robot.frozen = False
+    base.until(lambda: base.device.health().online)
+    base.wait(0.5)
+    assert base.stands(), "what was commanded before is not in force"
+
+
+def test_messages_that_are_none_are_counted_and_nothing_follows(base: Topics) -> None:
+    for channel in range(-1, len(TOPICS)):
+        for payload in (b"", b"\0\1\0\0", b"\xff" * 900, bytes(700)):
+            base.wire.take(frame(channel % 0x10000, payload))
+    base.wait(0.1)
+    assert base.device.health().online
+    assert base.device.health().counters["malformed"] > 10
+
+
+def test_a_base_that_nobody_listens_for_says_which_topic_that_is() -> None:
+    rig = Topics()
+    rig.robot._kind = lambda channel: "" if channel == 0 else VirtualBase._kind(rig.robot, channel)  # type: ignore[method-assign]
+    rig.device.open()
+    rig.wait(1.0)
+    health = rig.device.health()
+    assert not health.online
+    assert "nobody listens to /cmd_vel (geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped)" in health.detail
+    assert "mission ros2 topics" in health.hint
+    rig.close()

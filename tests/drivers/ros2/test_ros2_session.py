@@ -1,0 +1,116 @@
+"""A robot of ROS 2 behind a router of Zenoh on loopback: found, driven, lost with its router, and found again."""
+
+from collections.abc import Iterator, Mapping
+
+import pytest
+
+from drivers.api import STILL, DeviceStatus, Velocity
+from drivers.api.driver import Site
+from drivers.clock import SystemClock
+from drivers.errors import NotConnected
+from drivers.ros2.base import Ros2Base
+from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.graph import Ros2Graph
+from drivers.ros2.make import base as make_base
+from drivers.ros2.make import graph as make_graph
+from drivers.ros2.make import ranger as make_ranger
+from drivers.ros2.ranger import Ros2Ranger
+from drivers.sim.body import Body
+from drivers.sim.scanner import looking
+from drivers.sim.world import World
+from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
+from drivers.virtual.topics import VirtualBase, VirtualScan
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+
+class Robot:
+    """A virtual robot behind its router, and the real drivers of it."""
+
+    def __init__(self, namespace: str = "/tb4") -> None:
+        self.clock = SystemClock()
+        self.told: list[DeviceStatus] = []
+        topics = {"cmd_vel": f"{namespace}/cmd_vel", "odom": f"{namespace}/odom"}
+        self.virtual = VirtualBase(Body(), topics, stamped=True)
+        look = looking(World(), (0.0, 0.0, 0.0), self.virtual.pose)
+        self.terminal = Ros2Terminal(Served(0, namespace, free_address()), self.clock)
+        self.terminal.devices += [self.virtual, VirtualScan(look, f"{namespace}/scan")]
+        keys = ZenohKeys(router=self.terminal.path, namespace=namespace, domain=0)
+        self.graph: Ros2Graph = make_graph(keys, self._site())
+        parts = {"ros2": self.graph}
+        self.base: Ros2Base = make_base(Ros2BaseKeys(), self._site(parts))
+        self.ranger: Ros2Ranger = make_ranger(Ros2RangeKeys(), self._site(parts))
+        self.devices = (self.base, self.ranger, self.graph)
+
+    def _site(self, parts: Mapping[str, object] | None = None) -> Site:
+        return Site(self.clock, report=self.told.append, parts=parts or {})
+
+    def open(self) -> None:
+        self.terminal.open()
+        for device in self.devices:
+            device.open()
+        wait_until(lambda: all(device.health().online for device in self.devices))
+
+    def close(self) -> None:
+        for device in self.devices:
+            device.rest()
+        for device in self.devices:
+            device.close()
+        self.terminal.close()
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    robot = Robot()
+    yield robot
+    robot.close()
+
+
+def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Robot) -> None:
+    robot.open()
+
+    def driven() -> bool:
+        robot.base.drive(Velocity(0.2, 0.0))
+        state = robot.base.state().value
+        return state is not None and state.pose.x > 0.05
+
+    wait_until(driven)
+    robot.base.stop()
+    wait_until(lambda: robot.virtual.body.velocity == STILL)
+    assert robot.virtual.pose(robot.clock.now()).x > 0.04
+    wait_until(lambda: robot.ranger.scan().good)
+    nodes = {each.node for each in robot.graph.node().entities("NN")}
+    assert nodes == {"robot"}
+
+
+def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_itself(robot: Robot) -> None:
+    robot.open()
+
+    def driven() -> bool:
+        robot.base.drive(Velocity(0.2, 0.0))
+        state = robot.base.state().value
+        return state is not None and state.velocity.linear > 0.15
+
+    wait_until(driven)
+    robot.terminal.unplug()
+    lost = robot.clock.now()
+    wait_until(lambda: robot.virtual.body.velocity == STILL)
+    assert robot.clock.now() - lost < 0.7
+    wait_until(lambda: not robot.graph.health().online and not robot.base.health().online)
+    with pytest.raises(NotConnected, match="base:"):
+        robot.base.drive(Velocity(0.2, 0.0))
+    robot.terminal.replug()
+    wait_until(lambda: all(device.health().online for device in robot.devices))
+    robot.base.enable()
+    wait_until(driven)
+    assert [each.kind for each in robot.told if each.device == "ros2"] == ["online", "offline", "online"]
+
+
+def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
+    robot.graph.open()
+    wait_until(lambda: "no router of Zenoh answers" in robot.graph.health().detail)
+    assert robot.terminal.path in robot.graph.health().detail
+    assert "rmw_zenohd" in robot.graph.health().hint
+    with pytest.raises(NotConnected, match="no router"):
+        robot.graph.publish("say", "std_msgs/msg/String", '{"data": "hello"}')

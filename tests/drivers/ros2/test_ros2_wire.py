@@ -1,0 +1,159 @@
+"""Keys, tokens and attachments, byte for byte as the design document of `rmw_zenoh` has them; frames on a line."""
+
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from drivers.ros2 import wire
+from drivers.ros2.sieve import Sieve
+from drivers.ros2.wire import Attachment, Entity
+
+STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+ADD = "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+
+DESIGN = {
+    "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener": Entity(
+        "NN", 2, "aac3178e146ba6f1fc6e6a4085e77f21", "0", "0", "listener"
+    ),
+    f"@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{STRING}/"
+    "::,10:,:,:,,": Entity(
+        "MS",
+        2,
+        "aac3178e146ba6f1fc6e6a4085e77f21",
+        "0",
+        "10",
+        "listener",
+        "",
+        "/chatter",
+        "std_msgs/msg/String",
+        STRING,
+        "::,10:,:,:,,",
+    ),
+    f"@ros2_lv/2/8b20917502ee955ac4476e0266340d5c/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/"
+    "::,7:,:,:,,": Entity(
+        "MP",
+        2,
+        "8b20917502ee955ac4476e0266340d5c",
+        "0",
+        "10",
+        "talker",
+        "",
+        "/chatter",
+        "std_msgs/msg/String",
+        STRING,
+        "::,7:,:,:,,",
+    ),
+    "@ros2_lv/2/f9980ee0495eaafb3e38f0d19e2eae12/0/10/SS/%/%/add_two_ints_server/%add_two_ints/"
+    f"example_interfaces::srv::dds_::AddTwoInts_/{ADD}/::,10:,:,:,,": Entity(
+        "SS",
+        2,
+        "f9980ee0495eaafb3e38f0d19e2eae12",
+        "0",
+        "10",
+        "add_two_ints_server",
+        "",
+        "/add_two_ints",
+        "example_interfaces/srv/AddTwoInts",
+        ADD,
+        "::,10:,:,:,,",
+    ),
+}
+"""The tokens of the design document, and what they say."""
+
+
+@pytest.mark.parametrize("token", DESIGN)
+def test_the_tokens_of_the_design_document_are_read_and_written(token: str) -> None:
+    assert wire.entity(token) == DESIGN[token]
+    assert DESIGN[token].token == token
+
+
+def test_the_key_of_the_design_document_is_that_of_its_publisher() -> None:
+    talker = list(DESIGN.values())[2]
+    assert talker.key == f"2/chatter/std_msgs::msg::dds_::String_/{STRING}"
+
+
+def test_a_namespace_is_within_a_token_with_its_slashes_as_percent() -> None:
+    told = Entity(
+        "MP", 0, "a", "1", "2", "talker", "/fleet/one", "/fleet/one/scan", "sensor_msgs/msg/LaserScan", "h", "q"
+    )
+    assert "/%fleet%one/talker/%fleet%one%scan/" in told.token
+    assert wire.entity(told.token) == told
+
+
+def test_an_attachment_is_a_number_a_time_sixteen_and_a_gid() -> None:
+    packed = Attachment(7, 1_700_000_000_000_000_001, bytes(range(16))).pack()
+    assert packed == struct.pack("<qqB", 7, 1_700_000_000_000_000_001, 16) + bytes(range(16))
+    assert len(packed) == 33
+    assert wire.attachment(packed) == Attachment(7, 1_700_000_000_000_000_001, bytes(range(16)))
+
+
+@given(some.binary(max_size=40))
+def test_what_is_no_attachment_is_none(data: bytes) -> None:
+    told = wire.attachment(data)
+    assert told is None or (len(data) == 33 and told.pack() == data)
+
+
+@given(some.text(max_size=40))
+@settings(max_examples=40)
+def test_what_is_no_token_is_none(text: str) -> None:
+    assert wire.entity(text) is None
+    wire.entity("@ros2_lv/0/a/0/1/MP/%/%/n/" + text)
+
+
+@given(some.lists(some.tuples(some.integers(0, 65535), some.binary(max_size=50)), max_size=6), some.integers(1, 9))
+def test_frames_come_whole_however_they_are_cut(sent: list[tuple[int, bytes]], size: int) -> None:
+    data = b"".join(wire.frame(*each) for each in sent)
+    finder = wire.FrameFinder()
+    pieces = [data[at : at + size] for at in range(0, len(data), size)]
+    assert [frame for piece in pieces for frame in finder.feed(piece)] == sent
+
+
+@given(some.binary(max_size=200))
+def test_any_bytes_are_borne_as_frames(data: bytes) -> None:
+    finder = wire.FrameFinder()
+    finder.feed(data)
+    finder.feed(data)
+
+
+def test_a_topic_within_a_namespace_is_one_that_does_not_begin_with_a_slash() -> None:
+    assert wire.whole("scan", "/tb4") == "/tb4/scan"
+    assert wire.whole("scan") == "/scan"
+    assert wire.whole("/scan", "/tb4") == "/scan"
+
+
+GID = bytes(16)
+
+
+def test_a_message_that_comes_twice_or_out_of_order_counts_once() -> None:
+    sieve = Sieve()
+    passed = [
+        number for number in (1, 2, 2, 4, 3, 5) if sieve.passes(Attachment(number, number * 10**8, GID), number / 10)
+    ]
+    assert passed == [1, 2, 4, 5]
+    assert sieve.doubled == 2
+
+
+def test_messages_that_were_held_up_do_not_count_and_those_after_them_do() -> None:
+    sieve = Sieve()
+    for number in range(20):
+        assert sieve.passes(Attachment(number, number * 10**8, GID), number / 10 + 0.01)
+    held = [sieve.passes(Attachment(number, number * 10**8, GID), 6.0) for number in range(20, 50)]
+    assert not any(held)
+    assert sieve.late == 30
+    assert sieve.passes(Attachment(60, 60 * 10**8, GID), 6.02)
+
+
+def test_a_sender_whose_clock_was_set_back_is_heard_again_after_a_second() -> None:
+    sieve = Sieve()
+    sieve.passes(Attachment(1, 100 * 10**9, GID), 1.0)
+    heard = [sieve.passes(Attachment(2 + step, 50 * 10**9 + step * 10**8, GID), 1.1 + step / 10) for step in range(20)]
+    assert heard.index(True) == 10
+    assert all(heard[10:])
+
+
+def test_another_sender_has_its_own_numbers() -> None:
+    sieve = Sieve()
+    assert sieve.passes(Attachment(900, 10**9, GID), 1.0)
+    assert sieve.passes(Attachment(1, 10**9, b"x" * 16), 1.0)
