@@ -124,6 +124,7 @@ class Keeper:
                 sync_at = self._clock.now() + SYNC
             waiting += self._inlet.batches(max(0.0, min(flush_at, sync_at) - self._clock.now()))
         written = writer.close()
+        writer.sync()  # what is told to be closed outlives a power cut
         self._notice(writer)
         return written
 

@@ -1,0 +1,122 @@
+"""A power cut at any moment: no task that was acknowledged is lost, and a record has all that was on the disk."""
+
+import os
+import sys
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from missions.records.recording.faults import InvalidRecordError
+from missions.records.recording.read import open_record
+from missions.service.queue import Queue
+from missions.service.schema import open_db
+from tests.power import ACKNOWLEDGED, Call, after_cut, recordable, recorded
+
+pytestmark = pytest.mark.skipif(not recordable(), reason="strace is not here, or may not look at other programs")
+
+CUTS = int(os.environ.get("CUTS", "25"))
+"""Of each kind."""
+
+QUEUE = """
+import sys
+from pathlib import Path
+from missions.service.queue import Queue
+from missions.service.schema import open_db
+from missions.service.task import NewTask, Outcome, Policy
+
+queue = Queue(open_db(Path(sys.argv[1]) / "tasks.db"), lambda _: ())
+for number in range(int(sys.argv[2])):
+    queue.add(NewTask(mission="note", due=0.0, policy=Policy("retry", 9)), 0.0)
+    print(f"acknowledged {number + 1}:waiting", flush=True)
+    if number % 3 == 2:
+        claim = queue.claim(1.0)
+        print(f"acknowledged {claim.task.id}:running", flush=True)
+        queue.finish(claim, Outcome("success", ""), 2.0)
+        print(f"acknowledged {claim.task.id}:done", flush=True)
+"""
+
+
+def placed(left: Mapping[str, bytes], old: Path, new: Path) -> None:
+    """Write what a power cut has left into another folder."""
+    for name, data in left.items():
+        path = new / Path(name).relative_to(old)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+
+
+def cuts(done: list[Call], number: int) -> list[int]:
+    """Return after how many calls the power is cut, each time."""
+    chance = Random(4)  # noqa: S311 - chance, not a secret
+    return sorted(chance.randrange(1, len(done) + 1) for _ in range(number))
+
+
+ORDER = ("waiting", "running", "done")
+
+
+def lost_tasks(folder: Path, done: list[Call], at: int, chance: Random | None, into: Path) -> list[str]:
+    """Return what was acknowledged before the power cut, and is not so after it."""
+    wanted: dict[int, str] = {}
+    for call in done[:at]:
+        if call.what == ACKNOWLEDGED:
+            number, _, state = call.path.partition(":")
+            wanted[int(number)] = state
+    left = {name: data for name, data in after_cut(done[:at], chance).items() if not name.endswith("-shm")}
+    placed(left, folder, into)
+    if not wanted and not (into / "tasks.db").exists():
+        return []
+    with closing(open_db(into / "tasks.db")) as connection:
+        found = {task.id: str(task.state) for task in Queue(connection, lambda _: ()).tasks()}
+    return [
+        f"task {number} was {state}, and is {found.get(number, 'gone')}"
+        for number, state in wanted.items()
+        if number not in found or ORDER.index(found[number]) < ORDER.index(state)
+    ]
+
+
+def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(tmp_path: Path) -> None:
+    folder = tmp_path / "state"
+    folder.mkdir()
+    done = recorded([sys.executable, "-c", QUEUE, str(folder), "12"], folder, tmp_path / "trace")
+    assert sum(call.what == ACKNOWLEDGED for call in done) == 20
+    lost: list[str] = []
+    for number, at in enumerate(cuts(done, CUTS)):
+        chance = Random(number) if number % 2 else None  # noqa: S311 - chance, not a secret
+        lost += lost_tasks(folder, done, at, chance, tmp_path / f"cut{number}")
+    assert lost == []
+
+
+def times(path: Path) -> list[float]:
+    """Return the times of the moments in a record; none where it is none."""
+    try:
+        return [moment.t for moment in open_record(path).moments]
+    except (InvalidRecordError, OSError):
+        return []
+
+
+def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(tmp_path: Path) -> None:
+    folder = tmp_path / "records"
+    folder.mkdir()
+    run = [sys.executable, "-m", "missions", "run", "look_around", "--simulate", "fast", "--speed", "4"]
+    done = recorded([*run, "--record", str(folder / "it.mcap")], folder, tmp_path / "trace")
+    whole = times(folder / "it.mcap")
+    assert len(whole) > 20
+    for number, at in enumerate(cuts(done, CUTS)):
+        into, safe = tmp_path / f"cut{number}", tmp_path / f"safe{number}"
+        placed(after_cut(done[:at], Random(number)), folder, into)  # noqa: S311 - chance, not a secret
+        placed(after_cut(done[:at], None), folder, safe)
+        synced, left = times(safe / "it.mcap"), times(into / "it.mcap")
+        assert synced == whole[: len(synced)]
+        assert left[: len(synced)] == synced
+        assert set(left) <= set(whole)
+
+
+def test_a_record_that_was_closed_is_whole_after_a_power_cut(tmp_path: Path) -> None:
+    folder = tmp_path / "records"
+    folder.mkdir()
+    run = [sys.executable, "-m", "missions", "run", "look_around", "--simulate", "fast"]
+    done = recorded([*run, "--record", str(folder / "it.mcap")], folder, tmp_path / "trace")
+    placed(after_cut(done, None), folder, tmp_path / "after")
+    assert (tmp_path / "after" / "it.mcap").read_bytes() == (folder / "it.mcap").read_bytes()
