@@ -99,9 +99,9 @@ def helpless(seen: Witness) -> Iterator[str]:
     for fault in seen.struck:
         if fault.state not in HELD.get(fault.part, ()):
             continue
-        # Who releases the last stop releases all, and a pause ends with any stop or pause.
+        # Who releases the last stop releases all; a pause ends with any stop or pause, and one plug is in for all.
         others = [each for each in seen.struck if each.part == fault.part and each.state in HELD[fault.part]]
-        if fault.state != "paused":
+        if fault.state not in ("paused", "unplugged"):
             others = [each for each in others if each.state == fault.state and each.start >= fault.start]
         # A base without its cable is stopped by its firmware, and its wheels obey that as late as all else.
         lag = seen.lag if fault.part == "base" else 0.0
