@@ -1,10 +1,11 @@
 """What every test gets: a check that it leaves no thread, port or file open. Its clock comes from our own plugin."""
 
+import gc
 import os
 import signal
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import count
 from pathlib import Path
 
@@ -28,6 +29,17 @@ def pytest_configure() -> None:
     """Take Ctrl-C also where a shell runs the tests in the background, which has all of them ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Search nothing of what is collected for rubbish, now or later: it is ten thousand tests, and all of it lasts."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -45,6 +45,10 @@ BRAKING = 1.2
 """How much harder than it speeds up a base slows down: as its driver has it."""
 
 
+NEVER = (-math.inf, 0.0)
+"""When what was never told was told."""
+
+
 @dataclass(frozen=True, slots=True)
 class Turning:
     """How the base stood, and turned, at ``stamp``: ``heading`` in radians (odometry frame), ``rate`` in rad/s.
@@ -104,11 +108,16 @@ class Lag:
             self._rates = [known.rate] * len(GRID)
             return
         span = known.stamp - before.stamp
-        means = list(self._rates)
+        most, means = self.acceleration * span, list(self._rates)
+        newest = reversed(self._told)  # a longer lag asks for an older time, so one walk through them finds all
+        when, told = next(newest)
         for number, lag in enumerate(GRID):
-            told = self.told(known.stamp - lag - span / 2, self._rates[number])
-            self._rates[number] = ramped(self._rates[number], told, self.acceleration * span)
-            means[number] = (means[number] + self._rates[number]) / 2
+            time = known.stamp - lag - span / 2
+            while when > time:
+                when, told = next(newest, NEVER)
+            rate = self._rates[number]
+            self._rates[number] = ramped(rate, rate if when == -math.inf else told, most)
+            means[number] = (rate + self._rates[number]) / 2
         if max(means) - min(means) >= LEAST:
             # How far it turned, not how fast: what a base reports of its rate is older than its heading.
             self._weigh(means, (known.heading - before.heading) / span)

@@ -1,13 +1,12 @@
 """Our inference against scikit-fuzzy's, on random rule bases."""
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
-import skfuzzy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from skfuzzy import control
 
 from behaviours.tracking.fuzzy import CONJUNCTIONS, Controller, Rule
 from behaviours.tracking.outputs import Sets, Singletons
@@ -54,7 +53,13 @@ def ours(case: Case, conjunction: Any, output: Any) -> float:
     return found(*values)
 
 
+def reference() -> tuple[Any, Any]:
+    """Return scikit-fuzzy and its ``control``: it brings Matplotlib's windows along, so only who needs it loads it."""
+    return import_module("skfuzzy"), import_module("skfuzzy.control")
+
+
 def theirs(case: Case) -> float:
+    skfuzzy, control = reference()
     inputs, output, rules, values = case
     causes = {name: control.Antecedent(UNIVERSE, name) for name in inputs}
     for name, terms in inputs.items():
@@ -86,6 +91,7 @@ def test_mamdani_with_centroid_is_scikit_fuzzys_within_two_thousandths_of_the_ra
 @settings(max_examples=100, deadline=None)
 @given(cases(), st.sampled_from(["min", "product"]))
 def test_sugeno_is_the_mean_weighted_by_scikit_fuzzys_grades(case: Case, joined: str) -> None:
+    skfuzzy, _ = reference()
     inputs, output, rules, values = case
     heights = {term: points[1] - 500.0 for term, points in output.items()}
     join = np.min if joined == "min" else np.prod

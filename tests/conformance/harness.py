@@ -78,7 +78,7 @@ def all_cases() -> list[Case]:
 def read_cases(subject: str, text: str) -> Iterator[Case]:
     """Read a file's cases. Raises ValueError for one that is not as the head of this module says."""
     lines = text.splitlines()
-    loader = yaml.SafeLoader(text)
+    loader = (yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)(text)
     listing: Any = loader.get_single_node()
     for node, told in zip(listing.value, loader.construct_document(listing), strict=True):
         if unknown := told.keys() - KEYS:

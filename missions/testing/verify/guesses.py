@@ -32,6 +32,9 @@ FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
 }
 """What the robot senses in so few values that each is tried; None is what a silent device reports."""
 
+PLAIN = frozenset((bool, int, float, str))
+"""Types whose values hold no others: most of what is looked at."""
+
 MAX_COUNT = 3
 """Whole numbers beyond this are not told apart: a mission that counts must not count for ever."""
 
@@ -137,6 +140,18 @@ class Guess(Value):
     blind: bool = False
     asked: bool = False
     kept: Callable[[object], object] = lambda found: found
+    needed: frozenset[str] = field(init=False)
+    """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
+    sensed: bool = field(init=False)
+    choices: Sequence[tuple[object, bool]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out what is the same each time."""
+        reads = self.template.reads if self.template is not None else ()
+        sensed = any(read.name in STATE and read.member not in FLAGS.get(read.name, ()) for read in reads)
+        choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
+        for name, value in (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices)):
+            object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """See missions.language.values.Value."""
@@ -146,32 +161,27 @@ class Guess(Value):
             return UNKNOWN
         if not self.blind and not self._unknown(scope):
             return self.kept(Value.resolve(self, scope))
-        options = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
-        found, failed = self.oracle.choose(options, partial(_said, wording(self)))
+        found, failed = self.oracle.choose(self.choices, self._said)
         if failed:
             raise ExpressionError("cannot be calculated")
         return found
 
     def _all_set(self, scope: Mapping[str, object]) -> None:
         """Raise ExpressionError for a variable that has to be there, and is not."""
-        for name in surely_read(self):
+        for name in self.needed:
             if name not in scope:
                 raise ExpressionError(f"'{name}' is not set")
 
     def _unknown(self, scope: Mapping[str, object]) -> bool:
         """Say whether something that it reads is unknown here."""
-        for read in self.template.reads if self.template is not None else ():
-            sensed = read.name in STATE and read.member not in FLAGS.get(read.name, ())
-            if sensed or holds_unknown(scope.get(read.name)):
-                return True
-        return False
+        reads = self.template.reads if self.template is not None else ()
+        return self.sensed or any(holds_unknown(scope.get(read.name)) for read in reads)
 
-
-def _said(text: str, answer: tuple[object, bool]) -> str:
-    found, failed = answer
-    if failed:
-        return f"'{text}' cannot be calculated"
-    return "" if found is UNKNOWN else f"'{text}' is {str(found).lower()}"
+    def _said(self, answer: tuple[object, bool]) -> str:
+        found, failed = answer
+        if failed:
+            return f"'{wording(self)}' cannot be calculated"
+        return "" if found is UNKNOWN else f"'{wording(self)}' is {str(found).lower()}"
 
 
 def wording(value: Value) -> str:
@@ -186,9 +196,13 @@ def wording(value: Value) -> str:
 
 def holds_unknown(value: object) -> bool:
     """Say whether a value, or something in it, is unknown."""
+    if value is UNKNOWN:
+        return True
+    if value is None or type(value) in PLAIN:
+        return False
     if isinstance(value, Mapping):
         return any(map(holds_unknown, value.values()))
-    return value is UNKNOWN or (isinstance(value, list | tuple) and any(map(holds_unknown, value)))
+    return isinstance(value, list | tuple) and any(map(holds_unknown, value))
 
 
 def widened(found: object) -> object:

@@ -15,15 +15,16 @@ class Timing:
 
     def __init__(self, oracle: Oracle) -> None:
         self.oracle = oracle
-        self.zone = Zone(START)
+        self.set(START)
 
     def set(self, rows: Rows) -> None:
         """Begin a step at which ``rows`` are known."""
         self.zone = Zone(rows)
+        self._now = Instant(self, self.zone.now)
 
     def now(self) -> float:
         """Return the present instant."""
-        return Instant(self, self.zone.now)
+        return self._now
 
     def at_least(self, later: int, earlier: int, seconds: float) -> bool:
         """Say whether so much time lies between two instants: what follows from what is known, else a choice."""

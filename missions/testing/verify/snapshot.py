@@ -10,7 +10,7 @@ from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import Modifier, Repeat, Retry
-from missions.testing.verify.guesses import Many
+from missions.testing.verify.guesses import PLAIN, Many
 from missions.testing.verify.instants import Instant, Timing
 from missions.testing.verify.mocks import StandIn
 
@@ -44,15 +44,14 @@ class Part:
     parent: int | None
     names: tuple[str, ...]
     at_rest: tuple[tuple[bool, object], ...]
+    lasting: tuple[tuple[str, object], ...]
     resting: dict[int, int] = field(default_factory=dict)
 
     @property
     def blank(self) -> bool:
         """Say whether what would last beyond a run is as it was before the first."""
-        for name, (lasts, at_rest) in zip(self.names, self.at_rest, strict=True):
-            if lasts and getattr(self.node, name) is not at_rest:
-                return False
-        return True
+        node = self.node
+        return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
 
     @classmethod
     def of(cls, node: Node, nodes: Sequence[Node]) -> "Part":
@@ -61,7 +60,8 @@ class Part:
         running, lasting = declared_state(type(node))
         names = tuple(name for name in sorted(running | lasting) if name != "result" or not _gives_anew(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
-        return cls(node, parent, names, at_rest)
+        lasts = tuple((name, getattr(node, name)) for name in names if name in lasting)
+        return cls(node, parent, names, at_rest, lasts)
 
 
 class Snapshots:
@@ -205,6 +205,8 @@ def thawed(row: Iterable[Any]) -> dict[str, object]:
 
 
 def _freeze(value: object) -> Frozen:
+    if type(value) in PLAIN:
+        return Frozen(type(value), value)
     if isinstance(value, Mapping):
         return Frozen(dict, frozen(value))
     if isinstance(value, list | tuple):

@@ -1,17 +1,28 @@
-"""Every mission that ships has tests, for its success and for its failure, and passes them."""
+"""Every mission that ships has tests, for its success and for its failure, passes them, and decides each again alike.
 
+A case is played once, for both: what was told of the run is what it is decided again from.
+"""
+
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
+from config.library import find
+from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
-from missions.testing.play import play
+from missions.order import DEFAULT_ROBOT
+from missions.records.replay.rerun import rerun
+from missions.testing.mocks import Cast
 from missions.testing.report import failure
-from missions.testing.stage import IN_PROCESS
 from missions.testing.suite import Case, beside, load_suite
+from tests.missions.records.replay.past import Past, past_of_case
 
-SHARE = 6
+SHARE = 4
 """Cases that one item plays: some take seconds, and items are what runs beside each other."""
+
+INTERRUPTED = 3.0
+"""Seconds after which a run is interrupted, for its halting to be decided again."""
 
 
 def shares() -> list[tuple[str, int, int]]:
@@ -29,15 +40,35 @@ def cases_of(name: str) -> tuple[Case, ...]:
     return load_suite(beside(shipped_missions()[name]))
 
 
+def decided_again(case: Case, past: Past) -> str:
+    """Decide a case again from what was told of its run; return what is not as it was then."""
+    config = load_robot(find("robots", case.robot or DEFAULT_ROBOT))
+    again = rerun(past, past.runner.plan, config, seed=case.seed, substitute=Cast(case.mocks))
+    whole = again.ticks == len({moment.tick for moment in past.moments})
+    alike = again.same and again.words == 0 and again.nodes == sum(1 for _ in past.runner.plan.tree.walk())
+    return "" if whole and alike else f"{case}: decided again, {again}"
+
+
 @pytest.mark.parametrize(("name", "first", "step"), shares())
-def test_every_shipped_mission_passes_its_tests_for_success_and_for_failure(name: str, first: int, step: int) -> None:
-    cases = cases_of(name)
-    items = (item for case in cases for each in case.expectations if each.key == "result" for item in each.items)
-    assert {"success", "failure"} <= {item.value for item in items}
-    verdicts = [play(case, limits=IN_PROCESS) for case in cases[first::step]]
-    assert verdicts
-    assert all(verdict.passed for verdict in verdicts), "\n".join(failure(each) for each in verdicts if not each.passed)
+def test_every_shipped_mission_passes_its_tests_and_decides_the_same_again(
+    name: str, first: int, step: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = []
+    for case in cases_of(name)[first::step]:
+        verdict, past = past_of_case(case, monkeypatch)
+        wrong.append(decided_again(case, past) if verdict.passed else failure(verdict))
+    assert wrong
+    assert not any(wrong), "\n".join(wrong)
 
 
-def test_no_mission_ships_without_tests() -> None:
-    assert {name for name, _, _ in shares()} == set(shipped_missions())
+@pytest.mark.parametrize("name", shipped_missions())
+def test_every_shipped_mission_is_interrupted_again_as_it_was(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = max(cases_of(name), key=lambda case: case.timeout)
+    _, past = past_of_case(replace(case, timeout=INTERRUPTED, eyes="truth"), monkeypatch)
+    assert decided_again(case, past) == ""
+
+
+def test_no_mission_ships_without_tests_for_success_and_for_failure() -> None:
+    for name in shipped_missions():
+        wanted = (each for case in cases_of(name) for each in case.expectations if each.key == "result")
+        assert {"success", "failure"} <= {item.value for each in wanted for item in each.items}, name

@@ -1,17 +1,18 @@
 """Records in memory: what was told of a run, without a file."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
-from missions.executive.events import Event
+from missions.executive.events import Event, Listener
 from missions.executive.tick_record import TickRecord
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing import stage
-from missions.testing.stage import IN_PROCESS, Stage
+from missions.testing.play import Verdict, play
+from missions.testing.stage import IN_PROCESS
 from missions.testing.suite import Case
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Drawing
@@ -53,11 +54,18 @@ def past_of(
     return Past(runner, events, moments)
 
 
-def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> Past:
-    """Play a case of a test file with true eyes, which are quick, and remember it."""
-    moments: list[TickRecord] = []
+def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[Verdict, Past]:
+    """Play a case of a test file; return what became of it, and what was told of its run."""
+    past: list[Past] = []
+
+    def remembering(order: RunRequest, *, listeners: Sequence[Listener], **options: Any) -> Runner:
+        events: list[Event] = []
+        moments: list[TickRecord] = []
+        runner = Runner(order, listeners=[*listeners, events.append], on_moment=moments.append, **options)
+        past.append(Past(runner, events, moments))
+        return runner
+
     with patch.context() as patched:
-        patched.setattr(stage, "Runner", partial(Runner, on_moment=moments.append))
-        played = Stage(replace(case, eyes="truth"), IN_PROCESS)
-        runner = played.run()
-    return Past(runner, played.history.events, moments)
+        patched.setattr(stage, "Runner", remembering)
+        verdict = play(case, limits=IN_PROCESS)
+    return verdict, past[0]

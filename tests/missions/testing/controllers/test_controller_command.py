@@ -127,7 +127,10 @@ def test_controllers_are_benched_as_figures_and_as_a_picture(small: Path, capsys
     assert (small.parent / "bench.png").read_bytes().startswith(PNG)
 
 
-def test_tuning_writes_a_new_file_and_shows_before_and_after(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tuning_writes_a_new_file_and_shows_before_and_after(
+    small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
     found = command(capsys, "tune", "tracker", "--controller", small.name, "--evaluations", "10")
     assert found.code == SUCCESS
     assert "  before" in found.out
