@@ -3,10 +3,12 @@
 import os
 import re
 import tempfile
+from collections.abc import Mapping as PyMapping
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from config.faults import Mark, Source
+from config.faults import InvalidFileError, Mark, Source
 from config.library import HERE
 from config.marked import Listing, Mapping, Node, Scalar, compose
 
@@ -41,6 +43,35 @@ def with_value(source: Source, keys: Sequence[str], value: str) -> str:
     if old is not None:
         raise NotEditableError(f"{source.name}: '{keys[-1]}' is neither one value nor a list on one line")
     return _add(source.text, node, f"{keys[-1]}: {value}")
+
+
+def with_values(source: Source, values: PyMapping[tuple[str, ...], str]) -> str:
+    """Return the text in which each of ``values`` stands at its keys, and all else means what it meant.
+
+    Raises NotEditableError and InvalidFileError as ``with_value``, and where an anchor stands for more than one value.
+    """
+    wanted, text = _meant(compose(source)), source.text
+    for keys, value in values.items():
+        text = with_value(Source(source.name, text), keys, value)
+        place = wanted
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = _meant(compose(Source(source.name, value)))
+    try:
+        right = _meant(compose(Source(source.name, text))) == wanted
+    except InvalidFileError:  # the anchor was lost
+        right = False
+    if not right:
+        what = "; ".join(": ".join((*keys, value)) for keys, value in values.items())
+        raise NotEditableError(f"{source.name}: it is written in a way that cannot be changed here; write {what}")
+    return text
+
+
+def _meant(node: Node) -> Any:
+    """Return what a node means, wherever it stands."""
+    if isinstance(node, Mapping):
+        return {name.text: _meant(value) for name, value in node.entries}
+    return [_meant(each) for each in node.items] if isinstance(node, Listing) else node.value
 
 
 def _put(text: str, mark: Mark, new: str, *, length: int = 0) -> str:

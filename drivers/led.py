@@ -52,6 +52,10 @@ class LedHead(Generic[A]):
         self._settled = False
         return self._way.trim(pan=pan, tilt=tilt, now=self._now())
 
+    def curb(self, limits: HeadLimits) -> HeadLimits:
+        """See ``drivers.api.Curbed``: of its speed, at once and within its acceleration."""
+        return self._way.curb(limits.speed, self._now())
+
     def stay(self) -> None:
         """Go nowhere when its servos are there. To be called before ``open``."""
         self._began = True

@@ -92,7 +92,8 @@ class PanTilt(Generic[A]):
             raise ValueError(f"{name}: an acceleration of {acceleration} rad/s^2 gets it nowhere")
         self._name = name
         self._axes = (pan, tilt)
-        self._speed, self._acceleration = speed, acceleration
+        self._speed = self._fastest = speed
+        self._acceleration = acceleration
         self._lock = Lock()  # over the axes and the profiles, which the caller and the driver's thread both touch
         self._limits = self._limits_now()
         begin = self._limits.clamp(start)
@@ -165,6 +166,18 @@ class PanTilt(Generic[A]):
                 if angle is not None:
                     profile.place(angle, now)
                     profile.halt()
+
+    def curb(self, speed: float, now: float) -> HeadLimits:
+        """Turn no faster than so (rad/s), and no faster than it was made for; return the limits that hold."""
+        if not speed > 0:
+            raise BadRequest(f"{self._name}: a speed of {speed} rad/s gets it nowhere")
+        with self._lock:
+            self._speed = min(speed, self._fastest)
+            for profile in self._profiles:
+                profile.advance(now)
+                profile.speed = self._speed
+            self._limits = self._limits_now()
+        return self._limits
 
     def advance(self, now: float) -> tuple[Step[A], Step[A]]:
         """Move on until time ``now``; return where pan and tilt are to be."""

@@ -88,9 +88,9 @@ class Profile:
         way, begin = ahead * (self.goal - self.position), ahead * self.velocity
         peak = min(self.speed, sqrt(max(0.0, self.acceleration * way + begin**2 / 2)))
         gain, loss = (peak - begin) / self.acceleration, peak / self.acceleration
-        even = way - (peak + begin) / 2 * gain - peak / 2 * loss
+        even = way - (peak + begin) / 2 * abs(gain) - peak / 2 * loss  # it may be faster than it may go by now
         return (
-            (max(0.0, gain), ahead * self.acceleration),
+            (abs(gain), copysign(self.acceleration, ahead * gain)),
             (max(0.0, even / peak) if peak > 0 else 0.0, 0.0),
             (loss, -ahead * self.acceleration),
         )

@@ -18,6 +18,7 @@ from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam,
 from drivers.api.camera import Camera, CameraFrame
 from drivers.api.device import (
     Away,
+    Curbed,
     Device,
     DeviceStatus,
     Health,
@@ -54,6 +55,7 @@ __all__ = [
     "Camera",
     "CameraFrame",
     "Coupling",
+    "Curbed",
     "Device",
     "DeviceStatus",
     "DockBeam",

@@ -134,6 +134,26 @@ class Device(Protocol):
         ...
 
 
+L = TypeVar("L")
+
+
+@runtime_checkable
+class Curbed(Protocol[L]):
+    """A part that keeps within narrower limits than its robot file's while it runs, as all of ours can."""
+
+    @property
+    def limits(self) -> L:
+        """Those that hold."""
+        ...
+
+    def curb(self, limits: L) -> L:
+        """Keep within ``limits`` from now on, where they are narrower than the file's; return those that hold.
+
+        From any thread. Raises BadRequest for limits that leave nothing.
+        """
+        ...
+
+
 @runtime_checkable
 class Latching(Protocol):
     """A part that moves, and may stand still until somebody enables it: see ``Away``."""

@@ -9,7 +9,9 @@ from drivers.api import Away, JointLimits, Report
 from drivers.clock import Clock
 from drivers.dynamixel.clamping import Clamping
 from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.refusals import check_names
 from drivers.dynamixel.telling import Telling
+from drivers.errors import BadRequest
 from drivers.guard import guarded
 
 
@@ -45,6 +47,21 @@ class CommandedJoints(Enabling, ABC):
     @property
     def limits(self) -> Mapping[str, JointLimits]:
         """The joints by name, in the order of the robot file."""
+        return self._limits
+
+    def curb(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
+        """See ``drivers.api.Curbed``: of the named joints, from the next goal of each on. What stands beyond stays."""
+        check_names(self.name, set(limits), self._joints)
+        found = {}
+        for name, wanted in limits.items():
+            widest = self._joints[name].widest
+            lower, upper = max(wanted.lower, widest.lower), min(wanted.upper, widest.upper)
+            found[name] = JointLimits(lower, upper, min(wanted.speed, widest.speed))
+            if not (lower < upper and found[name].speed > 0):
+                raise BadRequest(f"{self.name}: limits {wanted} of {name} leave nothing of {widest}")
+        for name, narrower in found.items():
+            self._joints[name].limits = narrower
+        self._limits = {**self._limits, **found}
         return self._limits
 
     def hold(self, joints: Collection[str] | None = None) -> None:

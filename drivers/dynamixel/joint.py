@@ -114,7 +114,12 @@ class Joint:
         senses = ("present_position", model.table.velocity, model.table.effort)
         others = ("present_voltage", "present_temperature", "moving")
         self._senses = tuple(model.table[name] for name in (*senses, *others))
-        self.limits = JointLimits(spec.lower, spec.upper, min(spec.speed, model.top_speed))
+        self.limits = self.widest
+
+    @property
+    def widest(self) -> JointLimits:
+        """How far and fast it may go by its robot file; ``limits`` may be narrower for a while."""
+        return JointLimits(self.spec.lower, self.spec.upper, min(self.spec.speed, self.model.top_speed))
 
     @property
     def title(self) -> str:
@@ -180,7 +185,7 @@ class Joint:
 
     def clamp(self, angle: float) -> float:
         """Return the nearest angle of the joint within its limits."""
-        return min(max(angle, self.spec.lower), self.spec.upper)
+        return self.limits.clamp(angle)
 
     def position_at(self, now: float) -> float | None:
         """Return where the joint is by ``now``: seen last, and carried on at its speed as far as its goal.

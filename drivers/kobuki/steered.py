@@ -112,6 +112,12 @@ class SteeredBase(ABC):
         """How fast it goes, and how quickly that changes."""
         return self._limits
 
+    def curb(self, limits: BaseLimits) -> BaseLimits:
+        """See ``drivers.api.Curbed``: of its speeds, at once and by its ramp."""
+        with self._lock:
+            self._limits = self._mux.curb(limits.speed, limits.turn)
+        return self._limits
+
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
 

@@ -1,10 +1,12 @@
 """The velocity that a base is to have right now: sources, deadman, reflexes and ramp in one place, without any wire."""
 
+from dataclasses import replace
 from math import inf
 
 from drivers.absence import Absence
-from drivers.api import STILL, Away, BaseState, Reflexes, Source, Steering, Velocity
+from drivers.api import STILL, Away, BaseLimits, BaseState, Reflexes, Source, Steering, Velocity
 from drivers.delays import Delays
+from drivers.errors import BadRequest
 from drivers.kobuki.arbiter import Arbiter
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.reflexes import SafetyController
@@ -24,7 +26,7 @@ class VelocityMultiplexer:
     """
 
     def __init__(self, limits: Limits, reflexes: Reflexes | None = None, away: Away | None = None) -> None:
-        self._limits = limits
+        self._limits = self._widest = limits
         self._reflexes = reflexes or Reflexes()
         self._arbiter = Arbiter()
         self._controller = SafetyController(self._reflexes)
@@ -67,6 +69,20 @@ class VelocityMultiplexer:
         self._going = STILL
         self.steering = Steering(None, STILL, STILL)
         return True
+
+    def curb(self, speed: float, turn: float) -> BaseLimits:
+        """Go no faster than so (m/s, rad/s), and no faster than it was made for; return what holds.
+
+        Raises BadRequest for what is not positive.
+        """
+        widest = self._widest
+        try:
+            self._limits = replace(
+                widest, max_linear=min(speed, widest.max_linear), max_angular=min(turn, widest.max_angular)
+            )
+        except ValueError as error:
+            raise BadRequest(str(error)) from error
+        return self._limits.told
 
     def latch(self, reason: str) -> None:
         """Stand still until ``enable``, for the first reason given."""

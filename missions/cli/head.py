@@ -23,7 +23,8 @@ from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
-from missions.cli.trims import check_keepable, keep_trims
+from missions.library.tuning import check_keepable
+from missions.library.tuning import keep as keep_values
 from missions.order import DEFAULT_ROBOT
 
 STARTED: Mapping[Life, str] = MappingProxyType(
@@ -33,6 +34,9 @@ STARTED: Mapping[Life, str] = MappingProxyType(
     }
 )
 """How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
+
+AGAIN = "mission head trim --robot FILE --keep"
+"""What to type with a copy of a robot file that is not to be written."""
 
 SWING, PACE = radians(15), 2.5
 """How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
@@ -102,14 +106,15 @@ def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None,
     path = find("robots", robot or DEFAULT_ROBOT)
     try:
         if keep:
-            check_keepable(path)
+            check_keepable(path, AGAIN)
         with opened(robot, simulate=simulate, port=port) as bench:
             trims = _by_hand(bench) if by_hand else _set(bench, pan, tilt)
         if trims is None:
             click.echo("nothing was changed")
             return FAILURE
         words = ", ".join(f"{axis} {degrees(value):+g} deg" for axis, value in zip(("pan", "tilt"), trims, strict=True))
-        changes = keep_trims(path, pan=trims[0], tilt=trims[1]) if keep else []
+        values = {f"head.{axis}.trim": value for axis, value in zip(("pan", "tilt"), trims, strict=True)}
+        changes = keep_values(path, values, AGAIN) if keep else []
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     kept = f"; written into {path}" if changes else "; the file has them already" if keep else "; --keep writes them"

@@ -14,7 +14,21 @@ LARGEST = 4_000_000
 """Bytes of the log; then it begins anew, and the one before is kept."""
 
 UNTOLD = frozenset(
-    {"hello", "watch", "seen", "drive", "look", "library", "mission", "world", "records", "record", "moment", "tasks"}
+    {
+        "hello",
+        "watch",
+        "seen",
+        "drive",
+        "look",
+        "library",
+        "mission",
+        "world",
+        "records",
+        "record",
+        "moment",
+        "tasks",
+        "tuning",
+    }
 )
 """Commands that change nothing, or come twenty times a second: `take` and `give` say who drove."""
 

@@ -125,6 +125,23 @@ class Fault(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned(OfRun):
+    """Answer with what of the robot may be changed while it runs, and how it is: trims, speeds, limits of joints."""
+
+    word: ClassVar[str] = "tuning"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tune(OfRun):
+    """Change one of these until the run ends, within what the robot file lets; joints obey from their next goal on."""
+
+    word: ClassVar[str] = "tune"
+    name: Annotated[str, "As `tuning` names it: `head.pan.trim`.", Bound(high=200)]
+    value: Annotated[float, "In SI units and radians.", Bound(-1e6, 1e6)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Take(OfRun):
     """Take the wheels; where another driver has them, ask that one for them."""
 

@@ -27,7 +27,6 @@ from missions.studio.audience import IDLE, Audience
 from missions.studio.client import NOTHING, Client
 from missions.studio.commands import Command, Drive, Look, Release, Seen, Stop, Watch
 from missions.studio.doing import Doing
-from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
 from missions.studio.holders import noted
 from missions.studio.messages import Answer, Over, Run
@@ -68,7 +67,7 @@ class ControlSocket:
         self.outlet = Outlet(runner, wall=self._clock)
         robot = runner.assembled.robot
         self._wheels = Wheels(robot.base_part, robot.head_part, self._clock)
-        self._doing = Doing(runner.executive, runner.latch, self._wheels, self._clock, Faults(runner))
+        self._doing = Doing(runner, self._wheels, self._clock)
         of = {"simulated": simulated, "world": world}
         began = time_of_day().timestamp()
         self._name = str(os.getpid())

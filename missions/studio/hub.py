@@ -5,7 +5,7 @@ import json
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Self
+from typing import Any, Self
 
 from missions.studio import sockets
 from missions.studio.form import BadMessage
@@ -125,6 +125,15 @@ class Hub:
             known = ", ".join(self._links) or "none"
             raise BadMessage("no_such_run", f"there is no run '{run}' (there is: {known})")
         return self._links[run].about
+
+    async def ask(self, run: str, command: Mapping[str, object]) -> Mapping[str, Any]:
+        """Return the result of a command that a run answers. Raises BadMessage for one not there, or silent."""
+        self.known(run)
+        try:
+            answer = await self._links[run].ask(command)
+        except OSError as error:  # a TimeoutError is one
+            raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
+        return answer.get("result") or {}
 
     def watching(self, run: str) -> Watching:
         """Return what is watched of a run. Raises BadMessage for one that is not there."""

@@ -7,11 +7,14 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 from threading import Thread
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from config.editing import NotEditableError
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
+from missions.library.tuning import keep
 from missions.records.recording.faults import InvalidRecordError
 from missions.service.task import TaskError
 from missions.studio import library, looking_back, queueing
@@ -37,6 +40,7 @@ DOES: Mapping[str, Callable[[Command], dict[str, object]]] = {
 
 ERRORS: Mapping[type[Exception], str] = {
     InvalidFileError: "bad_file",
+    NotEditableError: "bad_file",
     UnknownNameError: "bad_file",
     InvalidRecordError: "bad_record",
     TaskError: "bad_task",
@@ -61,6 +65,10 @@ class Reader:
     async def check(self, command: Start) -> None:
         """Raise BadMessage for a mission, robot or world that is none of those that there are."""
         await self._work(checked, command)
+
+    async def keep(self, tuning: Mapping[str, Any]) -> Mapping[str, object]:
+        """Write what was tuned in a run into its robot file; return what is answered. Raises BadMessage."""
+        return await self._work(kept, tuning)
 
     async def report(self, name: str) -> str:
         """Return the report of a record, as a page. Raises BadMessage."""
@@ -122,6 +130,14 @@ def reported(name: str) -> str:
     """Return the report of a record, in a reader's process. Raises BadMessage."""
     with _by_name():
         return looking_back.report(name)
+
+
+def kept(tuning: Mapping[str, Any]) -> dict[str, object]:
+    """Write what was tuned into the robot file, in a reader's process. Raises BadMessage."""
+    values = {each["name"]: each["value"] for each in tuning["knobs"] if each["tuned"]}
+    with _by_name():
+        changes = keep(Path(tuning["file"]), values, "mission run MISSION --robot FILE")
+    return {"file": tuning["file"], "changes": changes}
 
 
 @contextmanager

@@ -21,6 +21,8 @@ from missions.studio.commands import (
     Step,
     Stop,
     Take,
+    Tune,
+    Tuned,
     Watch,
 )  # fmt: skip
 from missions.studio.form import BadMessage, read, shown
@@ -30,6 +32,7 @@ from missions.studio.wishes import (
     ApproveTask,
     CancelTask,
     Hello,
+    KeepTuning,
     Library,
     Mission,
     Moment,
@@ -45,8 +48,8 @@ from missions.studio.wishes import (
 COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Start, AddPerson, Revoke,
-        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Take, Give, Drive, Look,
+        Hello, Library, Mission, World, Start, AddPerson, KeepTuning, Revoke,
+        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
     )

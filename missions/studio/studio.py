@@ -12,14 +12,14 @@ from typing import Protocol
 
 from missions.studio.access import Access
 from missions.studio.audit import UNTOLD, Audit
-from missions.studio.commands import KEY, Command, Role, Stop
+from missions.studio.commands import KEY, Command, Role, Stop, Tuned
 from missions.studio.enrolling import add_person
 from missions.studio.form import BadMessage, written
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import AddPerson, ApproveTask, Revoke, Start
+from missions.studio.wishes import AddPerson, ApproveTask, KeepTuning, Revoke, Start
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
@@ -116,6 +116,8 @@ class Studio:
         if isinstance(command, AddPerson):
             about = self.hub.known(command.run)
             return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
+        if isinstance(command, KeepTuning):
+            return await self._reader.keep(await self.hub.ask(command.run, {KEY: Tuned.word}))
         if isinstance(command, ApproveTask):
             command = replace(command, by=by.name)
         return await self._reader.do(command)

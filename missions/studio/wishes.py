@@ -70,6 +70,14 @@ class AddPerson(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KeepTuning(Command):
+    """Write what was changed by `tune` in a run into its robot file, of which all else stays as it is."""
+
+    word: ClassVar[str] = "keep_tuning"
+    run: Annotated[str, "Whose, as `runs` names it.", Bound(high=64)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Revoke(Command):
     """Make both links anew, and shut out whoever came by the former ones, but for who asks; what they drove stands.
 

@@ -12,8 +12,13 @@ from config.editing import NotEditableError, with_value
 from config.faults import Source
 from config.marked import Mapping, compose
 from drivers.arduino.declared import ArduinoKeys
-from missions.cli.trims import keep_trims
 from missions.library.drivers import load_robot
+from missions.library.tuning import keep
+
+
+def keep_trims(path: Path, pan: float, tilt: float) -> list[str]:
+    return keep(path, {"head.pan.trim": pan, "head.tilt.trim": tilt}, "mission head trim --robot FILE --keep")
+
 
 ROBOT = """\
 # Mine.
@@ -82,7 +87,10 @@ def test_trims_are_kept_in_the_file_with_its_rights_and_through_a_link(robot: Pa
     robot.chmod(0o640)
     link = tmp_path / "link.yaml"
     link.symlink_to(robot)
-    assert keep_trims(link, pan=radians(-2), tilt=radians(45)) == ["pan: trim: -2 deg", "tilt: trim: 45 deg"]
+    assert keep_trims(link, radians(-2), radians(45)) == [
+        "head: pan: trim: -2 deg",
+        "head: tilt: trim: 45 deg",
+    ]
     assert link.is_symlink()
     assert stat.S_IMODE(robot.stat().st_mode) == 0o640
     head = load_robot(robot).head
@@ -97,13 +105,13 @@ def test_trims_are_kept_in_the_file_with_its_rights_and_through_a_link(robot: Pa
 def test_a_byte_order_mark_and_windows_line_ends_stay(robot: Path) -> None:
     data = b"\xef\xbb\xbf" + ROBOT.replace("\n", "\r\n").encode()
     robot.write_bytes(data)
-    keep_trims(robot, pan=radians(3), tilt=0.0)
+    keep_trims(robot, radians(3), 0.0)
     assert robot.read_bytes() == data.replace(b"trim: 1 deg", b"trim: 3 deg")
 
 
 def test_trims_that_stand_there_already_leave_the_file_alone(robot: Path) -> None:
     before = robot.stat().st_mtime_ns
-    assert keep_trims(robot, pan=radians(1), tilt=0.0) == []
+    assert keep_trims(robot, radians(1), 0.0) == []
     assert robot.stat().st_mtime_ns == before
 
 
@@ -111,12 +119,12 @@ def test_an_anchor_that_stands_for_two_values_is_left_to_a_person(robot: Path) -
     text = "robot: mine\nhead:\n  driver: arduino\n  port: /dev/nano\n"
     text += "  pan: {servo: 0, trim: &askew 1 deg}\n  tilt: {servo: 1, trim: *askew}\n"
     robot.write_text(text)
-    with pytest.raises(NotEditableError, match=r"write pan: trim: 3 deg"):
-        keep_trims(robot, pan=radians(3), tilt=radians(1))
+    with pytest.raises(NotEditableError, match=r"write head: pan: trim: 3 deg"):
+        keep_trims(robot, radians(3), radians(1))
     assert robot.read_text() == text
 
 
 def test_a_robot_without_a_head_has_nothing_to_trim(robot: Path) -> None:
     robot.write_text("robot: mine\n")
     with pytest.raises(NotEditableError, match="no head"):
-        keep_trims(robot, pan=0.1, tilt=0.0)
+        keep_trims(robot, 0.1, 0.0)

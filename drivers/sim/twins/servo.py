@@ -20,7 +20,6 @@ class ServoTwin:
 
     def __init__(self, name: str, spec: JointSpec) -> None:
         self.joint = Joint(name, spec, MODELS[spec.model], complaint="")
-        self._limits = self.joint.limits
         self._shaft = Shaft(0.0, 0.0, 0.0)
         self._still: JointState | None = None  # what it feels for as long as it stands still
 
@@ -32,14 +31,14 @@ class ServoTwin:
         joint.goal, joint.torque, joint.speed, self._still = goal, True, speed, None
         shaft.advance(now)
         shaft.goal = joint.angle(joint.ticks(goal))
-        wanted = joint.model.speed_ticks(min(max(speed, 0.0), self._limits.speed)) * joint.model.speed_unit
+        wanted = joint.model.speed_ticks(min(max(speed, 0.0), joint.limits.speed)) * joint.model.speed_unit
         shaft.speed = min(wanted, joint.model.free_speed)
 
     def hold(self, now: float) -> None:
         """Be stiff where it stands; a servo that has shut down stays limp."""
         if not self.joint.shut:
             here = self.joint.angle(self.joint.nearest(self.joint.ticks(self._shaft.advance(now))))
-            self.go(here, self._limits.speed, now)
+            self.go(here, self.joint.limits.speed, now)
 
     def exchange(self, angle: float, now: float) -> None:
         """Be another servo of the same kind, limp, with the joint at ``angle`` (radians)."""

@@ -5,13 +5,14 @@ import { Drive } from "./drive.js";
 import { Link } from "./link.js";
 import { Live } from "./live.js";
 import { Records } from "./records.js";
+import { Robot } from "./robot.js";
 import { Run } from "./run.js";
 import { Tasks } from "./tasks.js";
 import { Watcher } from "./watch.js";
 import { plain, reality, seconds } from "./words.js";
 import "./stop.js";
 
-const VIEWS = { run: Run, live: Live, drive: Drive, records: Records, tasks: Tasks };
+const VIEWS = { run: Run, live: Live, drive: Drive, robot: Robot, records: Records, tasks: Tasks };
 
 const link = new Link();
 const watcher = new Watcher(link);

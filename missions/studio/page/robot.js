@@ -1,0 +1,117 @@
+// Robot: its parts and their health, and what may be changed while it runs: trims, speeds, limits of joints.
+
+import { button, el, panel, put, tell } from "./dom.js";
+import { Joints, Parts } from "./panels.js";
+import { plain, reality } from "./words.js";
+
+const DEGREES = 180 / Math.PI;
+const UNITS = { speed: ["m/s", 1, 2], "turn rate": ["°/s", DEGREES, 0], angle: ["°", DEGREES, 1] };
+
+export class Robot {
+  #link;
+  #watcher;
+  #title = el("h1");
+  #facts = el("p", { class: "facts" });
+  #parts = new Parts();
+  #joints = new Joints();
+  #knobs = el("div", { class: "knobs" });
+  #file = el("p", { class: "hint", role: "status" });
+  #keep = button("Write into the robot file", () => this.#write());
+  #told = "";
+
+  constructor({ link, watcher }) {
+    this.#link = link;
+    this.#watcher = watcher;
+    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
+    const about = el("p", { class: "hint" }, "What you change holds until the run ends, unless you write it into the robot file, whose comments stay. Joints obey from their next goal on.");
+    this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
+      el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel),
+        panel("Trims and limits", "tuning", about, this.#knobs, el("div", { class: "actions" }, this.#keep), this.#file)));
+    watcher.addEventListener("which", () => this.#clear());
+    watcher.addEventListener("scene", () => this.show());
+    watcher.addEventListener("state", ({ detail }) => this.#state(detail));
+    this.#clear();
+  }
+
+  async show() {
+    const { scene, state, lives } = this.#watcher;
+    put(this.#title, scene ? plain(scene.robot) : "Nothing runs");
+    put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission from Run: its robot shows here.");
+    this.#joints.panel.hidden = !scene?.parts.includes("arm");
+    if (state) this.#state(state);
+    if (!lives) return;
+    try {
+      this.#draw(await this.#watcher.ask("tuning"));
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  hide() {}
+
+  #clear() {
+    this.#parts.clear();
+    this.#joints.clear();
+    this.#knobs.replaceChildren();
+    this.#told = "";
+    this.#keep.disabled = true;
+    put(this.#file, "");
+  }
+
+  #state(state) {
+    if (!this.node.isConnected) return;
+    this.#parts.show(state.parts);
+    this.#joints.show(state.joints);
+  }
+
+  #draw({ file, knobs }) {
+    const may = this.#link.welcome?.role === "operator";
+    this.#keep.disabled = !may || !knobs.some((each) => each.tuned);
+    put(this.#file, file);
+    const text = JSON.stringify([may, knobs]);
+    if (text === this.#told) return; // what has the keyboard keeps it
+    this.#told = text;
+    const groups = new Map();
+    for (const knob of knobs) {
+      const words = knob.name.split(".").filter((each) => each !== "joints");
+      const title = words.slice(0, -1).join(" ");
+      if (!groups.has(title)) groups.set(title, []);
+      groups.get(title).push(this.#control(knob, words.at(-1), `${title} ${words.at(-1)}`, may));
+    }
+    this.#knobs.replaceChildren(...[...groups].map(([title, controls]) => el("fieldset", null, el("legend", null, plain(title)), ...controls)));
+  }
+
+  #control(knob, name, label, may) {
+    const [unit, factor, digits] = UNITS[knob.dimension];
+    const figure = (value) => String(Number((value * factor).toFixed(digits)));
+    const input = el("input", { type: "text", inputmode: "decimal", value: figure(knob.value), disabled: !may, autocomplete: "off",
+      "aria-label": `${plain(label)} in ${unit}`, title: `${figure(knob.low)} to ${figure(knob.high)} ${unit}` });
+    input.addEventListener("change", () => {
+      const typed = Number(input.value.trim().replace(",", ".").replace("−", "-"));
+      // What is shown is rounded: its ends mean the ends.
+      const value = [knob.low, knob.high].find((end) => figure(end) === String(typed)) ?? typed / factor;
+      if (Number.isFinite(value)) this.#tune(knob.name, value);
+      else tell(`${plain(label)}: “${input.value}” is no number`);
+    });
+    return el("label", { class: knob.tuned ? "knob tuned" : "knob" }, el("span", null, plain(name)), el("span", { class: "joined" }, input, el("span", { class: "unit" }, unit)));
+  }
+
+  async #tune(name, value) {
+    try {
+      await this.#watcher.ask("tune", { name, value });
+    } catch (error) {
+      tell(error);
+      this.#told = ""; // what was typed does not hold
+    }
+    await this.show();
+  }
+
+  async #write() {
+    try {
+      const { file, changes } = await this.#link.ask({ do: "keep_tuning", run: this.#watcher.run });
+      tell(changes.length ? `Written into ${file}: ${changes.join("; ")}` : `${file} says so already.`, "good");
+    } catch (error) {
+      tell(error);
+    }
+  }
+}

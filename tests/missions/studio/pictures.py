@@ -1,0 +1,62 @@
+"""Takes the pictures of the studio that are in its page of the docs, in Chromium, as a visitor sees it.
+
+    python -m tests.missions.studio.pictures [FOLDER]
+
+Look at them afterwards: they show what they show.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tests.browser import Browser, chromium
+from tests.missions.studio.page import DESKTOP, PHONE, Page
+from tests.missions.studio.serving import Served, studio
+from tests.waiting import wait_until
+
+FOLDER = Path(__file__).parents[3] / "docs" / "studio"
+
+
+def main() -> None:
+    """Take them all."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory() as home:
+        for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME"):
+            os.environ[name] = home
+        with studio() as served, Browser(chromium()) as browser:
+            take(served, browser, lambda page, name: (folder / f"{name}.png").write_bytes(page.tab.screenshot()))
+
+
+def take(served: Served, browser: Browser, keep: Callable[[Page, str], object]) -> None:
+    """Greet in the simulated living room, drive, stop, and look back."""
+    page = Page(browser, served, size=DESKTOP, view="#run/greet")
+    page.wait_for("Run simulated")
+    keep(page, "run")
+    page.press("Run simulated")
+    wait_until(lambda: page.tab.evaluate("document.querySelectorAll('.found, studio-camera rect').length > 0"))
+    keep(page, "live")
+    page.go("Robot")
+    page.wait_for("Trims and limits", "elbow")
+    keep(page, "robot")
+    phone = Page(browser, served, size=PHONE, view="#drive")
+    phone.press("Take the wheels")
+    phone.wait_for("You drive.")
+    keep(phone, "drive")
+    phone.stop.click()
+    phone.wait_for("stopped from this page")
+    keep(phone, "stopped")
+    page.go("Live")
+    page.press("End the mission")
+    page.press("Press again to end it")
+    page.go("Records")
+    page.wait_for("greet")
+    page.tab.evaluate("document.querySelector('.record-list a').click()")
+    wait_until(lambda: page.tab.evaluate("document.querySelectorAll('studio-tree [class*=running]').length > 0"))
+    keep(page, "record")
+
+
+if __name__ == "__main__":
+    main()
