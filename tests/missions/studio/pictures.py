@@ -43,8 +43,8 @@ def take(served: Served, browser: Browser, keep: Callable[[Page, str], object]) 
     wait_until(lambda: page.tab.evaluate("!!document.querySelector('.record-list .success a')"))
     page.tab.evaluate("document.querySelector('.record-list a').click()")
     wait_until(lambda: any(each.name.startswith("sequence") for each in page.tab.all("treeitem")))
-    past = "const e = document.querySelector('input[type=range]'); e.value = e.max / 2; e.dispatchEvent(new Event('input'))"
-    page.tab.evaluate(past)
+    half = "const e = document.querySelector('input[type=range]'); e.value = e.max / 2;"
+    page.tab.evaluate(f"{half} e.dispatchEvent(new Event('input'))")
     wait_until(lambda: page.tab.evaluate("document.querySelector('canvas')?.ariaLabel.includes('face')"))
     keep(page, "record")
     page.go("Drive")
