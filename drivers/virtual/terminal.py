@@ -20,6 +20,7 @@ from threading import Event, RLock, Thread
 from typing import Protocol, TypeVar, runtime_checkable
 
 from drivers.clock import Clock
+from drivers.virtual.patient_clock import PatientClock
 
 T = TypeVar("T")
 
@@ -87,7 +88,8 @@ class Terminal:
     ``path`` is a stable name (a symbolic link) that survives ``unplug`` and ``replug``, as a udev name does.
     ``distort`` may be set at any time: it sees all bytes that the device sends, and returns what arrives instead
     (nothing for silence, flipped bits for noise). For ``awake`` seconds after bytes have passed it watches the line
-    without sleeping, at the price of a processor: a wire that is to keep its times has nobody to wake up.
+    without sleeping, at the price of a processor: a wire that is to keep its times has nobody to wake up. A
+    ``PatientClock`` waits for it.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class Terminal:
         self._punctual = device if isinstance(device, Punctual) else None
         self._tunable = device if isinstance(device, Tunable) else None
         self._clock = clock
+        self._patient = clock if isinstance(clock, PatientClock) else None
         self._period = period
         self._awake = awake
         self._awake_until = 0.0
@@ -168,18 +171,28 @@ class Terminal:
         return int(struct.unpack_from("I", settings, _TERMIOS2_SIZE - 4)[0])
 
     def _run(self) -> None:
-        while not self._ending.is_set():
-            with self._lock:
-                master, due = self._master, self._punctual.next_at() if self._punctual else None
-            rest = self._period if due is None else min(self._period, due - self._clock.now())
-            if master < 0:
-                self._ending.wait(self._period)
-            elif self._clock.now() >= self._awake_until:
-                with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
-                    select.select([master], [], [], max(0.0, rest - SPIN))
-                self._spin(due)
-            with self._lock:
-                self._exchange()
+        try:
+            while not self._ending.is_set():
+                if self._patient is not None:
+                    self._patient.attend(self)
+                self._turn()
+        finally:
+            if self._patient is not None:
+                self._patient.dismiss(self)
+
+    def _turn(self) -> None:
+        """Wait until something has come, or is due, and pass it on."""
+        with self._lock:
+            master, due = self._master, self._punctual.next_at() if self._punctual else None
+        rest = self._period if due is None else min(self._period, due - self._clock.now())
+        if master < 0:
+            self._ending.wait(self._period)
+        elif self._clock.now() >= self._awake_until:
+            with contextlib.suppress(OSError, ValueError):  # unplugged while we waited
+                select.select([master], [], [], max(0.0, rest - SPIN))
+            self._spin(due)
+        with self._lock:
+            self._exchange()
 
     def _spin(self, due: float | None) -> None:
         """Wait for ``due`` on the moment if it is near; not if bytes have come long before it."""

@@ -1,0 +1,45 @@
+"""The machine's clock for a robot that is simulated in real time: it waits for the virtual devices.
+
+A real device has a processor of its own. A virtual one shares this machine with everything else on it, and is late when
+that is busy: it would seem to have been silent, or without power. On this clock no time passes while one is held up, so
+that a simulation on a busy machine becomes slow, and not wrong.
+"""
+
+import time
+from threading import Lock
+
+PATIENCE = 0.03
+"""Seconds that a device may be late before time stands still: less than any driver waits for an answer on a wire."""
+
+
+class PatientClock:
+    """Seconds since it was made, but for those in which somebody whom it waits for was held up. Safe between threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._zero = time.monotonic()
+        self._last = 0.0
+        self._seen: dict[object, float] = {}  # when each whom it waits for was last there
+
+    def now(self) -> float:
+        """Return the time in seconds: at most ``PATIENCE`` after everybody whom it waits for was last there."""
+        with self._lock:
+            return self._now()
+
+    def attend(self, who: object) -> None:
+        """Wait for ``who`` from now on; to be said again and again, as long as it is not held up."""
+        with self._lock:
+            self._seen[who] = self._now()
+
+    def dismiss(self, who: object) -> None:
+        """Wait for ``who`` no more."""
+        with self._lock:
+            self._seen.pop(who, None)
+
+    def _now(self) -> float:
+        now = time.monotonic() - self._zero
+        if self._seen and (late := now - min(self._seen.values()) - PATIENCE) > 0:
+            self._zero += late
+            now -= late
+        self._last = max(self._last, now)
+        return self._last
