@@ -82,12 +82,9 @@ class SerialLine:
         The line is looked at once more when that is over: it may be we who are late, not the servo.
         """
         try:
-            before = self._clock.now()
-            while not select.select([self._number], [], [], max(0.0, until - before))[0]:
-                now = self._clock.now()
-                if now >= until or now == before:  # it is over; or the clock is no machine's
+            while not select.select([self._number], [], [], max(0.0, until - self._clock.now()))[0]:
+                if self._clock.now() >= until:  # else the clock waits, for a virtual servo that is held up
                     return b""
-                before = now
             if data := os.read(self._number, _CHUNK):
                 return data
             raise OSError(errno.EIO, "it was unplugged")  # readable, and nothing to read: the other end is gone
