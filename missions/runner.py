@@ -133,11 +133,11 @@ class Runner:
 
     def _real(self, order: RunRequest) -> tuple[Run, Assembled]:
         """Return the run and the robot in real time: on the metal, or on virtual devices."""
-        run = Run(_clock(order), seed=order.seed)
-        self._tell = Teller(run, self.stream)
         world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, self.config.camera)
         overrides = Overrides(world, order.camera, order.ports, order.seed, interests, order.pad)
+        run = Run(overrides.clock(), seed=order.seed)
+        self._tell = Teller(run, self.stream)
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
 
     def _simulated(self, order: RunRequest) -> tuple[Run, Assembled]:
@@ -277,12 +277,3 @@ def load(order: RunRequest, robot: RobotConfig) -> Plan:
         robot=target_of(robot),
         leaves=vocabulary(behaviour_files(order.mission, order.behaviours)),
     )
-
-
-def _clock(order: RunRequest) -> Clock:
-    """Return the clock of a run in real time; one that waits for virtual devices, where there are only such."""
-    if order.simulation is None:
-        return SystemClock()
-    from drivers.virtual.patient_clock import PatientClock  # noqa: PLC0415 - the metal imports no simulation
-
-    return PatientClock()

@@ -13,7 +13,7 @@ PATIENCE = 0.03
 
 
 class PatientClock:
-    """Seconds since it was made, but for those in which somebody whom it waits for was held up. Safe between threads."""
+    """Seconds since it was made, but for those in which somebody whom it waits for was held up; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = Lock()

@@ -10,6 +10,7 @@ from drivers.api import Base, Device, Head, Report, Steered, ignore
 from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS, kind_of
 from drivers.api.quick import dataclass
+from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
 from missions.assembly.order import making_order
@@ -34,6 +35,14 @@ class Overrides:
     seed: int = 0
     interests: Interests = field(default_factory=Interests)
     pad: str | None = None
+
+    def clock(self) -> Clock:
+        """Return a new clock in real time; one that waits for virtual devices, where there are only such."""
+        if self.world is None:
+            return SystemClock()
+        from drivers.virtual.patient_clock import PatientClock  # noqa: PLC0415 - the metal imports no simulation
+
+        return PatientClock()
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
 from drivers.api.sections import Wired
 from drivers.arduino.declared import ArduinoKeys
-from drivers.clock import Clock, SystemClock
+from drivers.clock import Clock
 from drivers.dynamixel.declared import NeckKeys
 from drivers.errors import NotConnected
 from drivers.pantilt import Trimmable
@@ -124,7 +124,7 @@ def opened_head(
     wishes = Overrides(
         world=load_world(find("worlds", "empty")) if virtual else None, ports=ports, interests=Interests(faces=False)
     )
-    clock = SystemClock()
+    clock = wishes.clock()
     audience = Hooks(ignore if stay else _warned, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]

@@ -13,7 +13,7 @@ from config.library import find
 from config.units import in_dimension
 from config.world import load_world
 from drivers.api import Base, Head, ignore
-from drivers.clock import Clock, SystemClock
+from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
@@ -82,11 +82,11 @@ def command(
         raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
     if node is None and not sys.stdin.isatty():
         raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
-    clock = SystemClock()
     wishes = Overrides(
         world=load_world(find("worlds", world or DEFAULT_WORLD)) if virtual else None,
         ports={} if port is None else {"base": port},
     )
+    clock = wishes.clock()
     with ExitStack() as open_things:
         open_things.enter_context(interruptible())
         open_things.enter_context(heeded((sys.stdout,), lambda _: os.kill(os.getpid(), signal.SIGTERM)))

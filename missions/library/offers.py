@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,14 +17,24 @@ def offered(group: str) -> Sequence["EntryPoint"]:
     tenth of what a check does. What is on the path and no folder, such as an archive, only that can read.
     """
     folders = [Path(name) for name in dict.fromkeys(sys.path)]
-    if all(folder.is_dir() or not folder.exists() for folder in folders) and not _named(group, folders):
+    read = all(folder.is_dir() or not folder.exists() for folder in folders)
+    if read and not _named(group, tuple((folder, _changed(folder)) for folder in folders)):
         return []
     from importlib.metadata import entry_points  # noqa: PLC0415 - where there are some
 
     return sorted(entry_points(group=group), key=lambda point: (point.name, point.value))
 
 
-def _named(group: str, folders: Sequence[Path]) -> bool:
-    """Whether any distribution in ``folders`` declares entry points of a group."""
-    files = (file for folder in folders for file in folder.glob("*-info/entry_points.txt"))
+def _changed(folder: Path) -> int:
+    """Return when a folder was changed last, in nanoseconds: something was installed, or went; 0 if it is not there."""
+    try:
+        return folder.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+@lru_cache(maxsize=64)
+def _named(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
+    """Whether any distribution in ``folders``, as they were when they were changed last, declares a group."""
+    files = (file for folder, _ in folders for file in folder.glob("*-info/entry_points.txt"))
     return any(group in file.read_text(encoding="utf-8", errors="replace") for file in files)

@@ -9,6 +9,7 @@ import pytest
 
 from behaviours.leaf import FAILURE, SUCCESS
 from drivers.clock import SystemClock
+from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
@@ -79,6 +80,7 @@ def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None
 def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     """An arm of two servos, and its robot file in this folder."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", VIRTUAL_REPLY_TIMEOUT)  # it shares this processor
     Path("kit.yaml").write_text(ROBOT)
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
     with closing(Terminal("u2d2", servos, SystemClock())) as terminal:

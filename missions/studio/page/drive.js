@@ -81,7 +81,7 @@ export class Drive {
     const wanted = !this.#watcher.lives && this.#link.open && this.#link.welcome?.role === "operator";
     this.#alone.hidden = !wanted;
     if (!wanted || !this.#shown || this.#begun) return;
-    this.#begun = this.#link.ask({ do: "library" });
+    this.#begun = this.#link.library();
     try {
       const target = new Target(await this.#begun);
       const seeing = toggle("With its head and its camera", true);
@@ -100,7 +100,7 @@ export class Drive {
       }, { class: "main" });
       this.#alone.replaceChildren(panel("Drive without a mission", "alone", target.node, seeing, el("div", { class: "actions" }, begin)));
     } catch (error) {
-      this.#begun = null;
+      this.#begun = null; // it is asked again when the link is there again, or this view is shown again
       tell(error);
     }
   }

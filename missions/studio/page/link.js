@@ -3,6 +3,7 @@
 const PING = 2000; // milliseconds from one `hello` to the next, so that a link that is dead is noticed
 const DEAD = 5000; // milliseconds without a word after which a link counts as lost
 const ANSWER = 15000; // milliseconds that an answer may take
+const READING = 120000; // and one for which all missions are read
 const WAITS = [300, 600, 1200, 2500, 5000];
 
 export const VERSION = document.querySelector("meta[name=version]").content;
@@ -73,6 +74,11 @@ export class Link {
       const timer = setTimeout(() => this.#settle(id, { ok: false, error: "no_answer", message: "The studio has not answered." }), patience);
       this.#asked.set(id, { resolve, reject, timer });
     });
+  }
+
+  /** Return what there is to run, and on what: to read it all for the first time takes a small computer a while. */
+  library() {
+    return this.ask({ do: "library" }, READING);
   }
 
   /** Try now to open a link that is lost; or, with a new cookie, one that was refused. */

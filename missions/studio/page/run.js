@@ -61,7 +61,7 @@ export class Run {
   hide() {}
 
   async #fetch() {
-    const library = await this.#link.ask({ do: "library" });
+    const library = await this.#link.library();
     this.#target = new Target(library);
     this.#target.node.addEventListener("change", () => this.#named());
     this.#list.replaceChildren(...library.missions.map(({ name, summary, trouble }) => {

@@ -1,14 +1,17 @@
 """A studio in a process of its own, and somebody who speaks to it: over HTTP, and by its websocket."""
 
 import json
+import os
 import re
+import signal
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from missions.studio.sockets import linked, sockets
 from tests.missions.command import Process
 
 PATIENCE = 60.0
@@ -86,10 +89,13 @@ class Client:
 
 @contextmanager
 def studio(*more: str) -> Iterator[Served]:
-    """Serve a studio until this is over."""
-    process = Process("studio", "--port", "0", *more)
+    """Serve a studio until this is over. The runs that it began, which live on without it, are ended too."""
+    process, before = Process("studio", "--port", "0", *more), {*sockets()}
     try:
         yield Served(process)
     finally:
         process.process.terminate()
         process.end()
+        for path in {*sockets()} - before:
+            with suppress(OSError), linked(path) as run:
+                os.kill(run.process, signal.SIGTERM)
