@@ -16,6 +16,7 @@ from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from config.controller import BaseKeys, ControllerKeys
 from config.defaults import DefaultsKeys
+from config.fleet import FleetKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
 from config.object import ObjectKeys
@@ -166,6 +167,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "expect_keys": partial(keys_table, ExpectKeys),
     "move_keys": partial(keys_table, MoveKeys),
     "default_keys": partial(keys_table, DefaultsKeys),
+    "fleet_keys": partial(keys_table, FleetKeys),
     "object_keys": partial(keys_table, ObjectKeys),
     "gallery": dumps.gallery,
     "studio_commands": studio_commands,

@@ -26,6 +26,7 @@ GROUPS = {
         "stop": "Stop what runs on this machine, at once; release it again.",
         "task": "Queue missions, to be run in turn, at a time, or again and again.",
         "serve": "Do the tasks of the queue, one after another, as they are due.",
+        "fleet": "See the robots of a fleet, give them tasks, and stop them all.",
     },
     "Look into them": {
         "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",

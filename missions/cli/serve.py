@@ -7,9 +7,11 @@ from pathlib import Path
 import click
 
 from missions.cli.companion import studio_beside, studio_option
+from missions.cli.joining import Joining, fleet_options, joined, joining
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
 from missions.library.folders import state_folder
+from missions.order import Simulate
 from missions.service.channels import channels_of
 from missions.service.courier import Courier
 from missions.service.lock import Taken, locked, run_lock, server_lock
@@ -32,23 +34,36 @@ FLUSH = 60.0
 @click.command(epilog="Example: mission serve --once")
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
 @studio_option
-def command(once: bool, studio: bool) -> int:
+@fleet_options
+def command(
+    once: bool,
+    studio: bool,
+    fleet: str | None,
+    as_name: str | None,
+    robot: str | None,
+    simulate: Simulate | None,
+    world: str | None,
+) -> int:
     """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
 
     `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and given up, or tried
-    again where its task says so.
+    again where its task says so. With --fleet, others see this robot, stop it, and give it tasks.
     """
     try:
+        member = joining(fleet, as_name, robot, simulate, world)
         with studio_beside(wanted=studio):
-            serve(state_folder(), once=once)
+            serve(state_folder(), once=once, member=member)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
         raise click.ClickException(f"{error}{hint}") from error
     return SUCCESS
 
 
-def serve(where: Path, *, once: bool) -> None:
-    """Serve the queue in the folder ``where``. Raises TaskError where another server does, or it cannot be used."""
+def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
+    """Serve the queue in the folder ``where``, as a ``member`` of a fleet if that is wished.
+
+    Raises TaskError where another server does, or it cannot be used.
+    """
     path = queue_file(where)
     with in_words(path), ExitStack() as closed:
         try:
@@ -61,6 +76,9 @@ def serve(where: Path, *, once: bool) -> None:
         server = Server(queue, Child([held], _tell), wall_clock, _tell)
         closed.enter_context(Signals(server.stop))
         courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
+        if member is not None:
+            closed.enter_context(joined(member, where))
+            _tell(f"in fleet '{member.fleet}' as '{member.name}'")
         _tell(f"serving {path}")
         server.run(once=once)
         if once:

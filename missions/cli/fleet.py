@@ -1,0 +1,133 @@
+"""``mission fleet``: the robots that `mission serve --fleet` announces, seen, stopped and released from anywhere."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from threading import Event
+
+import click
+
+from config.fleet import FleetKeys, load_fleet
+from missions.cli.root import FAILURE, SUCCESS
+from missions.service.fleet.operator import Operator, operating
+from missions.service.fleet.roster import Member
+from missions.service.task import TaskError
+from missions.views.columns import in_columns
+
+WATCH = 0.2
+"""Seconds from one look at the list to the next."""
+
+FLEET = click.option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+
+
+def fleet_of(name: str | None) -> FleetKeys:
+    """Return the fleet of the user's file, under another name where one is given."""
+    found = load_fleet()
+    return found if name is None else replace(found, fleet=name)
+
+
+@contextmanager
+def at(name: str | None) -> Iterator[Operator]:
+    """Give an operator of a fleet while this is entered; say what is wrong in words."""
+    try:
+        with operating(fleet_of(name)) as operator:
+            yield operator
+    except TaskError as error:
+        hint = f"\n  try: {error.hint}" if error.hint else ""
+        raise click.ClickException(f"{error}{hint}") from error
+
+
+@click.group(epilog="Example: mission fleet list")
+def command() -> None:
+    """See the robots of a fleet, and stop them all. `mission serve --fleet NAME` on each puts it there."""
+
+
+@command.command(name="list", epilog="Example: mission fleet list --watch")
+@FLEET
+@click.option("--watch", is_flag=True, help="Go on, with a new list at each change.")
+@AS_JSON
+def list_command(name: str | None, watch: bool, as_json: bool) -> int:
+    """List the robots: how each is connected, what it does, its battery, and where it is by its own odometry."""
+    with at(name) as operator:
+        operator.meet()
+        _show(operator, as_json=as_json)
+        version, pause = operator.roster.version, Event()
+        while watch:
+            pause.wait(WATCH)
+            if version != operator.roster.version:
+                version = operator.roster.version
+                click.echo()
+                _show(operator, as_json=as_json)
+    return SUCCESS
+
+
+def _show(operator: Operator, *, as_json: bool) -> None:
+    members = sorted(operator.members().values(), key=lambda each: each.address)
+    if as_json:
+        told = [
+            {**asdict(each.address), "connection": each.connection, "state": each.state and asdict(each.state)}
+            for each in members
+        ]
+        click.echo(json.dumps(told))
+        return
+    names = [each.address.name for each in members]
+    rows = [list(_row(each, twice=names.count(each.address.name) > 1)) for each in members]
+    rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing()]
+    if not rows:
+        click.echo(f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission serve --fleet {operator.fleet.fleet}")
+        return
+    headings = ("name", "connection", "robot", "mission", "battery", "at", "state")
+    click.echo(in_columns(headings, rows, left=frozenset(headings)))
+
+
+def _row(member: Member, *, twice: bool) -> Iterator[str]:
+    """Yield the cells of a robot; two of one name are told apart by their numbers."""
+    state = member.state
+    yield str(member.address) if twice else member.address.name
+    yield member.connection
+    if state is None:
+        yield from ("-", "-", "-", "-", "")
+        return
+    yield state.robot + " (simulated)" * state.simulated
+    yield state.mission or "-"
+    yield "-" if state.battery is None else f"{state.battery:.0%}"
+    yield "-" if state.x is None or state.y is None else f"{state.x:.1f} m, {state.y:.1f} m"
+    doing = f"{state.task_state} {state.task}" if state.task_state else "free" if state.free else "busy"
+    yield f"STOPPED by {state.stopped}" if state.stopped else doing
+
+
+@command.command(epilog="Example: mission fleet stop")
+@FLEET
+def stop(name: str | None) -> int:
+    """Stop all robots: each stands still, latched, and begins nothing, until `mission fleet release`.
+
+    Each confirms it; those that do not are named, and were perhaps not reached: go there, or press their stop.
+    """
+    with at(name) as operator:
+        answers, silent = operator.stop()
+    for address, answer in sorted(answers.items()):
+        click.echo(f"{address.name}: {answer.why}")
+    for each in silent:
+        click.echo(f"{each}: DID NOT ANSWER\n  try: mission stop, at that robot", err=True)
+    if not answers and not silent:
+        click.echo("nobody is in this fleet", err=True)
+        return FAILURE
+    return FAILURE if silent or not all(each.ok for each in answers.values()) else SUCCESS
+
+
+@command.command(epilog="Example: mission fleet release anna")
+@click.argument("robots", nargs=-1, metavar="[ROBOT]...")
+@FLEET
+@click.option("--resume", is_flag=True, help="Let missions go on; else they stay paused.")
+def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
+    """Release the stop of all robots, or of those named. A stop that came meanwhile holds."""
+    with at(name) as operator:
+        answers = operator.release(robots, resume=resume)
+    for address, answer in sorted(answers.items()):
+        click.echo(f"{address.name}: {answer.why}", err=not answer.ok)
+    missing = set(robots) - {each.name for each in answers}
+    for each in sorted(missing):
+        click.echo(f"{each}: did not answer\n  try: mission fleet list", err=True)
+    return SUCCESS if answers and not missing and all(each.ok for each in answers.values()) else FAILURE

@@ -1,0 +1,75 @@
+"""The stop of a fleet, kept on the disk: a robot that was stopped is stopped after it was switched on again."""
+
+import json
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Lock
+
+FILE = "fleet_stop.json"
+
+
+class FleetLatch:
+    """Whether a robot was stopped over its fleet, and by whom; kept in ``folder``. From any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self._lock = folder / FILE, Lock()
+        self.by, self.number = "", 0
+
+    def load(self) -> None:
+        """Take up what was kept. A file that cannot be read counts as a stop: a person is to look."""
+        if not self._path.exists():
+            return
+        try:
+            told = json.loads(self._path.read_text(encoding="utf-8"))
+            self.by, self.number = str(told["by"]), int(told["number"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.by = f"nobody known: {self._path} cannot be read ({type(error).__name__})"
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it is stopped."""
+        return bool(self.by)
+
+    def stop(self, by: str) -> tuple[int, Callable[[], str]]:
+        """Latch; return the number of this stop, and what keeps it and says, in words, where that was not possible."""
+        with self._lock:
+            self.by, self.number = by or "somebody", self.number + 1
+            return self.number, self._kept
+
+    def _kept(self) -> str:
+        try:
+            with self._lock:
+                self._keep()
+        except OSError as error:
+            return f"; it is not kept over a restart: {error.strerror}"
+        return ""
+
+    def release(self, number: int) -> bool:
+        """Release the stop of this number, if it is the last one; say whether it was. Raises OSError: it holds."""
+        with self._lock:
+            if number != self.number or not self.by:
+                return False
+            by, self.by = self.by, ""
+            try:
+                self._keep()
+            except OSError:
+                self.by = by
+                raise
+            return True
+
+    def _keep(self) -> None:
+        new = self._path.with_suffix(".new")
+        new.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with new.open("w", encoding="utf-8") as file:
+            json.dump({"by": self.by, "number": self.number}, file)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self._path)
+        with suppress(OSError):
+            folder = os.open(new.parent, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)

@@ -1,0 +1,214 @@
+"""A robot in a fleet: it announces itself, tells how it is, and is stopped and released from afar."""
+
+import secrets
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from threading import Event, Thread
+from types import TracebackType
+from typing import Protocol, Self
+
+from drivers.clock import Clock, SystemClock
+from missions.service.fleet.body import Body
+from missions.service.fleet.form import as_bytes
+from missions.service.fleet.latch import FleetLatch
+from missions.service.fleet.line import Line, Reply
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.words import Address, Answer, Ask, Met, Release, RobotState, Stop, TaskState
+
+PERIOD = 0.1
+"""Seconds from one look at what is to be done to the next; what is asked is done at once."""
+
+HEARTBEAT = 5.0
+"""Seconds after which a robot tells how it is, though nothing has changed."""
+
+STEP, TURN = 0.1, 0.2
+"""Metres, and radians, that a robot has to move by for that to be told."""
+
+MOST_WAITING = 1000
+"""Questions that wait to be answered, at most; a stop never waits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Doing:
+    """What a robot is busy with: the ID and state of the fleet's task, if it has one, and whether it takes another."""
+
+    task: str = ""
+    state: TaskState | None = None
+    free: bool = True
+
+
+class Worker(Protocol):
+    """What does or keeps the tasks of a fleet; on the member's thread."""
+
+    def asked(self, ask: Ask) -> Answer | None:
+        """Answer a question; None for one that is somebody else's."""
+        ...
+
+    def step(self, now: float) -> None:
+        """Do what is due."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """What a robot is: its address, the name of its robot file, its parts, and whether it is simulated."""
+
+    address: Address
+    robot: str
+    parts: tuple[str, ...] = ()
+    simulated: bool = False
+
+
+class Member:
+    """A robot of a fleet, while it is entered: over its ``line``, with a ``body``, stopped as ``latch`` says.
+
+    ``busy`` says what it does, on the member's thread; ``workers`` do what else is asked of it.
+    """
+
+    def __init__(
+        self,
+        own: Own,
+        line: Line,
+        roster: Roster,
+        body: Body,
+        latch: FleetLatch,
+        *,
+        workers: Sequence[Worker] = (),
+        busy: Callable[[], Doing] = Doing,
+        clock: Clock | None = None,
+    ) -> None:
+        self._own, self._line, self._roster, self._body, self._latch = own, line, roster, body, latch
+        self.workers = list(workers)
+        self.busy = busy
+        self._clock = clock or SystemClock()
+        self._waiting: deque[tuple[Ask, Reply]] = deque()
+        self._wake, self._over = Event(), Event()
+        self._state = RobotState(
+            session=secrets.token_hex(4), number=0, robot=own.robot, parts=own.parts, simulated=own.simulated
+        )
+        self._told_at = 0.0
+        self._thread = Thread(target=self._serve, name="fleet", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._latch.load()
+        if self._latch.stopped:
+            self._body.stop(self._latch.by)
+        self._state = self._now()
+        self._line.announce(self._own.address, self._stopped, self._asked, lambda: as_bytes(self._state))
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._wake.set()
+        self._thread.join()
+        self._tell(replace(self._state, farewell=True, free=False))
+        self._line.close()
+
+    def wake(self) -> None:
+        """Look soon at what is to be done. From any thread."""
+        self._wake.set()
+
+    # --- threads of the wire ----------------------------------------------------------------------------------------
+
+    def _stopped(self, ask: Ask, reply: Reply) -> None:
+        """Stop now, on a thread of its own: nothing else is waited for."""
+        if not isinstance(ask, Stop):
+            reply(Answer(ok=False, why=f"'{ask.word}' is asked elsewhere"))
+            return
+        number, keep = self._latch.stop(ask.by)
+        kept: list[str] = []
+        keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
+        keeping.start()  # a disk may take its time: the robot does not wait for it
+        good, words = self._body.stop(ask.by)
+        keeping.join()
+        reply(Answer(ok=good, why=f"{words}{kept[0]}", told=({"stop": number},)))
+        self.wake()
+
+    def _asked(self, ask: Ask, reply: Reply) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            reply(Answer(ok=False, why="more is asked than can be answered"))
+            return
+        self._waiting.append((ask, reply))
+        self.wake()
+
+    # --- the thread of the member -----------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        while not self._over.is_set():
+            self._wake.wait(PERIOD)
+            self._wake.clear()
+            self.turn()
+
+    def turn(self) -> None:
+        """Answer what was asked, do what is due, and tell what has changed."""
+        while self._waiting:
+            ask, reply = self._waiting.popleft()
+            reply(self._answer(ask))
+        for worker in self.workers:
+            worker.step(self._clock.now())
+        state = self._now()
+        if _worth(self._state, state) or self._clock.now() - self._told_at > HEARTBEAT:
+            self._tell(state)
+
+    def _answer(self, ask: Ask) -> Answer:
+        match ask:
+            case Release():
+                return self._release(ask)
+            case Met():
+                met = self._roster.members().values()
+                return Answer(told=tuple({"robot": str(each.address), "connection": each.connection} for each in met))
+        for worker in self.workers:
+            if (answer := worker.asked(ask)) is not None:
+                return answer
+        return Answer(ok=False, why=f"'{ask.word}' is not answered here")
+
+    def _release(self, ask: Release) -> Answer:
+        try:
+            released = self._latch.release(ask.stop)
+        except OSError as error:
+            return Answer(ok=False, why=f"it stays stopped, for that cannot be kept: {error.strerror}")
+        if not released:
+            last = f"the last one is {self._latch.number}, by {self._latch.by}" if self._latch.stopped else "none is"
+            return Answer(ok=False, why=f"stop {ask.stop} is not latched: {last}")
+        good, words = self._body.release(ask.by, resume=ask.resume)
+        return Answer(ok=good, why=words)
+
+    def _now(self) -> RobotState:
+        """Return how the robot is now."""
+        seen, doing = self._body.look(), self.busy()
+        return replace(
+            self._state,
+            mission=seen.mission,
+            task=doing.task,
+            task_state=doing.state,
+            free=doing.free and not self._latch.stopped and not (seen.runs and not doing.task),
+            stops=self._latch.number,
+            stopped=self._latch.by or seen.stopped,
+            battery=seen.battery,
+            x=seen.x,
+            y=seen.y,
+            heading=seen.heading,
+            age=seen.age,
+        )
+
+    def _tell(self, state: RobotState) -> None:
+        self._state = replace(state, number=self._state.number + 1)
+        self._told_at = self._clock.now()
+        with suppress(Exception):  # the wire is closed: who is not reached asks again
+            self._line.tell(self._own.address, as_bytes(self._state))
+
+
+def _worth(old: RobotState, new: RobotState) -> bool:
+    """Say whether a change is worth telling at once: another mission, task, stop; or a step of its way."""
+    moved = any(
+        (getattr(old, name) is None) != (getattr(new, name) is None)
+        or abs((getattr(old, name) or 0.0) - (getattr(new, name) or 0.0)) >= step
+        for name, step in (("x", STEP), ("y", STEP), ("heading", TURN), ("battery", 0.01))
+    )
+    still = {"x": None, "y": None, "heading": None, "battery": None, "age": None, "number": 0}
+    return moved or replace(old, **still) != replace(new, **still)  # type: ignore[arg-type]

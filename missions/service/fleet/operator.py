@@ -1,0 +1,155 @@
+"""Somebody at a fleet: sees who is there, and asks all or some of them for something, over a session of their own."""
+
+import os
+import socket
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Event
+
+from config.fleet import FleetKeys
+from drivers.clock import Clock, SystemClock
+from missions.service.fleet.form import BadMessageError
+from missions.service.fleet.line import Line, ZenohLine, asked
+from missions.service.fleet.place import check_name, open_session
+from missions.service.fleet.roster import Member, Roster
+from missions.service.fleet.words import Address, Answer, Ask, Connection, Met, Release, Stop
+
+QUIET = 0.25
+"""Seconds without news of anybody after which all that are there were heard."""
+
+FIRST = 2.0
+"""Seconds for which somebody is waited for, where nobody is there yet."""
+
+STOP_TIME = 1.0
+"""Seconds that a robot has to confirm a stop; it is asked again meanwhile."""
+
+STOP_AGAIN = 0.3
+
+WITNESSES = 3
+"""Robots that are asked whom they have met: one alone may have been started a moment ago."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """A session in a fleet: its ``line``, and the ``roster`` that it keeps."""
+
+    fleet: FleetKeys
+    line: Line
+    roster: Roster
+    clock: Clock
+    by: str
+
+    def members(self) -> Mapping[Address, Member]:
+        """Return all that were met, by anybody: those that are there, and those that were."""
+        return self.roster.members()
+
+    def meet(self) -> None:
+        """Wait until all are known that are there, and ask some of them whom they have met."""
+        wait_still(self.roster, self.clock)
+        there = [address for address, each in self.members().items() if each.online][:WITNESSES]
+        for answer in (answer for each in there for answer in asked(self.line, Met(), str(each), 1.0).values()):
+            for told in answer.told:
+                self._heard(told)
+
+    def _heard(self, told: Mapping[str, object]) -> None:
+        connections: dict[object, Connection] = {"OFFLINE": "OFFLINE", "CONNECTIONBROKEN": "CONNECTIONBROKEN"}
+        try:
+            address = Address.read(str(told.get("robot")))
+        except BadMessageError:
+            return
+        if (connection := connections.get(told.get("connection"))) is not None:
+            self.roster.heard_of(address, connection)
+
+    def missing(self) -> list[str]:
+        """Return the robots that the file of the fleet names, and that nobody has met."""
+        met = {address.name for address in self.members()}
+        return [name for name in self.fleet.robots if name not in met]
+
+    def stop(self) -> tuple[Mapping[Address, Answer], list[str]]:
+        """Stop all; return what each has confirmed, and the names of those that did not answer.
+
+        Each is asked as soon as it is heard of, and again until it answers. Those that others have met are named.
+        """
+        answers: dict[Address, Answer] = {}
+        asked_at: dict[Address, list[float]] = {}
+
+        def heard(who: Address | None, answer: Answer | None) -> None:
+            if who is not None and answer is not None:
+                answers[who] = answer
+
+        pause, begun = Event(), self.clock.now()
+        version, quiet = -1, begun
+        while True:
+            now = self.clock.now()
+            there = [each.address for each in self.members().values() if each.connection == "ONLINE"]
+            silent = [each for each in there if each not in answers]
+            for each in silent:
+                times = asked_at.setdefault(each, [])
+                if not times or now - times[-1] >= STOP_AGAIN:
+                    times.append(now)
+                    self.line.ask(Stop(by=self.by), str(each), heard, STOP_TIME)
+            if version != self.roster.version:
+                version, quiet = self.roster.version, now
+            tried = all(now - asked_at[each][0] > STOP_TIME for each in silent)
+            if tried and now > (quiet + QUIET if there else begun + FIRST):
+                break
+            pause.wait(0.01)
+        self.meet()
+        gone = [each.address for each in self.members().values() if each.connection != "OFFLINE"]
+        return dict(answers), [*sorted(str(each) for each in gone if each not in answers), *self.missing()]
+
+    def release(self, names: Collection[str], *, resume: bool) -> Mapping[Address, Answer]:
+        """Release the last stop of those that are there, or of those of these names; return what each says."""
+        self.meet()
+        stops = {
+            each.address: each.state.stops
+            for each in self.members().values()
+            if each.online and each.state is not None and (not names or each.address.name in names)
+        }
+        return self._each(stops, lambda each: Release(by=self.by, stop=stops[each], resume=resume), 3.0)
+
+    def _each(self, those: Collection[Address], ask: Callable[[Address], Ask], timeout: float) -> dict[Address, Answer]:
+        """Ask each of some robots, all at the same time; return the answers."""
+        found: dict[Address, Answer] = {}
+        over = [Event() for _ in those]
+        for address, done in zip(those, over, strict=True):
+
+            def heard(who: Address | None, answer: Answer | None, done: Event = done) -> None:
+                if who is None or answer is None:
+                    done.set()
+                else:
+                    found[who] = answer
+
+            self.line.ask(ask(address), str(address), heard, timeout)
+        for done in over:
+            done.wait(timeout + 1.0)
+        return dict(found)
+
+
+def wait_still(roster: Roster, clock: Clock) -> None:
+    """Wait until nobody new is heard of for a while."""
+    pause, begun = Event(), clock.now()
+    known, since = -1, begun
+    while clock.now() < since + QUIET or (known == 0 and clock.now() < begun + FIRST):
+        if (count := sum(each.online for each in roster.members().values())) != known:
+            known, since = count, clock.now()
+        pause.wait(0.02)
+
+
+@contextmanager
+def operating(fleet: FleetKeys, *, clock: Clock | None = None) -> Iterator[Operator]:
+    """Be at a fleet while this is entered. Raises TaskError where that is not possible."""
+    clock = clock or SystemClock()
+    check_name(fleet.fleet)
+    roster = Roster(clock)
+    line = ZenohLine(open_session(fleet), fleet.fleet, roster)
+    try:
+        line.follow()
+        yield Operator(fleet, line, roster, clock, f"operator {os.getuid()} at {_host()}")
+    finally:
+        line.close()
+
+
+def _host() -> str:
+    return "".join(each for each in socket.gethostname() if each.isalnum() or each in ".-_")[:40] or "somewhere"

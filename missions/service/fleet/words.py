@@ -1,0 +1,141 @@
+"""The words of a fleet: names, keys on the wire, what a robot tells of itself, and what may be asked of it."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
+
+from missions.service.fleet.form import BadMessageError, of, parse
+
+VERSION = 1
+"""The version of keys and messages: robots of another one do not see each other."""
+
+NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
+"""Names of fleets and robots: what stands in a key as it is, and does nothing on a terminal."""
+
+MISSION = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
+"""Names of missions that may be asked for over a network: those of the library, and no path."""
+
+TASK = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
+"""IDs of tasks: the address of the robot that keeps the task, and a number drawn by chance."""
+
+Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
+"""As in VDA 5050: there; gone, after it said so; gone without a word."""
+
+TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
+"""As in VDA 5050; the last two are for good."""
+
+Policy = Literal["retry", "give-up"]
+"""What is done about a task of which nobody knows how far it came: `retry` may be done again, `give-up` not."""
+
+How = Literal["", "success", "failure", "interrupted", "refused"]
+"""How an attempt ended; `refused` did not begin."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Address:
+    """A robot: its name, and the number that its folder of tasks got by chance, so that two of one name differ."""
+
+    name: str
+    number: str
+
+    def __str__(self) -> str:
+        return f"{self.name}/{self.number}"
+
+    @classmethod
+    def read(cls, text: str) -> Self:
+        """Read what ``str`` wrote. Raises BadMessageError."""
+        name, _, number = text.partition("/")
+        if not NAME.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
+            raise BadMessageError(f"no address of a robot: {ascii(text)[:80]}")
+        return cls(name, number)
+
+
+def key(fleet: str, kind: str, where: str = "*/*") -> str:
+    """Return the key of a kind (here, state, stop, ask) of a robot, or of all."""
+    return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
+
+
+def address_in(text: str) -> Address:
+    """Return the robot that a key is of. Raises BadMessageError."""
+    return Address.read("/".join(text.split("/")[-2:]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotState:
+    """What a robot tells of itself, whenever that changes. Lengths in m, angles in rad; None is not known.
+
+    ``session`` is drawn at each start, and ``number`` counts within it. ``battery`` (0..1) and the pose are those of
+    the last run, ``age`` seconds ago. ``stops`` counts stops; ``stopped`` says who has latched the last.
+    """
+
+    session: str
+    number: int
+    robot: str
+    parts: tuple[str, ...] = ()
+    simulated: bool = False
+    farewell: bool = False
+    mission: str = ""
+    task: str = ""
+    task_state: TaskState | None = None
+    free: bool = False
+    battery: float | None = None
+    x: float | None = None
+    y: float | None = None
+    heading: float | None = None
+    age: float | None = None
+    stops: int = 0
+    stopped: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask:
+    """Something that is asked of a robot; ``by`` says who asks, for people."""
+
+    word: ClassVar[str] = ""
+    by: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop(Ask):
+    """Latch every actuator still, and begin no task, until it is released."""
+
+    word: ClassVar[str] = "stop"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release(Ask):
+    """End the latched stop of this number; ``resume`` lets missions go on as well."""
+
+    word: ClassVar[str] = "release"
+    stop: int
+    resume: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Met(Ask):
+    """Answer with the robots that it has met since it was started, and how each is connected."""
+
+    word: ClassVar[str] = "met"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not. ``told`` are JSON objects."""
+
+    ok: bool = True
+    why: str = ""
+    told: tuple[Mapping[str, Any], ...] = field(default=())
+
+
+ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met)}
+"""What may be asked, by its word."""
+
+
+def read_ask(data: bytes) -> Ask:
+    """Return what is asked. Raises BadMessageError."""
+    told = parse(data)
+    word = told.pop("do", None) if isinstance(told, dict) else None
+    if not isinstance(word, str) or word not in ASKS:
+        raise BadMessageError(f"unknown: {ascii(word)[:60]}")
+    return of(ASKS[word], told)

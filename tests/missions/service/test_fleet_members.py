@@ -1,0 +1,216 @@
+"""Robots in a fleet over Zenoh: seen by all, stopped and released by anybody, within this computer or by keys."""
+
+import socket
+import ssl
+import subprocess
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from config.faults import InvalidFileError
+from config.fleet import FleetKeys, load_fleet
+from drivers.clock import SystemClock
+from missions.service.fleet.body import Telemetry
+from missions.service.fleet.latch import FILE
+from missions.service.fleet.line import ZenohLine
+from missions.service.fleet.operator import Operator
+from missions.service.fleet.place import open_session
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.words import Address, RobotState, key
+from missions.service.task import TaskError
+from tests.missions.service.fleets import CountingBody, at, free_port, local_fleet, member, router
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+ANNA, BOB = Address("anna", "0000000a"), Address("bob", "0000000b")
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Iterator[FleetKeys]:
+    port = free_port()
+    with router(port):
+        yield local_fleet(port)
+
+
+def state(operator: Operator, address: Address) -> RobotState:
+    found = operator.members()[address].state
+    assert found is not None
+    return found
+
+
+def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKeys, tmp_path: Path) -> None:
+    body = CountingBody()
+    with at(replace(fleet, robots=("anna", "carl"))) as operator, member(fleet, "anna", tmp_path, body):
+        with member(fleet, "bob", tmp_path, CountingBody(), number=BOB.number):
+            wait_until(lambda: sum(each.online for each in operator.members().values()) == 2)
+            assert {each.connection for each in operator.members().values()} == {"ONLINE"}
+            assert (state(operator, ANNA).robot, state(operator, ANNA).parts) == ("turtlebot2", ("base", "voice"))
+            body.telemetry = Telemetry(runs=True, mission="patrol", battery=0.42, x=1.5, y=-2.0, heading=0.1, age=0.3)
+            wait_until(lambda: state(operator, ANNA).mission == "patrol")
+            assert (state(operator, ANNA).battery, state(operator, ANNA).x) == (0.42, 1.5)
+        wait_until(lambda: operator.members()[BOB].connection == "OFFLINE")
+        assert operator.missing() == ["carl"]
+
+
+def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_them(
+    fleet: FleetKeys, tmp_path: Path
+) -> None:
+    roster = Roster(SystemClock())
+    with member(fleet, "anna", tmp_path, CountingBody()):
+        with closing(ZenohLine(open_session(fleet, mode="client"), fleet.fleet, roster)) as line:
+            line.announce(BOB, lambda *_: None, lambda *_: None, lambda: b"{}")
+            with at(fleet) as operator:
+                wait_until(lambda: BOB in operator.members())
+        with at(fleet) as operator:
+            answers, silent = operator.stop()
+            assert operator.members()[BOB].connection == "CONNECTIONBROKEN"
+    assert (list(answers), silent) == ([ANNA], [str(BOB)])
+
+
+def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_restart(
+    fleet: FleetKeys, tmp_path: Path
+) -> None:
+    bodies = {"anna": CountingBody(), "bob": CountingBody()}
+    with at(fleet) as operator, ExitStack() as robots:
+        robots.enter_context(member(fleet, "anna", tmp_path, bodies["anna"]))
+        with member(fleet, "bob", tmp_path, bodies["bob"], number=BOB.number):
+            answers, silent = operator.stop()
+            assert ({ANNA, BOB}, silent) == (set(answers), [])
+            assert all(answer.ok and answer.why == "stopped (base)" for answer in answers.values())
+            wait_until(lambda: state(operator, BOB).stopped == operator.by)
+            assert not state(operator, BOB).free
+        with member(fleet, "bob", tmp_path, bodies["bob"], number=BOB.number):
+            wait_until(lambda: operator.members()[BOB].online and state(operator, BOB).stopped)
+            assert bodies["bob"].said[-1] == f"stop by {operator.by}", "what runs at a start stands still too"
+            answers = operator.release(["bob"], resume=True)
+            assert {address: answer.ok for address, answer in answers.items()} == {BOB: True}
+            assert bodies["bob"].said[-1] == f"release by {operator.by} and resume"
+        assert bodies["anna"].said == [f"stop by {operator.by}"]
+
+
+def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
+    with at(fleet) as one, at(fleet) as other, member(fleet, "anna", tmp_path, CountingBody()):
+        one.stop()
+        wait_until(lambda: one.members()[ANNA].online and state(one, ANNA).stops == 1)
+        seen = dict(one.members())
+        other.stop()
+        one.roster.members = lambda: seen  # type: ignore[method-assign]
+        answers = one.release([], resume=False)
+    assert not answers[ANNA].ok
+    assert "the last one is 2" in answers[ANNA].why
+
+
+def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_path: Path) -> None:
+    (tmp_path / "anna").mkdir()
+    (tmp_path / "anna" / FILE).write_text("{", encoding="utf-8")
+    with at(fleet) as operator, member(fleet, "anna", tmp_path, CountingBody()):
+        operator.meet()
+        assert "cannot be read" in state(operator, ANNA).stopped
+
+
+def test_hostile_questions_are_refused_and_change_nothing(fleet: FleetKeys, tmp_path: Path) -> None:
+    body = CountingBody()
+    with at(fleet) as operator, member(fleet, "anna", tmp_path, body):
+        operator.meet()
+        before = state(operator, ANNA)
+        session: Any = open_session(fleet, mode="client")
+        try:
+            for kind in ("stop", "ask"):
+                for data in (
+                    b"",
+                    b"\xff",
+                    b'{"do":"stop","by":7}',
+                    b'{"do":"release","stop":1}',
+                    b"[" * 9999,
+                    b"x" * 99999,
+                ):
+                    replies = list(session.get(key(fleet.fleet, kind, str(ANNA)), payload=data, timeout=5.0))
+                    assert len(replies) == 1, data[:20]
+                    assert replies[0].ok is not None
+                    assert b'"ok":false' in replies[0].ok.payload.to_bytes()
+            session.put(key(fleet.fleet, "state", str(ANNA)), b'{"session": 1}')
+            session.put(f"missiontree/0/{fleet.fleet}/state/{ANNA}", b"{}")
+        finally:
+            session.close()
+        assert body.said == []
+        assert replace(state(operator, ANNA), number=0, age=None) == replace(before, number=0, age=None)
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "why"),
+    [
+        ("tcp/0.0.0.0:7450", "open to the network"), ("tcp/192.168.1.5:7450", "open to the network"),
+        ("tcp/robot.local:7450", "open to the network"), ("tls/0.0.0.0:7450", "needs the keys"),
+        ("ws/127.0.0.1:7450", "no endpoint"), ("7450", "no endpoint"), ("tcp/127.0.0.1", "no endpoint"),
+    ],
+)  # fmt: skip
+def test_without_keys_nothing_leaves_this_computer(endpoint: str, why: str, tmp_path: Path) -> None:
+    for word in ("listen", "connect"):
+        with pytest.raises(TaskError, match=why) as refused:
+            open_session(FleetKeys(**{word: (endpoint,)}))  # type: ignore[arg-type]
+        assert "docs/fleet.md" in refused.value.hint
+        file = tmp_path / "fleet.yaml"
+        file.write_text(f"{word}: ['{endpoint}']\n", encoding="utf-8")
+        with pytest.raises(InvalidFileError, match=why):
+            load_fleet(file)
+
+
+def test_with_keys_of_one_authority_robots_meet_and_a_stranger_does_not(tmp_path: Path) -> None:
+    for authority in ("fleet", "other"):
+        _authority(tmp_path, authority)
+    port = free_port()
+    keys = {each: _certificate(tmp_path, each, "fleet") for each in ("anna", "desk")}
+    stranger = _certificate(tmp_path, "stranger", "other")
+    where = (f"tls/127.0.0.1:{port}",)
+    with ExitStack() as closed:
+        session = open_session(replace(keys["anna"], listen=where))
+        line = closed.enter_context(closing(ZenohLine(session, "trial", Roster(SystemClock()))))
+        line.announce(ANNA, lambda *_: None, lambda *_: None, lambda: b"{}")
+        met = Roster(SystemClock())
+        fleet = replace(keys["desk"], connect=where)
+        closed.enter_context(closing(desk := ZenohLine(open_session(fleet), "trial", met)))
+        desk.follow()
+        wait_until(lambda: ANNA in met.members())
+        for shown in (None, stranger):
+            with pytest.raises((ssl.SSLError, ConnectionError)):
+                _knock(port, shown)
+        _knock(port, keys["desk"])
+
+
+def _knock(port: int, shown: FleetKeys | None) -> None:
+    """Connect with a certificate, and hear nothing wrong for a while. Raises OSError where one is not let in."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    if shown is not None:
+        context.load_cert_chain(shown.certificate, shown.private_key)
+    plain = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    with context.wrap_socket(plain) as connection:
+        connection.settimeout(0.5)
+        with suppress(TimeoutError):
+            connection.recv(1)
+
+
+def _authority(folder: Path, name: str) -> None:
+    made = ["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
+    _openssl(folder, *made, "-subj", f"/CN={name}", "-keyout", f"{name}.key", "-out", f"{name}.pem")
+
+
+def _certificate(folder: Path, name: str, authority: str) -> FleetKeys:
+    key_of = ["req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    _openssl(folder, *key_of, "-subj", f"/CN={name}", "-keyout", f"{name}.key", "-out", f"{name}.csr")
+    (folder / f"{name}.ext").write_text(f"subjectAltName=DNS:{name}\n", encoding="utf-8")
+    signed = ["x509", "-req", "-CA", f"{authority}.pem", "-CAkey", f"{authority}.key", "-CAcreateserial", "-days", "2"]
+    _openssl(folder, *signed, "-extfile", f"{name}.ext", "-in", f"{name}.csr", "-out", f"{name}.pem")
+    ca, certificate, private_key = (
+        str(folder / f"{file}") for file in (f"{authority}.pem", f"{name}.pem", f"{name}.key")
+    )
+    return FleetKeys(fleet="trial", ca=ca, certificate=certificate, private_key=private_key)
+
+
+def _openssl(folder: Path, *words: str) -> None:
+    subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True)
