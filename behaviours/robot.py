@@ -22,6 +22,7 @@ class Robot:
     103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``. ``lag`` is
     how long the base takes to begin what it is told: all that turn it learn it together. ``heads`` are those that carry
     no camera, by their own names, such as ``lidar_mast``: a leaf that is told to turn one sees it as its ``head``.
+    ``places`` are those of its map by name: x, y (m), heading (rad), and the frame that they are in.
 
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
     forgot to declare one.
@@ -40,6 +41,7 @@ class Robot:
     ros2_part: Ros2 | None = None
     lag: Lag = field(default_factory=Lag, compare=False)
     heads: Mapping[str, Head] = field(default_factory=dict)
+    places: Mapping[str, tuple[float, float, float, str]] = field(default_factory=dict)
 
     @property
     def base(self) -> Base:

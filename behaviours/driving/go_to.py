@@ -7,7 +7,8 @@ from py_trees.common import Status
 from behaviours.driving.motion import CRAWL, Way
 from behaviours.driving.spin import Spin
 from behaviours.leaf import SUCCESS, argument
-from drivers.api import BaseState, Length, Pose2D, Velocity
+from drivers.api import BaseState, GoalState, Length, Pose2D, Velocity
+from drivers.api.ros2 import START
 
 TURN_SPEED = math.radians(60)
 """rad/s at which it turns at most."""
@@ -25,12 +26,16 @@ TRIES = 3
 class GoTo(Spin):
     """Drive to a place in a straight line, by odometry, and turn to a heading there.
 
-    Running until it stands there, then succeeds. It knows of nothing that is in the way: it fails when it bumps into
-    something or comes to a cliff, when a wheel drops, while the base is stopped until somebody enables it, and when it
-    has missed the place three times. While somebody steers the base by hand it waits, then drives there from elsewhere.
+    Running until it stands there, then succeeds. A robot of ROS 2 that has Nav2 drives there by that, around what is
+    in the way and at Nav2's own speed; then it ends as `navigate` does. Others know of nothing that is in the way: it
+    fails when it bumps into something or comes to a cliff, when a wheel drops, while the base is stopped until somebody
+    enables it, and when it has missed the place three times. While somebody steers the base by hand it waits, then
+    drives there from elsewhere.
     """
 
     word = "go_to"
+    uses = frozenset({"ros2"})
+    halt_limit = 3.0
     stores = "how far from the place it stands, by odometry (m)"
     keeps = Length
     x: float = argument("length", "metres ahead of where the base started: what `base.x` will be")
@@ -45,6 +50,7 @@ class GoTo(Spin):
     _facing: float | None = None  # the heading to turn to, among those that are the same the nearest
     _side = 1.0  # to which it turns
     _tries = 0
+    _goal: int | None = None  # of Nav2
 
     @property
     def way(self) -> Way:
@@ -52,7 +58,35 @@ class GoTo(Spin):
 
     def initialise(self) -> None:
         super().initialise()
+        self._goal = None
+        nodes = self.robot.ros2_part
+        if nodes is not None and nodes.navigates():
+            state = self.state()
+            heading = self.heading
+            if heading is None and state is not None:
+                heading = math.atan2(self.y - state.pose.y, self.x - state.pose.x)
+            self._goal = nodes.navigate(((self.x, self.y, heading or 0.0),), START)
         self._there, self._turns, self._facing, self._tries = False, True, None, 0
+
+    def update(self) -> Status:
+        if self._goal is None:
+            return super().update()
+        state, progress = self.state(), self.robot.ros2.progress(self._goal)
+        if state is not None:
+            self.result = math.hypot(self.x - state.pose.x, self.y - state.pose.y)
+        if progress.over:
+            self.robot.base.stop()
+            done = progress.state is GoalState.SUCCEEDED
+            return SUCCESS if done else self.fail(progress.reason or f"Nav2: {progress.state}")
+        return self.wait("Nav2 drives" if state is None else f"{self.result:.2f} m to go, by Nav2")
+
+    def terminate(self, new_status: Status) -> None:
+        if self._goal is not None and new_status is not SUCCESS:
+            self.robot.ros2.cancel(self._goal)
+        super().terminate(new_status)
+
+    def halting(self) -> bool:
+        return self._goal is not None and not self.robot.ros2.progress(self._goal).over
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)

@@ -56,6 +56,10 @@ class Ros2(Device, Protocol):
         """Whether there is an action, a service or a topic of this name now."""
         ...
 
+    def navigates(self) -> bool:
+        """Whether there is Nav2 to drive by."""
+        ...
+
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message of a topic: none until it was asked for once, and one has come."""
         ...

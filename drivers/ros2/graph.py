@@ -120,6 +120,10 @@ class Ros2Graph:
         servers = (f"{name}/_action/send_goal", name)
         return any(node.kind_of(wire.SERVER, each) for each in servers) or bool(node.kind_of(wire.PUBLISHER, name))
 
+    def navigates(self) -> bool:
+        """Whether there is Nav2 to drive by."""
+        return self.offers(self.keys.navigation)
+
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message of a topic as JSON; it is heard from when it is first asked for."""
         now, name = self._clock.now(), self.full(topic)

@@ -15,6 +15,7 @@ from drivers.ros2.session import Access, open_session
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
 from drivers.sim.world import World
+from drivers.virtual.navigation import VirtualFrames, VirtualNav2
 from drivers.virtual.plugged import Plugged
 from drivers.virtual.topics import Topics, VirtualBase, VirtualScan
 
@@ -134,7 +135,10 @@ def base(keys: Ros2BaseKeys, stage: Stage) -> Plugged:
     """Return a virtual base."""
     full = _full(stage)
     device = VirtualBase(stage.body(), {word: full(name) for word, name in topics_of(keys).items()})
-    _terminal(stage).devices.append(device)
+    terminal = _terminal(stage)
+    nodes: ZenohKeys = stage.keys["ros2"]
+    terminal.devices += [device, VirtualFrames(device, "/tf")]
+    terminal.serving.append(VirtualNav2(device, (full(nodes.navigation), full(nodes.through))).serve)
 
     def state(now: float) -> object:
         return asdict(device.pose(now)) | asdict(device.body.velocity)

@@ -14,6 +14,7 @@ from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
 from missions.assembly.order import making_order
+from missions.library.places import places_of
 from perception.api import Frame, Gaze, View
 
 if TYPE_CHECKING:
@@ -85,7 +86,8 @@ def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
     fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items() if kind in KINDS}
     heads: dict[str, Any] = {name: part for name, part in parts.items() if name not in KINDS}
     arm = config.arm
-    return Robot(**fields, heads=heads, eye=eye(config), groups={} if arm is None else arm.groups)
+    places = {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
+    return Robot(**fields, heads=heads, eye=eye(config), groups={} if arm is None else arm.groups, places=places)
 
 
 def eye(config: RobotConfig) -> tuple[float, float, float]:

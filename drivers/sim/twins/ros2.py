@@ -83,6 +83,10 @@ class Ros2Twin:
         """Whether it is one of the actions of Nav2."""
         return self.plug.online and name in {self._keys.navigation, self._keys.through}
 
+    def navigates(self) -> bool:
+        """Whether there is Nav2 to drive by."""
+        return self.plug.online
+
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message that was published here on a topic."""
         values = next((each[2] for each in reversed(self.published) if each[0] == topic), None)

@@ -14,6 +14,7 @@ from drivers.api.kinds import KINDS, Kind
 from drivers.clock import ManualClock
 from missions.testing.recorders.base import RecordedBase, RecordedRanger
 from missions.testing.recorders.joints import RecordedHead, RecordedJoints
+from missions.testing.recorders.ros2 import RecordedRos2
 from missions.testing.recorders.screen import RecordedScreen
 from missions.testing.recorders.senses import RecordedHearing, RecordedSight, RecordedVoice
 from missions.testing.recorders.spy import Spy
@@ -40,6 +41,7 @@ class Bench:
         self.sight.searched = self.clock.now()
         self.hearing = RecordedHearing(self.clock)
         self.screen = RecordedScreen(self.clock)
+        self.ros2 = RecordedRos2(self.clock)
         self.robot = Robot(
             base_part=self.base,
             ranger_part=self.ranger,
@@ -49,6 +51,7 @@ class Bench:
             sight_part=self.sight,
             hearing_part=self.hearing,
             screen_part=self.screen,
+            ros2_part=self.ros2,
         )
         unwritten = (kind for kind in KINDS.values() if not hasattr(self, kind.field))
         self.others = {kind.field: plain(kind, self.clock) for kind in unwritten}

@@ -1,0 +1,60 @@
+"""Asking the nodes of ROS 2 for something that takes its time: begun, watched, cancelled, and waited for."""
+
+import json
+from typing import Any
+
+from py_trees.common import Status
+
+from behaviours.leaf import SUCCESS, Leaf
+from drivers.api import GoalState, Progress
+
+
+class Requesting(Leaf):
+    """A leaf around one request. ``begin`` sends it; halted, it cancels it and waits for its end.
+
+    Running until the request is over; succeeds and fails as that does, with its reason. While nobody offers what it
+    asks for it waits, as for a part that is unplugged.
+    """
+
+    needs = frozenset({"ros2"})
+    halt_limit = 3.0
+    _number: int | None = None
+
+    def initialise(self) -> None:
+        self._number = None
+        self._number = self.begin()
+
+    def begin(self) -> int:
+        """Send the request; return its number."""
+        raise NotImplementedError
+
+    def update(self) -> Status:
+        if self._number is None:
+            return self.fail("it was not begun")
+        return self.follow(self._number)
+
+    def follow(self, number: int) -> Status:
+        """Do one tick's work with a request."""
+        progress = self.robot.ros2.progress(number)
+        if progress.state is GoalState.SUCCEEDED:
+            self.result = read(progress.result)
+            return SUCCESS
+        if progress.over:
+            return self.fail(progress.reason or f"it was {progress.state}")
+        return self.wait(self.doing(progress))
+
+    def doing(self, progress: Progress) -> str:
+        """Say how far it has come."""
+        return f"{progress.state}: {progress.feedback[:80]}" if progress.feedback else str(progress.state)
+
+    def terminate(self, new_status: Status) -> None:
+        if self._number is not None and new_status is not SUCCESS:
+            self.robot.ros2.cancel(self._number)
+
+    def halting(self) -> bool:
+        return self._number is not None and not self.robot.ros2.progress(self._number).over
+
+
+def read(text: str) -> Any:
+    """Return what a text of JSON says; nothing for an empty one."""
+    return json.loads(text) if text else {}

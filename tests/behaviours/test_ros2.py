@@ -1,0 +1,165 @@
+"""The leaves for the nodes of ROS 2: what they ask for, how they end, and what a halt waits for."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from behaviours.driving.go_to import GoTo
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.ros2 import CallService, Navigate, NavigateThrough, Publish, Ros2Action, Topic
+from drivers.api import BaseState, GoalState, Pose2D, Progress, Quality, Reading, Velocity
+from drivers.errors import NotConnected
+from missions.testing.recorders import STOP, Bench, good
+
+PLACES = {"kitchen": (1.0, 2.0, 0.5, "map"), "hall": (0.0, 1.0, 0.0, "map"), "ramp": (3.0, 0.0, 0.0, "odom")}
+
+
+def put(bench: Bench, leaf: Any, **arguments: object) -> Any:
+    bench.robot = replace(bench.robot, places=PLACES)
+    return bench.put(leaf, **arguments)
+
+
+def test_it_drives_to_a_place_by_name_and_says_how_far_it_is() -> None:
+    bench = Bench()
+    leaf = put(bench, Navigate("navigate"), to="kitchen")
+    bench.ros2.comes = Progress(GoalState.RUNNING, feedback='{"distance_remaining": 2.34, "number_of_recoveries": 1}')
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("navigate", ((1.0, 2.0, 0.5),), "map")]
+    assert leaf.feedback_message == "2.3 m to go, 1 times stuck"
+    bench.ros2.comes = Progress(GoalState.SUCCEEDED, result='{"error_code": 0}')
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.result == {"error_code": 0}
+
+
+@pytest.mark.parametrize("state", [GoalState.FAILED, GoalState.UNKNOWN, GoalState.CANCELLED])
+def test_a_goal_that_does_not_succeed_fails_with_its_reason_and_the_base_is_stopped(state: GoalState) -> None:
+    bench = Bench()
+    leaf = put(bench, Navigate("navigate"), to="kitchen")
+    bench.tick(leaf)
+    bench.ros2.comes = Progress(state, "/navigate_to_pose: there is no way to the goal (error 208)")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.feedback_message == "/navigate_to_pose: there is no way to the goal (error 208)"
+    assert STOP in bench.base.commands
+
+
+def test_halted_it_cancels_and_waits_for_the_end() -> None:
+    bench = Bench()
+    leaf = put(bench, Navigate("navigate"), to="kitchen")
+    bench.tick(leaf)
+    assert not bench.halt(leaf)
+    assert bench.ros2.commands[-1] == ("cancel", 1)
+    bench.ros2.comes = Progress(GoalState.CANCELLING)
+    assert not bench.halt(leaf)
+    bench.ros2.comes = Progress(GoalState.CANCELLED)
+    assert bench.halt(leaf)
+    assert bench.settled == []
+
+
+def test_a_halt_whose_end_does_not_come_stops_the_base_by_force() -> None:
+    bench = Bench()
+    leaf = put(bench, Navigate("navigate"), to="kitchen")
+    bench.tick(leaf)
+    while not bench.halt(leaf, after=0.5):
+        assert bench.clock.now() < 110.0
+    assert bench.settled == [frozenset({"base"})]
+
+
+def test_a_place_that_is_not_known_fails_with_those_that_are() -> None:
+    bench = Bench()
+    leaf = put(bench, Navigate("navigate"), to="cellar")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.feedback_message == "there is no place 'cellar': there are hall, kitchen, ramp"
+
+
+def test_without_nav2_it_waits_for_it() -> None:
+    bench = Bench()
+    bench.ros2.trouble = NotConnected("ros2: nobody offers /navigate_to_pose")
+    leaf = put(bench, Navigate("navigate"), x=1.0, y=1.0)
+    assert bench.tick(leaf) is RUNNING
+    bench.ros2.trouble = None
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("navigate", ((1.0, 1.0, 0.0),), "map")]
+
+
+def test_it_drives_through_places_of_one_frame() -> None:
+    bench = Bench()
+    leaf = put(bench, NavigateThrough("through"), through=["hall", "kitchen"])
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("navigate", ((0.0, 1.0, 0.0), (1.0, 2.0, 0.5)), "map")]
+    other = put(Bench(), NavigateThrough("through"), through=["hall", "ramp"])
+    assert bench.tick(other) is FAILURE
+    assert "several frames: map, odom" in other.feedback_message
+
+
+def test_go_to_drives_by_nav2_where_there_is_one() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
+    leaf = put(bench, GoTo("go_to"), x=1.0, y=1.0)
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("navigate", ((1.0, 1.0, pytest.approx(0.785, abs=1e-3)),), "start")]
+    bench.ros2.comes = Progress(GoalState.FAILED, "/navigate_to_pose: it made no progress (error 105)")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.feedback_message == "/navigate_to_pose: it made no progress (error 105)"
+
+
+def test_a_service_is_asked_and_its_answer_kept() -> None:
+    bench = Bench()
+    leaf = put(bench, CallService("call"), service="/reset", type="std_srvs/srv/SetBool", values={"data": True})
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("call", "/reset", "std_srvs/srv/SetBool", '{"data": true}')]
+    bench.ros2.comes = Progress(GoalState.SUCCEEDED, result='{"success": true, "message": ""}')
+    assert bench.tick(leaf) is SUCCESS
+    assert leaf.result == {"success": True, "message": ""}
+
+
+def test_an_action_of_any_type_is_begun_and_cancelled_by_a_halt() -> None:
+    bench = Bench()
+    leaf = put(bench, Ros2Action("dock"), action="/dock")
+    bench.tick(leaf)
+    bench.halt(leaf)
+    assert bench.ros2.commands == [("begin", "/dock", "", "{}"), ("cancel", 1)]
+
+
+def test_a_message_is_sent_at_once() -> None:
+    bench = Bench()
+    leaf = put(bench, Publish("publish"), topic="/chatter", type="std_msgs/msg/String", values={"data": "hello"})
+    assert bench.tick(leaf) is SUCCESS
+    assert bench.ros2.commands == [("publish", "/chatter", "std_msgs/msg/String", '{"data": "hello"}')]
+
+
+MESSAGE = {"percentage": 0.8, "pose": {"x": 1.5}, "ranges": [0.5, 2.0], "present": True, "name": "a"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "holds"),
+    [
+        ({"field": "percentage", "above": 0.5}, True),
+        ({"field": "percentage", "above": 0.9}, False),
+        ({"field": "pose.x", "below": 2.0, "above": 1.0}, True),
+        ({"field": "ranges[1]", "equals": 2.0}, True),
+        ({"field": "ranges[7]"}, False),
+        ({"field": "present"}, True),
+        ({"field": "name", "above": 1.0}, False),
+        ({"field": "nobody"}, False),
+        ({}, True),
+    ],
+)
+def test_a_topic_is_a_condition_on_any_of_its_fields(asked: dict[str, object], holds: bool) -> None:
+    bench = Bench()
+    bench.ros2.says["/it"] = Reading(json.dumps(MESSAGE), bench.clock.now(), Quality.GOOD)
+    leaf = put(bench, Topic("topic"), topic="/it", **asked)
+    assert bench.tick(leaf) is (SUCCESS if holds else FAILURE)
+    assert leaf.feedback_message
+
+
+def test_a_message_that_is_old_does_not_count() -> None:
+    bench = Bench()
+    leaf = put(bench, Topic("topic"), topic="/it")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.feedback_message == "no message of /it yet"
+    bench.ros2.says["/it"] = Reading("{}", bench.clock.now() - 5.0, Quality.STALE)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.feedback_message.startswith("the newest message of /it is 5.")
