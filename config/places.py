@@ -40,7 +40,7 @@ def load_places(path: Path) -> Mapping[str, PlaceKeys]:
 
 def written_places(places: Mapping[str, PlaceKeys]) -> str:
     """Return the text of a file of places."""
-    lines = ["places:"]
+    lines = ["places:" if places else "places: {}"]
     for name, it in sorted(places.items()):
         at = f"x: {it.x:.3f} m, y: {it.y:.3f} m, heading: {degrees(it.heading):.1f} deg"
         frame = "" if it.frame == "map" else f", frame: {it.frame}"

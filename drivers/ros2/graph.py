@@ -28,6 +28,8 @@ LOOK = 0.1
 STALE_AFTER = 2.0
 """Seconds after which the newest message of a topic counts as old."""
 
+TF = "tf2_msgs/msg/TFMessage"
+
 TO_POSE, THROUGH = "nav2_msgs/action/NavigateToPose", "nav2_msgs/action/NavigateThroughPoses"
 
 

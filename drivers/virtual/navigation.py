@@ -6,15 +6,13 @@ from math import atan2, cos, sin
 from typing import Any
 
 from drivers.api import Pose2D, Velocity
-from drivers.ros2.graph import THROUGH, TO_POSE
+from drivers.ros2.graph import TF, THROUGH, TO_POSE
 from drivers.ros2.line import Channel
 from drivers.ros2.node import Node, Publisher
 from drivers.ros2.requests import CANCEL, FEEDBACK, RESULT
 from drivers.ros2.types import Malformed, types
 from drivers.sim.navigator import ABORTED, NO_PROGRESS, Navigator
 from drivers.virtual.topics import Topics, VirtualBase
-
-TF = "tf2_msgs/msg/TFMessage"
 
 FRAMES_PERIOD = 0.1
 """Seconds between two messages of where the robot is on the map."""

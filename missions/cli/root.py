@@ -58,6 +58,8 @@ GROUPS = {
         "camera": "List cameras, and calibrate them.",
         "person": "Let the robot know people by their faces, list them, and forget them.",
         "models": "List trained models that can be fetched, and fetch them.",
+        "place": "Name places of a robot's map, for `navigate`.",
+        "ros2": "Look round among the nodes of ROS 2, without ROS.",
         "udev": "Print the udev rules that name a TurtleBot's serial ports.",
         "simulate": "Run a robot's virtual devices alone, for other programs to use.",
         "completion": "Let your shell complete commands, missions, robots and the like.",

@@ -10,12 +10,13 @@ from collections.abc import Iterator
 import click
 
 from config.library import find
+from config.world import load_world
 from drivers.api.kinds import WIRED
 from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
-from missions.cli.names import ROBOT
+from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import Real
 from missions.executive.executive import GLANCE
 from missions.library.drivers import load_robot
@@ -46,24 +47,36 @@ class Lines:
 
 
 @click.command(epilog="Example: mission simulate --robot turtlebot2")
-@click.option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="A name or a file.")
+@click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
 @click.option(
     "--state", "period", type=Real(), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
 )
+@click.option("--world", type=WORLD, help="The world around it; else open floor.")
+@click.option(
+    "--ros2",
+    "listen",
+    is_flag=False,
+    flag_value="tcp/127.0.0.1:7447",
+    metavar="[ADDRESS]",
+    help="Serve a robot of ROS 2 (turtlebot4, unless another is named) at this address: tcp/127.0.0.1:7447.",
+)
 @click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
-def command(robot: str, period: float | None, paced: bool) -> None:
+def command(robot: str | None, period: float | None, world: str | None, listen: str | None, paced: bool) -> None:
     """Run the virtual devices of a robot, and print their ports as one line of JSON. Ctrl-C ends them.
 
     The devices speak their real protocols: point any program at them, or another `mission run` with --port.
     Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
     """
-    config = load_robot(find("robots", robot))
+    config = load_robot(find("robots", robot or (DEFAULT_ROBOT if listen is None else "turtlebot4")))
+    if listen is not None and "ros2" not in config.sections:
+        raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")
+    around = None if world is None else load_world(find("worlds", world))
     clock = SystemClock()
     ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda got, _: ending.append(got))
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
-    simulation = Simulation(config, frozenset(WIRED) & config.parts, clock)
+    simulation = Simulation(config, frozenset(WIRED) & config.parts, clock, world=around, listen=listen or "")
     servos = simulation.device(VirtualServoBus)
     if servos is not None:
         servos.paced = paced

@@ -1,0 +1,103 @@
+"""`mission ros2` and `mission place` on a simulated TurtleBot 4; missions in which it drives by Nav2."""
+
+import base64
+import json
+from collections.abc import Callable, Iterator
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import SystemClock
+from drivers.ros2.types import types
+from drivers.ros2.wire import entity
+from missions.assembly.simulation import Simulation
+from missions.cli.place import placed
+from missions.library.drivers import load_robot
+from tests.missions.command import Outcome, command
+
+Mission = Callable[..., Outcome]
+
+ROOT = Path(__file__).parents[2]
+
+STRAIGHT = """mission: straight
+tree:
+  sequence:
+    - navigate: kitchen
+    - go_to: {x: 0.2 m, y: 0 m}
+"""
+
+
+@pytest.fixture
+def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Mission:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    Path("straight.yaml").write_text(STRAIGHT)
+    return lambda *arguments: command(capsys, *arguments)
+
+
+@pytest.fixture
+def router() -> Iterator[str]:
+    config = load_robot(ROOT / "config/robots/turtlebot4.yaml")
+    simulation = Simulation(config, frozenset({"ros2", "base", "range"}), SystemClock())
+    simulation.open()
+    yield simulation.ports["ros2"]
+    simulation.close()
+
+
+@pytest.mark.real_time
+def test_topics_nodes_messages_and_places_of_a_robot_are_shown_without_ros(mission: Mission, router: str) -> None:
+    at = ("--router", router)
+    told = mission("ros2", "topics", *at)
+    assert told.code == 0
+    assert "/cmd_vel  geometry_msgs/msg/Twist  (1 listens)\n" in told.out
+    assert "send_goal" not in told.out
+    assert "  offers  /navigate_to_pose/_action/send_goal" in mission("ros2", "graph", *at).out
+    first = mission("ros2", "echo", "/odom", "--seconds", "0.3", *at).out.splitlines()[0]
+    assert json.loads(first)["child_frame_id"] == "base_link"
+    unknown = mission("ros2", "echo", "/nobody", *at)
+    assert (unknown.code, "nobody sends /nobody" in unknown.err) == (3, True)
+    assert mission("place", "add", "kitchen", *at).out.startswith("kitchen: 0.00 m, 0.00 m, 0 deg")
+
+
+@pytest.mark.real_time
+def test_a_capture_holds_tokens_and_messages_and_no_name_of_a_session(mission: Mission, router: str) -> None:
+    assert mission("ros2", "capture", "robot.jsonl", "--seconds", "0.5", "--router", router).code == 0
+    lines = [json.loads(line) for line in Path("robot.jsonl").read_text().splitlines()]
+    tokens = [entity(line["token"]) for line in lines if "token" in line]
+    assert {each.zid for each in tokens if each is not None} == {f"{1:032x}"}
+    heard = [line for line in lines if "payload" in line]
+    assert {"/odom", "/scan", "/tf"} <= {line["topic"] for line in heard}
+    for line in heard:
+        types().decode(line["type"], base64.b64decode(line["payload"]))
+
+
+def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
+    refused = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast")
+    assert refused.code == 1
+    assert "there is no place 'kitchen': there are none yet" in refused.out
+    assert mission("place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
+    assert mission("place", "list").out == "places:\n  kitchen: {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n"
+    assert mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast").code == 0
+    assert mission("place", "remove", "kitchen").code == 0
+    assert "no places yet" in mission("place", "list").out
+    wrong = mission("place", "add", "cellar", "--at", "here")
+    assert (wrong.code, "give x, y and heading" in wrong.err) == (2, True)
+
+
+def test_a_place_behind_a_wall_is_given_up_with_nav2s_reason(mission: Mission) -> None:
+    mission("place", "add", "kitchen", "--at", "50 m, 0 m, 0 deg")
+    told = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast", "--world", "square_arena")
+    assert told.code == 1
+    assert "navigate_to_pose: it made no progress (error 105)" in told.out
+
+
+def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
+    told = mission("ros2", "topics", "--robot", "turtlebot2")
+    assert (told.code, "is no robot of ROS 2" in told.err) == (2, True)
+    told = mission("simulate", "--ros2", "tcp/127.0.0.1:1", "--robot", "turtlebot2")
+    assert (told.code, "is no robot of ROS 2" in told.err) == (2, True)
+
+
+def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:
+    assert placed((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
