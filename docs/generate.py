@@ -23,7 +23,7 @@ from config.object import ObjectKeys
 from config.robot import RobotKeys
 from config.units import EXAMPLES, UNITS
 from config.world import WorldConfig
-from docs import dumps
+from docs import claims, dumps
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
 from missions.executive.state import state_of
@@ -169,6 +169,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "default_keys": partial(keys_table, DefaultsKeys),
     "fleet_keys": partial(keys_table, FleetKeys),
     "object_keys": partial(keys_table, ObjectKeys),
+    "claims": claims.claims,
     "gallery": dumps.gallery,
     "studio_commands": studio_commands,
     "studio_messages": studio_messages,

@@ -77,8 +77,8 @@ class Witness:
         self.history(event)
         if self.record is not None:
             self.record(event)
-        if isinstance(event, CommandSent):
-            self.at_command()
+        if isinstance(event, CommandSent) and self.runner.root.run.working is not None:
+            self.at_command()  # not where a device tells of itself: its own thread goes on while a tick hangs
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self.leaves:
             leaf = self.leaves[event.node]
             self._claims(leaf, event.t)

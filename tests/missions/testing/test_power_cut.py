@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
 from random import Random
@@ -76,7 +76,9 @@ def lost_tasks(folder: Path, done: list[Call], at: int, chance: Random | None, i
     ]
 
 
-def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(tmp_path: Path) -> None:
+def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     folder = tmp_path / "state"
     folder.mkdir()
     done = recorded([sys.executable, "-c", QUEUE, str(folder), "12"], folder, tmp_path / "trace")
@@ -86,6 +88,7 @@ def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(tmp_path: Path) ->
         chance = Random(number) if number % 2 else None  # noqa: S311 - chance, not a secret
         lost += lost_tasks(folder, done, at, chance, tmp_path / f"cut{number}")
     assert lost == []
+    record_property("figure", f"{CUTS} power cuts of a queue")
 
 
 def times(path: Path) -> list[float]:
@@ -96,7 +99,9 @@ def times(path: Path) -> list[float]:
         return []
 
 
-def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(tmp_path: Path) -> None:
+def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     folder = tmp_path / "records"
     folder.mkdir()
     run = [sys.executable, "-m", "missions", "run", "look_around", "--simulate", "fast", "--speed", "4"]
@@ -111,6 +116,7 @@ def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(tmp_path: 
         assert synced == whole[: len(synced)]
         assert left[: len(synced)] == synced
         assert set(left) <= set(whole)
+    record_property("figure", f"{CUTS} of a record")
 
 
 def test_a_record_that_was_closed_is_whole_after_a_power_cut(tmp_path: Path) -> None:

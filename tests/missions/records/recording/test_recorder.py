@@ -33,6 +33,7 @@ from missions.records.recording.recorder import Recorder
 from perception.api import Gaze, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
 from tests.missions.records.recording.stand_in_run import moment
+from tests.tries import tries
 from tests.waiting import wait_until
 
 PICTURE = np.full((48, 64, 3), 100, np.uint8)
@@ -363,9 +364,11 @@ def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> N
 SOON, LATE = 0.2, 1.5
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(tries(3)))
 @pytest.mark.real_time
-def test_a_kill_at_any_moment_costs_a_second_at_most(tmp_path: Path, seed: int) -> None:
+def test_a_kill_at_any_moment_costs_a_second_at_most(
+    tmp_path: Path, seed: int, record_property: Callable[[str, object], None]
+) -> None:
     path = tmp_path / "a.mcap"
     chance = random.Random(seed)  # noqa: S311 - chance, not a secret
     with running(path) as (run, writer):
@@ -373,7 +376,9 @@ def test_a_kill_at_any_moment_costs_a_second_at_most(tmp_path: Path, seed: int) 
         for number in (run.pid, writer):
             os.kill(number, signal.SIGKILL)
         wait_until(lambda: not Path(f"/proc/{writer}").exists())
-    assert max(times_of(path), default=begun) >= last - 1.0
+    lost = last - max(times_of(path), default=begun)
+    record_property("most", f"{lost:.2f} s of a record lost")
+    assert lost <= 1.0
 
 
 @pytest.mark.real_time
