@@ -64,6 +64,11 @@ def keep_default(word: str, value: str) -> Path:
     return path
 
 
+def missing_folders() -> list[str]:
+    """Return the ``folders`` that are not there: nothing is found in them."""
+    return [each for each in load_defaults().folders if not Path(each).expanduser().is_dir()]
+
+
 def own_files(kind: str) -> dict[str, Path]:
     """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``."""
     folders = [config_folder(), *(Path(each).expanduser() for each in load_defaults().folders)]

@@ -119,6 +119,8 @@ def rewrite(path: Path, text: str) -> None:
             file.write(mark + text.encode())
         Path(name).chmod(path.stat().st_mode)
         Path(name).replace(path)
-    except BaseException:  # a Ctrl-C too must leave no half of a file beside it
+    except BaseException as error:  # a Ctrl-C too must leave no half of a file beside it
         Path(name).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # a full disk does not say whose it is
+            error.filename = str(path)
         raise

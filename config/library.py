@@ -49,19 +49,32 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
     hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
-    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}")
+    missing = f"; {_missing()}" if _missing() else ""
+    raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}{missing}")
 
 
 def _own(kind: str, name: str) -> Path | None:
     """Return the user's own file that a name means, None where there is none. Raises UnknownNameError."""
-    from config.defaults import load_defaults, own_files  # noqa: PLC0415 - few names are not in the library
+    from config.defaults import FILE, config_folder, load_defaults, own_files  # noqa: PLC0415 - few names are not in the library
 
     if kind == "robots" and name == MINE:
         mine = load_defaults().robot
         if not mine or mine == MINE:
             raise UnknownNameError("no robot is this computer's own yet; `mission robot use NAME` makes one so")
-        return find(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
+        try:
+            return find(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
+        except UnknownNameError as error:
+            where = f"{config_folder() / FILE}: 'robot': {error}"
+            raise UnknownNameError(f"{where}; `mission robot use NAME` names another") from None
     return own_files(kind).get(name)
+
+
+def _missing() -> str:
+    """Say which folders of the user's are not there: a name may have been one of a file in them."""
+    from config.defaults import FILE, config_folder, missing_folders  # noqa: PLC0415 - only where a name is not known
+
+    missing = missing_folders()
+    return f"{config_folder() / FILE} names folders that are not there: {', '.join(missing)}" if missing else ""
 
 
 def is_file(path: Path) -> bool:

@@ -104,7 +104,8 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
         )
     if number in (errno.EAGAIN, errno.EBUSY):
         return NotConnected(f"{who}: {port}: in use{_holders(port)}", hint=f"fuser -v {port}  (who holds it)")
-    return NotConnected(f"{who}: {port}: {error}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
+    what = str(error).removeprefix(f"{who}: {port}: ")  # which opening it may have said
+    return NotConnected(f"{who}: {port}: {what}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
 
 
 def _errno_of(error: BaseException) -> int | None:

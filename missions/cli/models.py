@@ -25,13 +25,13 @@ def list_command() -> None:
 def list_models() -> None:
     """Print a line on each model."""
     where = folder()
-    for model in MODELS.values():
+    for _, model in sorted(MODELS.items()):
         state = f"in {where / model.file}" if is_there(model, where) else f"mission models fetch {model.name}"
         click.echo(f"{model.name:<8} {model.size / 1e6:.2f} MB  {model.summary}\n{'':<8} {state}")
 
 
 @command.command(name="fetch", epilog="Example: mission models fetch yunet")
-@click.argument("name", type=click.Choice(list(MODELS)), metavar="NAME")
+@click.argument("name", type=click.Choice(sorted(MODELS)), metavar="NAME")
 @click.option("--from", "url", metavar="URL", help="Another place to fetch it from; its sum is checked all the same.")
 @click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")
 def fetch_command(name: str, url: str | None, where: Path | None) -> int:

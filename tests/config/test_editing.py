@@ -1,6 +1,8 @@
 """Changing one value in a robot file: that value, and not a byte more."""
 
+import os
 import stat
+from errno import ENOSPC
 from math import radians
 from pathlib import Path
 
@@ -8,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.editing import NotEditableError, with_value
+from config.editing import NotEditableError, rewrite, with_value
 from config.faults import Source
 from config.marked import Mapping, compose
 from drivers.arduino.declared import ArduinoKeys
@@ -128,3 +130,17 @@ def test_a_robot_without_a_head_has_nothing_to_trim(robot: Path) -> None:
     robot.write_text("robot: mine\n")
     with pytest.raises(NotEditableError, match="no head"):
         keep_trims(robot, 0.1, 0.0)
+
+
+def test_a_full_disk_is_told_with_the_file_that_it_kept_from_being_written(
+    robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(number: int, _: str) -> object:
+        os.close(number)
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("config.editing.os.fdopen", full)
+    with pytest.raises(OSError, match="No space left") as raised:
+        rewrite(robot, "robot: other\n")
+    assert raised.value.filename == str(robot)
+    assert [path.name for path in robot.parent.iterdir()] == [robot.name]

@@ -1,8 +1,10 @@
 """``mission doctor --move``: what is asked of a person, what moves and how little, and what came of it."""
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import closing
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -129,3 +131,16 @@ def test_without_a_robot_nothing_can_be_moved(capsys: pytest.CaptureFixture[str]
     outcome = command(capsys, "doctor", "--move")
     assert outcome.code == 2
     assert "try: mission doctor --move --robot NAME" in outcome.err
+
+
+def test_where_nobody_answers_nothing_moves_and_all_else_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file, port = tmp_path / "kit.yaml", tmp_path / "port"
+    file.write_text(ROBOT)
+    port.write_text("a file, and no port")
+    monkeypatch.setattr("sys.stdin", StringIO())
+    told = command(capsys, "doctor", "--move", "--robot", str(file), "--port", f"arm={port}")
+    assert "no: nobody answers\n" in told.err
+    assert told.out.count(f"{port}: ") == 1
+    assert re.search(r"\n\d+ wrong, (1 warning|(0|[2-9]) warnings), \d+ ok\n$", told.out)

@@ -132,3 +132,26 @@ def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(miss
     assert re.search(r"wrong +has \d mistakes", listed)
     names = names_of("robots", click.Context(click.Command("run")))
     assert {"kit", "wrong", "mine", "turtlebot2"} <= set(names)
+
+
+def test_a_wrong_default_is_told_with_its_file_and_so_are_folders_that_are_gone(
+    mission: Mission, tmp_path: Path
+) -> None:
+    file = config_folder() / "defaults.yaml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(f"robot: nobody\nfolders: [{tmp_path}, {tmp_path}/gone]\n")
+    wrong = mission("robot", "show")
+    assert (wrong.code, wrong.err.startswith(f"mission: {file}: 'robot': unknown robot 'nobody'")) == (2, True)
+    assert "`mission robot use NAME` names another" in wrong.err
+    unknown = mission("robot", "show", "somebody")
+    assert f"{file} names folders that are not there: {tmp_path}/gone\n" in unknown.err
+
+
+def test_the_axes_of_each_head_are_shown_with_their_trims(mission: Mission, tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    head = "{driver: arduino, port: /dev/nano, pan: {trim: 4 deg, limits: [-80 deg, 80 deg]}, tilt: {}}"
+    mast = "{kind: head, driver: arduino_second, pan: {servo: 2}, tilt: {servo: 3}}"
+    file.write_text(f"robot: two\nhead: {head}\nmast: {mast}\n")
+    shown = mission("robot", "show", str(file)).out
+    assert "  pan (servo 0): -80 to 80 deg, trim +4 deg\n" in shown
+    assert "  pan (servo 2): -90 to 90 deg\n  tilt (servo 3): -90 to 90 deg\n" in shown

@@ -85,3 +85,12 @@ def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
     assert coupled(one, other, [])[0] == Coupling("gripper", "gripper")
     with pytest.raises(click.UsageError, match="the leader has toe, the follower gripper, elbow"):
         coupled({"toe": one["elbow"]}, other, [])
+
+
+def test_a_leader_with_other_joints_is_told_before_anything_is_opened(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "other.yaml"
+    file.write_text("robot: other\narm: {driver: dynamixel, port: /dev/null, joints: {neck: {id: 1}}}\n")
+    told = command(capsys, "servo", "mirror", str(file), "--robot", "so101", "--seconds", "1")
+    assert (told.code, "no joint of the one has the name of one of the other" in told.err) == (2, True)

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 import click
@@ -78,7 +77,7 @@ def _end(
         click.echo(json.dumps({"robot": config.name if config else None, "ok": not wrong, "findings": findings}))
     else:
         warnings = sum(each.finding.verdict == "warning" for each in found)
-        click.echo(f"{wrong} wrong, {warnings} warnings, {len(found) - wrong - warnings} ok")
+        click.echo(f"{wrong} wrong, {warnings} warning{'s' * (warnings != 1)}, {len(found) - wrong - warnings} ok")
     if file is not None:
         with writing(file, "--report"):
             file.write_text(report(machine, found), encoding="utf-8")
@@ -125,12 +124,22 @@ def _all(
         yield Checked(COMPUTER, nobody)
         return
     yield Checked(COMPUTER, Finding("robot", f"{config.name}: {', '.join(config.sections)}"))
-    ask = partial(click.confirm, err=True)
-    move = move and ask(f"{config.name} is going to move a little. Is there room, and are all hands off it?")
+    move = move and _ask(f"{config.name} is going to move a little. Is there room, and are all hands off it?")
     yield from check_robot(config, called, machine, clock, ports=ports, resets=move)
     if move:
         unwell = frozenset(each.part for each in found if each.finding.verdict == "wrong")
-        yield from tried(config, called, ports, unwell=unwell, ask=ask)
+        yield from tried(config, called, ports, unwell=unwell, ask=_ask)
+
+
+def _ask(question: str) -> bool:
+    """Ask a person; where nobody answers, as at the end of a pipe, nothing may move. Raises click.Abort at Ctrl-C."""
+    try:
+        return click.confirm(question, err=True)
+    except click.Abort as error:
+        if not isinstance(error.__context__, EOFError):
+            raise
+        click.echo("no: nobody answers", err=True)
+        return False
 
 
 def _tell(checked: Checked, *, new: bool) -> None:

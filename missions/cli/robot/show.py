@@ -7,7 +7,7 @@ import click
 
 from config.library import MINE, find
 from config.robot import RobotConfig, Section
-from drivers.api.sections import ArmKeys, Wired
+from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
 from drivers.api.senses import CameraKeys
 from drivers.finding.machine import Machine
 from missions.cli.names import ROBOT
@@ -39,6 +39,8 @@ def _part(section: Section, machine: Machine) -> Iterator[str]:
     if isinstance(keys, Wired):
         there = "" if machine.at(keys.port).exists() else ", where nothing is plugged in"
         yield f"at {keys.port}{there}, {keys.baud} baud"
+    if isinstance(keys, HeadKeys):
+        yield from _axes(keys)
     if isinstance(keys, ArmKeys):
         for name, limit in keys.limits.items():
             number = getattr(getattr(keys, "joints", {}).get(name), "id", None)
@@ -50,3 +52,14 @@ def _part(section: Section, machine: Machine) -> Iterator[str]:
             "" if not device.startswith("/dev/") or machine.at(device).exists() else ", where no camera is plugged in"
         )
         yield f"at {device}{there}"
+
+
+def _axes(keys: HeadKeys) -> Iterator[str]:
+    """Yield how far each axis of a head turns, by which servo or joint, and how it is trimmed."""
+    for name in ("pan", "tilt"):
+        axis = getattr(keys, name, None)
+        if isinstance(axis, AxisKeys):
+            servo = getattr(axis, "servo", None)
+            by = f"servo {servo}" if servo is not None else f"joint {getattr(axis, 'joint', '')}"
+            trim = f", trim {degrees(axis.trim):+g} deg" if axis.trim else ""
+            yield f"{name} ({by}): {degrees(axis.lower):.0f} to {degrees(axis.upper):.0f} deg{trim}"

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from math import inf
 
 import click
 
@@ -25,7 +26,7 @@ from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.dynamixel.units import Framing
 from drivers.errors import DeviceFault, NoReply, NotConnected
 from missions.assembly.assemble import assemble
-from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.assembled import CONNECT_TIME, REMARK_TIME
 from missions.assembly.simulation import Simulation
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
@@ -192,11 +193,15 @@ def opened_arms(*targets: Target) -> Iterator[list[Arm]]:
 
 
 def _wait_for(joints: Joints, clock: Clock) -> None:
-    """Wait until an arm is there. Raises NotConnected, with what is missing, after ``CONNECT_TIME``."""
+    """Wait until an arm is there, and say so. Raises NotConnected, with what is missing, after ``CONNECT_TIME``."""
+    remark = clock.now() + REMARK_TIME
     while not (joints.health().online and any(reading.good for reading in joints.states().values())):
         if clock.now() > CONNECT_TIME:
             health = joints.health()
             raise NotConnected(health.detail, hint=health.hint)
+        if clock.now() > remark:
+            remark = inf
+            click.echo(f"waiting for it: {joints.health().detail}", err=True)
         pause()
 
 

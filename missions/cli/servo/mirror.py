@@ -8,6 +8,7 @@ from threading import Event
 import click
 
 from drivers.api import Coupling, JointLimits
+from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.mirroring import Mirroring, by_range
 from drivers.errors import NotConnected
@@ -42,12 +43,17 @@ def mirror(target: Target, leader: str, leader_port: str | None, ranged: tuple[s
     target.require_joints()
     first = replace(target, robot=leader, port=leader_port, baud=None, simulate=target.virtual)
     first.check()
+    couplings = coupled(_limits(first), _limits(target), ranged)  # a wrong leader is told before anything is opened
     with opened_arms(first, target) as (leading, following):
-        couplings = coupled(leading.joints.limits, following.joints.limits, ranged)
         click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
         leading.joints.relax()
         _mirror(leading, following, couplings, seconds)
     return SUCCESS
+
+
+def _limits(target: Target) -> Mapping[str, JointLimits]:
+    keys = target.config().keys(DynamixelKeys)
+    return {} if keys is None else keys.limits
 
 
 def coupled(
