@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.tracking.lag import Lag
-from drivers.api import Base, Head, Joints, Ranger, Ros2, Screen, Voice
+from drivers.api import Base, Head, Imu, Joints, Ranger, Ros2, Screen, Voice
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -39,6 +39,7 @@ class Robot:
     hearing_part: Hearing | None = None
     screen_part: Screen | None = None
     ros2_part: Ros2 | None = None
+    imu_part: Imu | None = None
     lag: Lag = field(default_factory=Lag, compare=False)
     heads: Mapping[str, Head] = field(default_factory=dict)
     places: Mapping[str, tuple[float, float, float, str]] = field(default_factory=dict)
@@ -67,6 +68,11 @@ class Robot:
     def ranger(self) -> Ranger:
         """The range finder; its part is called ``range``."""
         return _there(self.ranger_part, "range")
+
+    @property
+    def imu(self) -> Imu:
+        """What feels how the robot leans."""
+        return _there(self.imu_part, "imu")
 
     @property
     def voice(self) -> Voice:

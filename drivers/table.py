@@ -17,6 +17,7 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
         "pca9685": "drivers.pi_car.declared:PI_HEAD",
     },
     "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
+    "imu": {"witmotion": "drivers.witmotion.declared:WITMOTION"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR", "ros2": "drivers.ros2.declared:RANGE"},
     "camera": {"opencv": "drivers.camera.declared:OPENCV"},
     "microphone": {

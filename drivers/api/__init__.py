@@ -29,6 +29,7 @@ from drivers.api.device import (
     ignore,
 )
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
+from drivers.api.imu import Attitude, Imu
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Duration, Length
 from drivers.api.microphone import SOUND_RATE, Microphone, Sound
@@ -48,6 +49,7 @@ __all__ = [
     "STILL",
     "Angle",
     "Angles",
+    "Attitude",
     "Away",
     "Base",
     "BaseLimits",
@@ -68,6 +70,7 @@ __all__ = [
     "HeadPose",
     "Health",
     "Image",
+    "Imu",
     "JointLimits",
     "JointState",
     "Joints",

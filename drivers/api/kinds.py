@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from drivers.api.quick import dataclass
-from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, ScreenKeys, VoiceKeys
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys, ImuKeys, RangeKeys, Ros2Keys, ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys, MicrophoneKeys
 from drivers.api.steering import Source
 
@@ -59,6 +59,7 @@ KINDS: Mapping[str, Kind] = {
             several=True,
         ),
         Kind("arm", "arm", "Joints.", ArmKeys, "drivers.api:Joints", still=lambda it: it.hold(), wired=True, step=2),
+        Kind("imu", "imu", "What feels how the robot leans.", ImuKeys, "drivers.api:Imu", wired=True),
         Kind("range", "ranger", "A range finder that turns.", RangeKeys, "drivers.api:Ranger", wired=True, step=5),
         Kind(
             "microphone",

@@ -174,6 +174,15 @@ class RangeKeys:
 
 
 @keys
+class ImuKeys:
+    """The keys of every IMU."""
+
+    level: tuple[float, float] = key(
+        "angle", default=(0.0, 0.0), help="What it tells with the robot upright: [roll, pitch]."
+    )
+
+
+@keys
 class VoiceKeys:
     """The keys of every voice: how it speaks, unless a mission says otherwise."""
 

@@ -8,6 +8,7 @@ from drivers.api import HeadPose, Pose2D, Report, Steered, ignore
 from drivers.clock import Clock
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
+from drivers.sim.rigid.scene import Scene
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 
@@ -31,6 +32,7 @@ class Stage:
     the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by name, and ``keys`` what the
     robot file says of each of its parts. ``part`` is the name of the one that is made. ``listen`` is the
     address at which a robot of ROS 2 is to be found; empty for any that is free.
+    ``scene`` is the robot's body in physics, None where these are not asked for.
     """
 
     clock: Clock
@@ -45,6 +47,7 @@ class Stage:
     keys: Mapping[str, Any] = field(default_factory=dict)
     part: str = ""
     listen: str = ""
+    scene: Scene | None = None
 
     def wheels(self) -> Wheels:
         """Return wheels that err as they do here, at the place where the robot starts."""

@@ -135,6 +135,8 @@ class PartsWatch:
                 return _measured(robot.head_part.pose(), lambda pose: {"pan": pose.pan, "tilt": pose.tilt})
             case "arm" if robot.arm_part is not None:
                 return _of_arm(robot.arm_part.states())
+            case "imu" if robot.imu_part is not None:
+                return _measured(robot.imu_part.attitude(), lambda felt: {"roll": felt.roll, "pitch": felt.pitch})
             case "range" if robot.ranger_part is not None:
                 return _measured(robot.ranger_part.scan(), lambda scan: {"nearest": scan.nearest()})
             case "camera" if self._looked is not None and (stamp := self._looked()) is not None:

@@ -15,6 +15,7 @@ STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven"),
     "head": UNPLUGGED,
     "arm": ("unplugged", "overloaded", "turned"),
+    "imu": UNPLUGGED,
     "range": UNPLUGGED,
     "camera": ("unplugged", "frozen", "covered", "slow"),
     "microphone": ("unplugged", "deaf"),

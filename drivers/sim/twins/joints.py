@@ -42,7 +42,7 @@ class JointsTwin(CommandedJoints):
         changed: Callable[[], None] = ignore,
     ) -> None:
         check(self.name, dict(joints))
-        self._servos = {joint: ServoTwin(joint, spec) for joint, spec in joints.items()}
+        self._servos = {joint: self._servo(joint, spec) for joint, spec in joints.items()}
         described = {joint: servo.joint for joint, servo in self._servos.items()}
         super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed)
         self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
@@ -173,6 +173,10 @@ class JointsTwin(CommandedJoints):
         self._read_at = -inf
 
     # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _servo(self, name: str, spec: JointSpec) -> ServoTwin:
+        """Return the twin of one servo."""
+        return ServoTwin(name, spec)
 
     def _connected(self) -> None:
         """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""

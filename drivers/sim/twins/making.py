@@ -19,6 +19,7 @@ from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
 from drivers.sim.twins.plain_base import PlainTwin
 from drivers.sim.twins.ranger import RangerTwin
+from drivers.sim.twins.rigid_joints import RigidJoints
 from drivers.sim.world import World
 from drivers.waveshare.declared import WaveshareKeys
 from drivers.waveshare.wire import FASTEST
@@ -86,7 +87,11 @@ def second_head(keys: SecondKeys, stage: Stage) -> HeadTwin:
 
 
 def arm(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
-    """Return the twin of an arm."""
+    """Return the twin of an arm, whose servos carry the robot's body where there are physics."""
+    if stage.scene is not None:
+        return RigidJoints(
+            joints(keys), stage.clock, stage.scene, at_rest=keys.at_end, away=keys.away, report=stage.report
+        )
     return JointsTwin(joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report)
 
 

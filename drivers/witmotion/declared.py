@@ -1,0 +1,22 @@
+"""WitMotion's IMUs as a driver, and its keys in a robot file."""
+
+from drivers.api.driver import Driver
+from drivers.api.keys import keys
+from drivers.api.sections import ImuKeys, Wired
+
+
+@keys
+class WitMotionKeys(ImuKeys, Wired):
+    """The ``imu`` section of a robot with an IMU of WitMotion's, which must be set to 115200 baud."""
+
+
+WITMOTION = Driver(
+    "witmotion",
+    "imu",
+    "An IMU of WitMotion's: JY901, WT901, BWT901.",
+    WitMotionKeys,
+    make="drivers.witmotion.driver:make",
+    twin="drivers.sim.twins.imu:imu",
+    virtual="drivers.virtual.witmotion:imu",
+    probe="drivers.witmotion.probe:probe",
+)

@@ -1,0 +1,84 @@
+"""An IMU of WitMotion's: it is told to report a hundred times a second, and its newest report is given out."""
+
+from math import inf
+
+from drivers.api import Attitude, Health, Quality, Reading
+from drivers.api.driver import Site
+from drivers.clock import Clock
+from drivers.link import Link
+from drivers.witmotion import wire
+from drivers.witmotion.declared import WitMotionKeys
+
+STALE_AFTER = 0.1
+"""Seconds without another report after which the newest is stale: nobody keeps a balance by it any more."""
+
+
+class WitMotionImu:
+    """A ``drivers.api.Imu`` over a link, which it owns. ``level`` is what it tells (roll, pitch; rad) upright."""
+
+    name = "imu"
+
+    def __init__(self, link: Link, clock: Clock, *, level: tuple[float, float] = (0.0, 0.0)) -> None:
+        self._link, self._clock, self._level = link, clock, level
+        self._finder = wire.Finder()
+        # Written by the link's thread alone, and replaced, never altered: any thread may read it.
+        self._latest: Reading[Attitude] = Reading(None, -inf, Quality.NONE)
+        self._reports = 0
+
+    def attitude(self) -> Reading[Attitude]:
+        """Return the newest attitude; stale once ``STALE_AFTER`` has passed without another."""
+        latest, now = self._latest, self._clock.now()
+        if latest.value is None:
+            return Reading(None, now, Quality.NONE)
+        fresh = self._link.online and now - latest.stamp <= STALE_AFTER
+        return latest if fresh else Reading(latest.value, latest.stamp, Quality.STALE)
+
+    def open(self) -> None:
+        """Start looking for it; returns at once, whether it is there or not."""
+        self._link.open(self)
+
+    def rest(self) -> None:
+        """Do nothing: it moves nothing."""
+
+    def close(self) -> None:
+        """End the thread and release the port. Safe from any state, more than once."""
+        self._link.close()
+
+    def health(self) -> Health:
+        """Say whether reports come, and the figures of its wire."""
+        link = self._link.health()
+        counters = {**link.counters, "reports": self._reports, "malformed": self._finder.malformed}
+        if not link.online:
+            return Health(False, link.detail, link.hint, counters)
+        if not self.attitude().good:
+            detail = f"{self.name}: {self._link.port}: no report of an IMU at {self._link.baud} baud"
+            return Health(False, detail, "set it to 115200 baud with WitMotion's program, or give 'baud'", counters)
+        return Health(True, counters=counters)
+
+    # What follows is drivers.link.Talker, called from the link's thread.
+
+    def connected(self) -> None:
+        """Begin anew on a port just opened."""
+        self._finder = wire.Finder()
+        self._link.write(wire.UNLOCK)
+        self._link.write(wire.HUNDRED_HERTZ)
+
+    def received(self, data: bytes) -> None:
+        """Take what it says."""
+        for report in self._finder.feed(data):
+            roll, pitch, yaw = report.angles
+            level = self._level
+            attitude = Attitude(roll - level[0], pitch - level[1], yaw, report.rates, report.forces)
+            self._latest = Reading(attitude, self._clock.now(), Quality.GOOD)
+            self._reports += 1
+
+    def pulse(self) -> None:
+        """Do nothing: it talks by itself."""
+
+    def ending(self) -> None:
+        """Do nothing: it may talk on."""
+
+
+def make(keys: WitMotionKeys, site: Site) -> WitMotionImu:
+    """Return the driver."""
+    return WitMotionImu(Link("imu", site.port, keys.baud, report=site.report), site.clock, level=keys.level)
