@@ -19,7 +19,7 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
     "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
     "imu": {"witmotion": "drivers.witmotion.declared:WITMOTION"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR", "ros2": "drivers.ros2.declared:RANGE"},
-    "camera": {"opencv": "drivers.camera.declared:OPENCV"},
+    "camera": {"opencv": "drivers.camera.declared:OPENCV", "ros2": "drivers.ros2.declared:CAMERA"},
     "microphone": {
         "microphone": "drivers.microphone.declared:MICROPHONE",
         "file": "drivers.microphone.declared:FILE",

@@ -6,6 +6,7 @@ from typing import Literal
 from drivers.api.driver import Driver
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import BaseKeys, RangeKeys, Ros2Keys
+from drivers.api.senses import CameraKeys
 
 
 @keys
@@ -93,6 +94,24 @@ RANGE = Driver(
     make="drivers.ros2.make:ranger",
     twin="drivers.sim.twins.ros2:ranger",
     virtual="drivers.virtual.ros2:ranger",
+    needs=("ros2",),
+    extra="ros2",
+)
+
+
+@keys
+class Ros2CameraKeys(CameraKeys):
+    """The ``camera`` section of a robot whose pictures come by ROS 2."""
+
+    image: str = key(default="image_raw", help="The topic of its pictures: Image or CompressedImage.")
+
+
+CAMERA = Driver(
+    "ros2",
+    "camera",
+    "A camera whose pictures come by ROS 2.",
+    Ros2CameraKeys,
+    make="drivers.ros2.make:camera",
     needs=("ros2",),
     extra="ros2",
 )

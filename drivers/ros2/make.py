@@ -3,10 +3,12 @@
 import os
 
 from drivers.api.driver import Site
+from drivers.camera.threaded import ThreadedCamera
 from drivers.errors import BadRequest
 from drivers.kobuki.steered import settings_of
 from drivers.ros2 import base as bases
-from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.camera import TopicFeed
+from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.line import Channel, link
 from drivers.ros2.ranger import SCAN, Ros2Ranger
@@ -50,3 +52,18 @@ def ranger(keys: Ros2RangeKeys, site: Site) -> Ros2Ranger:
     channel = Channel(nodes.full(keys.scan), (SCAN,), depth=1)
     line = link("range", nodes.node, [channel], site.report)
     return Ros2Ranger(line, site.clock, channel, place=keys.place, blind=keys.blind, changed=site.changed)
+
+
+def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
+    """Return the driver of a camera."""
+    nodes: Ros2Graph = site.parts["ros2"]
+    topic = nodes.full(keys.image)
+    return ThreadedCamera(
+        lambda: TopicFeed(nodes.node, topic),
+        site.clock,
+        name="camera",
+        field_of_view=keys.field_of_view,
+        loop=False,
+        retry=0.3,
+        report=site.report,
+    )

@@ -13,6 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.ros2 import wire
+from drivers.ros2.actions import CANCEL, FEEDBACK, RESULT, SEND
 from drivers.ros2.node import Node, Replied
 from drivers.ros2.reasons import reason
 from drivers.ros2.types import Malformed, types
@@ -29,7 +30,6 @@ SILENCE = 1.0
 KEPT = 100
 """Requests that are over and are still told of."""
 
-FEEDBACK, CANCEL, RESULT = "_action/feedback", "_action/cancel_goal", "_action/get_result"
 ENDED = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
 """The ends of an action, as action_msgs numbers them."""
 
@@ -71,7 +71,7 @@ class Requests:
 
     def begin(self, name: str, kind: str, goal: Mapping[str, object]) -> int:
         """Begin an action. Raises BadRequest, NotConnected."""
-        server = self._server(f"{name}/_action/send_goal", kind and f"{kind}_SendGoal")
+        server = self._server(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
         kind = server.kind.removesuffix("_SendGoal")
         request = _Request(name, kind, goal=True)
         payload = types().encode(server.kind + "_Request", {"goal_id": {"uuid": request.uuid}, "goal": goal})
@@ -110,7 +110,7 @@ class Requests:
         for request in list(self._all.values()):
             if request.progress.over:
                 continue
-            name = f"{request.name}/_action/send_goal" if request.goal else request.name
+            name = f"{request.name}/{SEND}" if request.goal else request.name
             there = node is not None and node.kind_of(wire.SERVER, name) is not None
             with self._lock:
                 if there:
@@ -127,7 +127,7 @@ class Requests:
     def _server(self, name: str, kind: str) -> wire.Entity:
         found = self._nodes().kind_of(wire.SERVER, name, [kind] if kind else ())
         if found is None:
-            told = name.removesuffix("/_action/send_goal")
+            told = name.removesuffix(f"/{SEND}")
             of = f" of the type {kind.removesuffix('_SendGoal')}" if kind else ""
             raise NotConnected(
                 f"ros2: nobody offers {told}{of}", hint="`mission ros2 topics --all` lists what there is"

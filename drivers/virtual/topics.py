@@ -5,12 +5,14 @@ from math import cos, inf, sin
 from threading import RLock
 from typing import Any
 
+import cv2
 import numpy as np
 
-from drivers.api import Lamp, Pose2D, Sides, Velocity
+from drivers.api import Image, Lamp, Pose2D, Sides, Velocity
 from drivers.reckoning import Reckoning
 from drivers.ros2 import create3, wire
 from drivers.ros2.base import KINDS, SENT
+from drivers.ros2.camera import IMAGES
 from drivers.ros2.line import BAUD, Channel
 from drivers.ros2.ranger import SCAN
 from drivers.ros2.types import Malformed, types
@@ -226,3 +228,28 @@ class VirtualScan(Topics):
             "scan_time": self._period, "range_min": 0.15, "range_max": 12.0, "ranges": ranges.astype(np.float32),
         }  # fmt: skip
         yield 0, types().encode(SCAN, scan)
+
+
+class VirtualPictures(Topics):
+    """A camera of ROS 2 that sends what ``draw`` returns (height, width, 3; BGR), ``rate`` times a second."""
+
+    def __init__(
+        self, draw: Callable[[float], Image], topic: str, *, compressed: bool = False, rate: float = 10.0
+    ) -> None:
+        super().__init__([Channel(topic, IMAGES[1:] if compressed else IMAGES[:1])])
+        self._draw, self._period = draw, 1 / rate
+        self._due = -inf
+
+    def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
+        if now < self._due:
+            return
+        self._due = now + self._period
+        image = self._draw(now)
+        kind = self._kind(0)
+        if kind == IMAGES[1]:
+            data = cv2.imencode(".jpg", image)[1].tobytes()
+            yield 0, types().encode(kind, {"format": "bgr8; jpeg compressed bgr8", "data": data})
+            return
+        height, width = image.shape[:2]
+        values = {"height": height, "width": width, "encoding": "bgr8", "step": 3 * width, "data": image.tobytes()}
+        yield 0, types().encode(kind, values)

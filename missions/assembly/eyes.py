@@ -33,7 +33,7 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
     """Return the camera of a robot, or what renders the world for it, and what tells of its pictures."""
     keys: CameraKeys = section.keys
     wishes, audience = place.wishes, place.audience
-    camera = _camera(place, section)
+    camera = _camera(place, section, made)
     base: Base | None = made.get("base")
     head: Head | None = made.get("head")
     world = wishes.world
@@ -69,13 +69,13 @@ def _recogniser(place: "Place", keys: CameraKeys) -> Recogniser | None:
     )
 
 
-def _camera(place: "Place", section: Section) -> Camera:
+def _camera(place: "Place", section: Section, made: Mapping[str, Any]) -> Camera:
     keys: CameraKeys = section.keys
     source, simulation = place.wishes.camera, place.simulation
     if simulation is not None and source is None:
         return simulation.rendered(seed=place.wishes.seed)
     if source is None:
-        camera: Camera = place.device(section)
+        camera: Camera = place.device(section, made)
     else:  # whatever camera the robot has: a source is one of OpenCV's
         camera = make(replace(keys, source=source), place.site(section, {}))
     # A simulated head cannot turn a real camera, so its picture is turned instead.

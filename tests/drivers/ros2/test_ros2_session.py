@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 import pytest
 
 from drivers.api import STILL, DeviceStatus, Velocity
@@ -9,17 +10,20 @@ from drivers.api.driver import Site
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.ros2.base import Ros2Base
-from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.camera import IMAGES, picture
+from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.make import base as make_base
+from drivers.ros2.make import camera as make_camera
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
 from drivers.ros2.ranger import Ros2Ranger
+from drivers.ros2.types import types
 from drivers.sim.body import Body
 from drivers.sim.scanner import looking
 from drivers.sim.world import World
 from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from drivers.virtual.topics import VirtualBase, VirtualScan
+from drivers.virtual.topics import VirtualBase, VirtualPictures, VirtualScan
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
@@ -114,3 +118,37 @@ def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot
     assert "rmw_zenohd" in robot.graph.health().hint
     with pytest.raises(NotConnected, match="no router"):
         robot.graph.publish("say", "std_msgs/msg/String", '{"data": "hello"}')
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> None:
+    shown = np.zeros((48, 64, 3), np.uint8)
+    shown[:, 32:] = (250, 20, 30)
+    robot.terminal.devices.append(VirtualPictures(lambda _: shown, "/tb4/oakd/image", compressed=compressed))
+    camera = make_camera(Ros2CameraKeys(image="oakd/image"), robot._site({"ros2": robot.graph}))
+    camera.open()
+    robot.open()
+    frame = None
+    while frame is None:
+        frame = camera.read(1.0)
+    assert frame.image.shape == (48, 64, 3)
+    assert np.abs(frame.image.astype(int) - shown).mean() < 3
+    assert camera.health().online
+    camera.close()
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8", "bgra8", "rgba8", "yuv422_yuy2"])
+def test_each_encoding_becomes_blue_green_red(encoding: str) -> None:
+    size = {"mono8": 1, "bgra8": 4, "rgba8": 4, "yuv422_yuy2": 2}.get(encoding, 3)
+    values = {"height": 4, "width": 6, "encoding": encoding, "step": 6 * size + 5, "data": bytes(4 * (6 * size + 5))}
+    assert picture(IMAGES[0], types().encode(IMAGES[0], values)).shape == (4, 6, 3)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"encoding": "16UC1"}, {"width": 0}, {"step": 3}, {"height": 4000}, {"width": 2**31, "step": 2**32 - 1}],
+)
+def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]) -> None:
+    good = {"height": 4, "width": 6, "encoding": "bgr8", "step": 18, "data": bytes(72)}
+    with pytest.raises(ValueError, match=r"."):
+        picture(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))

@@ -1,0 +1,139 @@
+"""Offering an action of ROS 2: goals come in, feedback and results go out, to whoever has asked."""
+
+from collections.abc import Callable, Mapping
+from threading import RLock
+from typing import Any
+
+from drivers.ros2.node import Node
+from drivers.ros2.types import Malformed, types
+
+FEEDBACK, STATUS = "_action/feedback", "_action/status"
+SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cancel_goal"
+"""The five end points of an action, after its name."""
+
+EXECUTING, CANCELLING, SUCCEEDED, CANCELLED, ABORTED = 2, 3, 4, 5, 6
+"""The states of a goal, as action_msgs numbers them."""
+
+KEPT = 20
+"""Goals that are over and may still be asked for."""
+
+Answer = Callable[[bytes], None]
+
+
+class Goal:
+    """A goal that was accepted: ``values`` are its fields. ``status`` is where it stands; safe between threads."""
+
+    def __init__(self, server: "ActionServer", uuid: list[int], values: Any) -> None:
+        self.uuid, self.values = uuid, values
+        self.status = EXECUTING
+        self.result: Mapping[str, object] = {}
+        self.waiting: list[Answer] = []
+        self._server = server
+
+    @property
+    def over(self) -> bool:
+        """True once it has ended."""
+        return self.status > CANCELLING
+
+    def tell(self, feedback: Mapping[str, object]) -> None:
+        """Send feedback."""
+        self._server.feed_back(self, feedback)
+
+    def end(self, status: int, result: Mapping[str, object]) -> None:
+        """End it: SUCCEEDED, CANCELLED or ABORTED, with its result. Only the first end counts."""
+        self._server.end(self, status, result)
+
+
+class ActionServer:
+    """Offers the action ``name`` of type ``kind`` on a node.
+
+    ``begin`` is told of each goal, on a thread of Zenoh's, and says whether it is accepted; ``cancel`` is told of each
+    that somebody wants cancelled. Both return at once.
+    """
+
+    def __init__(
+        self, node: Node, name: str, kind: str, begin: Callable[[Goal], bool], cancel: Callable[[Goal], None]
+    ) -> None:
+        self._kind, self._begin, self._cancel = kind, begin, cancel
+        self._lock = RLock()
+        self._goals: list[Goal] = []
+        self._feedback = node.publisher(f"{name}/{FEEDBACK}", f"{kind}_FeedbackMessage")
+        self._status = node.publisher(f"{name}/{STATUS}", "action_msgs/msg/GoalStatusArray")
+        node.serve(f"{name}/{SEND}", f"{kind}_SendGoal", self._sent)
+        node.serve(f"{name}/{RESULT}", f"{kind}_GetResult", self._asked)
+        node.serve(f"{name}/{CANCEL}", "action_msgs/srv/CancelGoal", self._cancelled)
+
+    def feed_back(self, goal: Goal, feedback: Mapping[str, object]) -> None:
+        """Send feedback of a goal."""
+        values = {"goal_id": {"uuid": goal.uuid}, "feedback": feedback}
+        self._feedback.send(types().encode(f"{self._kind}_FeedbackMessage", values))
+
+    def end(self, goal: Goal, status: int, result: Mapping[str, object]) -> None:
+        """End a goal, and tell those who wait for its result."""
+        with self._lock:
+            if goal.over:
+                return
+            goal.status, goal.result = status, result
+            waiting, goal.waiting = goal.waiting, []
+        self._tell(goal, waiting)
+        self._tell_status()
+
+    def _sent(self, payload: bytes, answer: Answer) -> None:
+        try:
+            told = types().decode(f"{self._kind}_SendGoal_Request", payload)
+        except Malformed:
+            return
+        goal = Goal(self, told.goal_id.uuid.tolist(), told.goal)
+        with self._lock:
+            accepted = all(each.uuid != goal.uuid for each in self._goals) and self._begin(goal)
+            if accepted:
+                self._goals = [*[each for each in self._goals if each.over][-KEPT:], *self._going(), goal]
+        answer(types().encode(f"{self._kind}_SendGoal_Response", {"accepted": accepted}))
+        self._tell_status()
+
+    def _going(self) -> list[Goal]:
+        return [each for each in self._goals if not each.over]
+
+    def _asked(self, payload: bytes, answer: Answer) -> None:
+        try:
+            uuid = types().decode(f"{self._kind}_GetResult_Request", payload).goal_id.uuid.tolist()
+        except Malformed:
+            return
+        with self._lock:
+            goal = next((each for each in self._goals if each.uuid == uuid), None)
+            if goal is not None and not goal.over:
+                goal.waiting.append(answer)
+                return
+        if goal is None:
+            answer(types().encode(f"{self._kind}_GetResult_Response", {"status": 0}))
+        else:
+            self._tell(goal, [answer])
+
+    def _cancelled(self, payload: bytes, answer: Answer) -> None:
+        try:
+            wanted = types().decode("action_msgs/srv/CancelGoal_Request", payload).goal_info.goal_id.uuid.tolist()
+        except Malformed:
+            return
+        with self._lock:
+            meant = [goal for goal in self._going() if wanted in (goal.uuid, [0] * 16)]
+            for goal in meant:
+                goal.status = CANCELLING
+        told = [{"goal_id": {"uuid": goal.uuid}} for goal in meant]
+        values = {"return_code": 0 if meant else 1, "goals_canceling": told}
+        answer(types().encode("action_msgs/srv/CancelGoal_Response", values))
+        for goal in meant:
+            self._cancel(goal)
+
+    def _tell(self, goal: Goal, waiting: list[Answer]) -> None:
+        payload = types().encode(f"{self._kind}_GetResult_Response", {"status": goal.status, "result": goal.result})
+        for answer in waiting:
+            answer(payload)
+
+    def _tell_status(self) -> None:
+        with self._lock:
+            known = [{"goal_info": {"goal_id": {"uuid": each.uuid}}, "status": each.status} for each in self._goals]
+        self._status.send(types().encode("action_msgs/msg/GoalStatusArray", {"status_list": known}))
+
+
+def ignored(goal: Goal) -> None:
+    """Do nothing about a goal that is to be cancelled: who works on it looks at its status."""

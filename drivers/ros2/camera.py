@@ -1,0 +1,138 @@
+"""A camera whose pictures come by ROS 2: as Image, or as CompressedImage."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from drivers.api import Image
+from drivers.camera.decode import MOST_PIXELS, decoded
+from drivers.errors import NotConnected
+from drivers.ros2 import wire
+from drivers.ros2.line import Channel, Nodes, TopicPort, absent
+from drivers.ros2.types import Malformed, types
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+
+PATIENCE = 0.2
+"""Seconds for which a picture is waited for, before it is looked whether anybody still wants one."""
+
+SILENT_AFTER = 2.0
+"""Seconds without a picture after which the topic is looked for again."""
+
+_CHANNELS = {
+    "bgr8": (3, None),
+    "rgb8": (3, cv2.COLOR_RGB2BGR),
+    "8uc3": (3, None),
+    "bgra8": (4, cv2.COLOR_BGRA2BGR),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "mono8": (1, cv2.COLOR_GRAY2BGR),
+    "8uc1": (1, cv2.COLOR_GRAY2BGR),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
+    "yuyv": (2, cv2.COLOR_YUV2BGR_YUY2),
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),
+}
+"""The encodings that are understood: bytes of a pixel, and what OpenCV is to make of them."""
+
+
+class TopicFeed:
+    """A ``drivers.camera.feed.Feed`` of the pictures on a topic. ``malformed`` counts those that are none."""
+
+    def __init__(self, nodes: Nodes, topic: str) -> None:
+        self._nodes = nodes
+        self._channel = Channel(topic, IMAGES, depth=1)
+        self._port: TopicPort | None = None
+        self._finder = wire.FrameFinder()
+        self._kind = ""
+        self.malformed = 0
+
+    @property
+    def what(self) -> str:
+        """The topic."""
+        return self._channel.topic
+
+    @property
+    def hint(self) -> str:
+        """What to try when no picture comes."""
+        return f"`mission ros2 echo {self._channel.topic}` shows what comes"
+
+    def start(self) -> float | None:
+        """Listen to the topic. Raises NotConnected while nobody sends it."""
+        self._port = TopicPort(self._nodes("camera"), [self._channel])
+        self._finder, self._kind = wire.FrameFinder(), ""
+        for channel, payload in self._finder.feed(self._port.arrived(0.0)):
+            self._note(channel, payload)
+        if not self._kind:
+            self.stop()
+            raise absent("camera", self._channel)
+        return None
+
+    def grab(self) -> Image | None:
+        """Return the next picture; None when none has come for a while, or the session is lost."""
+        for _ in range(round(SILENT_AFTER / PATIENCE)):
+            found = self._next()
+            if found is None:
+                return None
+            for payload in found[-1:]:
+                try:
+                    return picture(self._kind, payload)
+                except (Malformed, ValueError):
+                    self.malformed += 1
+        return None
+
+    def skip(self) -> bool:
+        """Let the next picture go by."""
+        found = self._next()
+        return found is not None
+
+    def stop(self) -> None:
+        """Listen no more. Safe from any state, more than once."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _next(self) -> list[bytes] | None:
+        """Return the messages that have come, none after a while; None when the session is lost."""
+        if self._port is None:
+            return None
+        try:
+            data = self._port.arrived(PATIENCE)
+        except (OSError, NotConnected):
+            return None
+        return [payload for channel, payload in self._finder.feed(data) if not self._note(channel, payload)]
+
+    def _note(self, channel: int, payload: bytes) -> bool:
+        """Take note of who sends; say whether that was what has come."""
+        if channel == wire.ABOUT:
+            self._kind = wire.told(payload)[1] or self._kind
+        return channel == wire.ABOUT
+
+
+def picture(kind: str, payload: bytes) -> Image:
+    """Return the picture of a message: (height, width, 3), BGR. Raises Malformed, ValueError for what is none."""
+    told = types().decode(kind, payload)
+    if kind == IMAGES[1]:
+        found = decoded(told.data.tobytes())
+        if found is None:
+            raise ValueError(f"{told.format}: no picture")
+        return found
+    return _raw(told)
+
+
+def _raw(told: Any) -> Image:
+    encoding = str(told.encoding).lower()
+    if encoding not in _CHANNELS:
+        raise ValueError(f"the encoding {told.encoding} is not understood")
+    size, made = _CHANNELS[encoding]
+    width, height, step = int(told.width), int(told.height), int(told.step)
+    if not (width and height and width * height <= MOST_PIXELS and step >= size * width):
+        raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are no picture")
+    if len(told.data) < step * height:
+        raise ValueError(f"{len(told.data)} bytes are too few")
+    rows = told.data[: step * height].reshape(height, step)[:, : size * width]
+    image = np.ascontiguousarray(rows).reshape(height, width, size)
+    try:
+        converted = image if made is None else cv2.cvtColor(image, made)
+    except cv2.error as error:
+        raise ValueError(str(error)) from error
+    return np.asarray(converted, np.uint8).copy()
