@@ -41,6 +41,7 @@ FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
     ("wave", {"gesture": "hello"}),
     ("wave", {"gesture": "arm_wave"}),
     ("greet_with_a_nod", {}),
+    ("greet_by_turning", {}),
     ("look_around", {}),
     ("square_3m", {}),
 )

@@ -35,6 +35,7 @@ export class Robot {
 
   async show() {
     const { scene, state, lives } = this.#watcher;
+    this.node.classList.toggle("none", !scene);
     put(this.#title, scene ? plain(scene.robot) : "Nothing runs");
     put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission from Run: its robot shows here.");
     this.#joints.panel.hidden = !scene?.parts.includes("arm");
