@@ -10,7 +10,7 @@ from drivers.api import BaseState, Sides
 SIDES = ("any", "left", "centre", "right")
 
 
-class _Felt(Leaf):
+class Felt(Leaf):
     """Judges the base's newest report; it fails while there is no fresh one."""
 
     needs = frozenset({"base"})
@@ -27,7 +27,7 @@ class _Felt(Leaf):
         """Succeed or fail by what is felt."""
 
 
-class _OnSide(_Felt):
+class _OnSide(Felt):
     """Is something felt at a side?"""
 
     side: str = argument("choice", "where", default="any", choices=SIDES, principal=True)
@@ -71,7 +71,7 @@ class Cliff(_OnSide):
         return state.cliff
 
 
-class BatteryBelow(_Felt):
+class BatteryBelow(Felt):
     """Is the base's battery lower than that?
 
     Succeeds when its newest report says so, fails when not. It never runs. Under load the figure dips for a moment;
@@ -86,7 +86,7 @@ class BatteryBelow(_Felt):
         return SUCCESS if state.battery_percent < 100 * self.percent else self.fail(self.feedback_message)
 
 
-class Docked(_Felt):
+class Docked(Felt):
     """Does the base stand on the contacts of its dock?
 
     Succeeds while it does, fails when not. It never runs.
@@ -98,7 +98,7 @@ class Docked(_Felt):
         return SUCCESS if state.docked else self.fail("not on the dock")
 
 
-class ButtonPressed(_Felt):
+class ButtonPressed(Felt):
     """Is a button of the base pressed?
 
     Succeeds while it is, fails when not. It never runs, so it has to be asked in time: a press is over in a moment.

@@ -12,7 +12,7 @@ from config.units import EXAMPLES, UNITS, article
 NUMBER = "number"
 """The dimension of a plain number: none. A share has none either."""
 
-BASES = ("m", "rad", "s", "V", "degC")
+BASES = ("m", "rad", "s", "V", "degC", "kg")
 """The units of which all others are made."""
 
 MAX_POWER = 9
@@ -21,21 +21,22 @@ MAX_POWER = 9
 Powers = tuple[int, ...]
 
 NAMED: dict[Powers, str] = {
-    (0, 0, 0, 0, 0): NUMBER,
-    (1, 0, 0, 0, 0): "length",
-    (0, 1, 0, 0, 0): "angle",
-    (0, 0, 1, 0, 0): "duration",
-    (1, 0, -1, 0, 0): "speed",
-    (0, 1, -1, 0, 0): "turn rate",
-    (1, 0, -2, 0, 0): "acceleration",
-    (0, 1, -2, 0, 0): "turn acceleration",
-    (0, 0, -1, 0, 0): "frequency",
-    (0, 0, 0, 1, 0): "voltage",
-    (0, 0, 0, 0, 1): "temperature",
+    (0, 0, 0, 0, 0, 0): NUMBER,
+    (1, 0, 0, 0, 0, 0): "length",
+    (0, 1, 0, 0, 0, 0): "angle",
+    (0, 0, 1, 0, 0, 0): "duration",
+    (1, 0, -1, 0, 0, 0): "speed",
+    (0, 1, -1, 0, 0, 0): "turn rate",
+    (1, 0, -2, 0, 0, 0): "acceleration",
+    (0, 1, -2, 0, 0, 0): "turn acceleration",
+    (0, 0, -1, 0, 0, 0): "frequency",
+    (0, 0, 0, 1, 0, 0): "voltage",
+    (0, 0, 0, 0, 1, 0): "temperature",
+    (0, 0, 0, 0, 0, 1): "mass",
 }
 """The names of dimensions, by the powers of BASES."""
 
-_POWERS = {name: powers for powers, name in NAMED.items()} | dict.fromkeys(("share", "percent"), (0, 0, 0, 0, 0))
+_POWERS = {name: powers for powers, name in NAMED.items()} | dict.fromkeys(("share", "percent"), (0, 0, 0, 0, 0, 0))
 
 
 class DimensionError(ValueError):

@@ -16,6 +16,7 @@ UNITS: dict[str, dict[str, float]] = {
     "share": {"%": 0.01},
     "voltage": {"V": 1.0},
     "temperature": {"degC": 1.0},
+    "mass": {"kg": 1.0, "g": 0.001},
 }
 """The units of each dimension, and how many SI units one of them is. A share is 0..1 inside, a temperature in degC."""
 
@@ -34,6 +35,7 @@ EXAMPLES = {
     "share": "20 %",
     "voltage": "12 V",
     "temperature": "60 degC",
+    "mass": "1.2 kg",
 }
 """A quantity of each dimension, for messages."""
 _DIMENSION_OF = {unit: dimension for dimension, units in UNITS.items() for unit in units}

@@ -9,6 +9,7 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
         "waveshare": "drivers.waveshare.declared:WAVESHARE",
         "pi_car": "drivers.pi_car.declared:PI_CAR",
         "ros2": "drivers.ros2.declared:BASE",
+        "legs": "drivers.legs.declared:LEGS",
     },
     "head": {
         "arduino": "drivers.arduino.declared:ARDUINO",

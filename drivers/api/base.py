@@ -113,7 +113,8 @@ class BaseState:
 
     ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
     ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
-    added up. A base that measures no battery tells 0 V, and 100 percent.
+    added up. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from upright it stands, in
+    radians; None where nothing measures that. ``fallen`` is True for one that lies.
     """
 
     pose: Pose2D
@@ -129,6 +130,8 @@ class BaseState:
     dock: DockSignals = DockSignals()
     overcurrent: Sides = Sides()
     reckoned: bool = False
+    lean: float | None = None
+    fallen: bool = False
 
 
 def _as_mission(source: Source) -> Source:

@@ -3,12 +3,15 @@
 from collections.abc import Callable
 from dataclasses import asdict
 
-from drivers.api import HeadPose
+from drivers.api import HeadPose, Pose2D
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
 from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.kobuki.declared import KobukiKeys
+from drivers.legs.body import body_of
+from drivers.legs.declared import LegsKeys
+from drivers.legs.odometry import FootOdometry
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
@@ -125,11 +128,29 @@ def neck(keys: NeckKeys, stage: Stage) -> Plugged:
     bus: VirtualServoBus = stage.parts["arm"].device
 
     def angle(axis: NeckJointKeys) -> float:
-        joint = arm.servos[axis.joint]
-        turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(axis.joint, 0) * joint.kind.tick
-        return (-turned if joint.reverse else turned) - axis.trim
+        return _angle(bus, arm, axis.joint) - axis.trim
 
     return Plugged(None, looks=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))
+
+
+def _angle(bus: VirtualServoBus, arm: DynamixelKeys, name: str) -> float:
+    """Return where a joint truly is, in its own angle."""
+    joint = arm.servos[name]
+    turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.kind.tick
+    return -turned if joint.reverse else turned
+
+
+def legs(keys: LegsKeys, stage: Stage) -> Plugged:
+    """Return a base that walks on joints of the arm, and sits on its wire: where they truly are leads it."""
+    arm: DynamixelKeys = stage.keys["arm"]
+    bus: VirtualServoBus = stage.parts["arm"].device
+    body = body_of(keys.body)
+    led = FootOdometry(body, Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start)
+
+    def pose(_: float) -> Pose2D:
+        return led.update(body.pose({name: _angle(bus, arm, name) for name in body.joints}))
+
+    return Plugged(None, pose=pose, state=lambda now: asdict(pose(now)))
 
 
 def lidar(keys: RPLidarKeys, stage: Stage) -> Plugged:

@@ -11,6 +11,7 @@ from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.twins.ears import HearingTwin
 from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.legs import LegsTwin
 from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
@@ -44,6 +45,11 @@ class Twins:
     def base(self) -> BaseTwin | None:
         """The base."""
         return self._of("base", BaseTwin)
+
+    @property
+    def legs(self) -> LegsTwin | None:
+        """The base, where it walks."""
+        return self._of("base", LegsTwin)
 
     @property
     def arm(self) -> JointsTwin | None:

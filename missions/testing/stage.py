@@ -82,7 +82,7 @@ class Stage:
         """Let the robot come to rest, and see whether it does."""
         timeline, history = twins.timeline, self.history
         timeline.run(timeline.clock.now() + REST_TIME)
-        history.pose = None if twins.base is None else twins.pose()
+        history.pose = twins.pose() if "base" in twins.parts else None
         history.joints = _joints(twins)
         before = _posture(twins)
         timeline.run(timeline.clock.now() + STILL)
@@ -93,7 +93,9 @@ class Stage:
 
 
 def _velocity(twins: Twins) -> Callable[[], Velocity] | None:
-    base = twins.base
+    base, legs = twins.base, twins.legs
+    if legs is not None:
+        return lambda: legs.true_velocity
     return None if base is None else lambda: base.body.velocity
 
 

@@ -1,6 +1,6 @@
 """From the keys of a robot file to twins, each on a stage."""
 
-from drivers.api import Away
+from drivers.api import Away, Pose2D
 from drivers.api.sections import BaseKeys
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis as servo
@@ -8,6 +8,8 @@ from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
 from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
 from drivers.kobuki.steered import settings_of
+from drivers.legs.declared import LegsKeys
+from drivers.legs.make import engine as walking
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
@@ -16,6 +18,7 @@ from drivers.sim.stage import Stage
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.legs import LegsTwin
 from drivers.sim.twins.neck import NeckTwin
 from drivers.sim.twins.plain_base import PlainTwin
 from drivers.sim.twins.ranger import RangerTwin
@@ -58,6 +61,19 @@ def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, ga
         body=stage.body(),
         dropouts=stage.physics.dropouts,
         seed=stage.seed,
+        **settings_of(keys, stage),
+    )
+
+
+def legs(keys: LegsKeys, stage: Stage) -> LegsTwin:
+    """Return the twin of a base that walks on the arm's twin."""
+    start = Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start
+    return LegsTwin(
+        stage.parts["arm"],
+        stage.clock,
+        walking(keys),
+        start=start,
+        at_fall=keys.at_fall,
         **settings_of(keys, stage),
     )
 

@@ -70,7 +70,8 @@ def test_they_are_listed_with_whose_they_are_and_in_the_schema(site: Path) -> No
     assert "- `driver: rover`: A rover that talks in lines of text." in reference
     assert "| `max_speed` | a speed | 0.05 m/s to 2 m/s | `0.4 m/s` | The highest speed. |" in reference
     schema = json.loads(mission(site, "schema", "robots").stdout)
-    assert schema["properties"]["base"]["properties"]["driver"]["enum"] == ["kobuki", "waveshare", "pi_car", "rover"]
+    bases = schema["properties"]["base"]["properties"]["driver"]["enum"]
+    assert bases == ["kobuki", "waveshare", "pi_car", "ros2", "legs", "rover"]
     robot = yaml.safe_load((SAMPLE / "sample.yaml").read_text(encoding="utf-8"))
     validator = jsonschema.Draft7Validator(schema)
     assert validator.is_valid(robot)

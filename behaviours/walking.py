@@ -1,0 +1,116 @@
+"""Leaves for a base that walks: so far, so long, round on the spot; and whether it has fallen."""
+
+import math
+
+from py_trees.common import Status
+
+from behaviours.driving.motion import Motion, Way
+from behaviours.driving.straight import along
+from behaviours.feeling import Felt
+from behaviours.leaf import SUCCESS, argument
+from drivers.api import STILL, Angle, BaseState, Length, Pose2D, Steering, Velocity
+
+PACE = 1.0
+"""Seconds that what is left takes at the speed of the approach: steps cannot be shorter than they are."""
+
+LAST = 0.25
+"""Seconds of its present speed that a walk still goes on for after it was told to stop, on average."""
+
+SLOWEST, SLOWEST_TURN = 0.03, math.radians(2)
+"""How slowly (m/s, rad/s) a walk comes to its goal."""
+
+LAST_STEPS = 4.0
+"""Seconds that a walk has to come to a stand."""
+
+
+class Paces(Motion):
+    """Walks towards a goal, and ends in a stand; halted, it still makes the steps by which it comes to one."""
+
+    halt_limit = LAST_STEPS
+
+    def paced(self, left: float, speed: float, now: float, *, slowest: float) -> float:
+        """Return how fast to go with ``left`` to go, at ``speed`` at most; 0 when it is time to stop."""
+        if self._stopping or left <= LAST * abs(now) / 2:
+            return 0.0
+        return min(speed, max(slowest, left / PACE))
+
+    def halting(self) -> bool:
+        reading = self.robot.base.state()
+        return reading.good and reading.value is not None and reading.value.velocity != STILL
+
+    def trouble(self, state: BaseState, steering: Steering) -> str:
+        return "it has fallen" if state.fallen else super().trouble(state, steering)
+
+
+class Walk(Paces):
+    """Walk: so far, or on and on.
+
+    With a distance, running until the steps have covered it and it stands, then succeeds; negative is backwards.
+    Without one, it walks until it is halted. Halted, it comes to a stand within two steps. Fails when it has fallen,
+    when it bumps into something where the base feels that, and while the base is stopped until somebody enables it.
+    """
+
+    word = "walk"
+    stores = "how far it went, by its steps (m; negative backwards)"
+    keeps = Length
+    distance: float | None = argument("length", "how far; else until it is halted", default=None, principal=True)
+    velocity: float = argument("speed", "how fast; without a distance, negative is backwards", default=0.15)
+    turn: float = argument("turn rate", "how fast it turns on the way; positive is to the left", default=0.0)
+
+    @property
+    def way(self) -> Way:
+        return Way.AHEAD if (self.velocity if self.distance is None else self.distance) > 0.0 else Way.BACK
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        gone = self.result = along(start, state.pose)
+        if self.distance is None:
+            return self.steer(Velocity(self.velocity, self.turn), f"{gone:.2f} m")
+        way = math.copysign(1.0, self.distance)
+        left = (self.distance - gone) * way
+        speed = self.paced(left, abs(self.velocity), state.velocity.linear, slowest=SLOWEST)
+        if speed == 0.0:
+            return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
+        return self.steer(Velocity(way * speed, self.turn), f"{gone:.2f} of {self.distance:.2f} m")
+
+
+class TurnInPlace(Paces):
+    """Turn on the spot by steps: to the left for a positive angle.
+
+    Running until the steps have turned it so far and it stands, then succeeds. Fails as `walk` does.
+    """
+
+    word = "turn_in_place"
+    stores = "how far it turned, by its steps (rad)"
+    keeps = Angle
+    angle: float = argument("angle", "how far; positive is to the left", principal=True)
+    speed: float = argument("turn rate", "how fast", default=math.radians(30), low=math.radians(1), high=math.pi)
+
+    @property
+    def way(self) -> Way:
+        return Way.ROUND
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        turned = self.result = state.pose.heading - start.heading
+        way = math.copysign(1.0, self.angle)
+        left = (self.angle - turned) * way
+        speed = self.paced(left, self.speed, state.velocity.angular, slowest=SLOWEST_TURN)
+        if speed == 0.0:
+            return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
+        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.steer(Velocity(0.0, way * speed), doing)
+
+
+class Fallen(Felt):
+    """Has it fallen?
+
+    Succeeds while the base leans too far to be standing, fails when not, and where nothing measures that. It never
+    runs.
+    """
+
+    word = "fallen"
+
+    def judge(self, state: BaseState) -> Status:
+        if state.lean is None:
+            return self.fail("nothing measures how it stands")
+        self.feedback_message = f"it leans by {math.degrees(state.lean):.0f} deg"
+        return SUCCESS if state.fallen else self.fail(self.feedback_message)

@@ -1,0 +1,156 @@
+"""A humanoid's body as arrays: what kinematics, gaits and physics are worked out from.
+
+Lengths in metres, masses in kilograms, in frames of x forward, y left, z up; (N, 3) arrays have a row for each joint.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.legs.declared import BodyKeys, LinkKeys
+
+Floats = npt.NDArray[np.float64]
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+FLIPPED = np.array([1.0, -1.0, 1.0])
+"""What mirrors a place, left to right."""
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """The trunk: its mass, its centre of mass, and the box that it fills around its ``middle``."""
+
+    mass: float
+    centre: Floats
+    box: Floats
+    middle: Floats
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A leg: the places of its six joints, hip turn to ankle roll, and its sole.
+
+    ``sole`` is the middle of the sole's lower face from the origin of the last joint.
+    """
+
+    joints: tuple[int, ...]
+    sole: Floats
+    length: float
+    width: float
+    thickness: float
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body of N joints, each of which turns one link, parents before children; -1 is the trunk as a parent.
+
+    ``offset`` leads from the origin of the parent to that of the link, on the joint's ``axis``; ``centre`` to the
+    link's centre of mass and ``end`` to the far end of its capsule, from its own origin. ``swap`` and ``sign`` make
+    the mirror image of a pose: ``sign * q[swap]``.
+    """
+
+    joints: tuple[str, ...]
+    parent: tuple[int, ...]
+    offset: Floats
+    axis: Floats
+    mass: Floats
+    centre: Floats
+    end: Floats
+    radius: Floats
+    trunk: Trunk
+    legs: Mapping[Side, Leg]
+    arms: Mapping[Side, tuple[int, ...]]
+    swap: npt.NDArray[np.intp]
+    sign: Floats
+
+    @cached_property
+    def index(self) -> Mapping[str, int]:
+        """The place of each joint, by name."""
+        return {name: place for place, name in enumerate(self.joints)}
+
+    @cached_property
+    def total(self) -> float:
+        """The mass of it all."""
+        return self.trunk.mass + float(self.mass.sum())
+
+    @cached_property
+    def walking(self) -> tuple[str, ...]:
+        """The joints of both legs, the left ones first."""
+        return tuple(self.joints[place] for side in SIDES for place in self.legs[side].joints)
+
+    @cached_property
+    def leg_places(self) -> npt.NDArray[np.intp]:
+        """Where those stand among the joints."""
+        return np.array([place for side in SIDES for place in self.legs[side].joints])
+
+    def pose(self, angles: Mapping[str, float]) -> Floats:
+        """Return the angles (N) of a pose by name; joints that it does not name are at 0."""
+        return np.array([angles.get(name, 0.0) for name in self.joints])
+
+    def mirrored(self, q: Floats) -> Floats:
+        """Return the mirror image of poses (..., N)."""
+        image: Floats = self.sign * q[..., self.swap]
+        return image
+
+
+def body_of(keys: BodyKeys) -> Body:
+    """Return the body that a robot file describes, with the right half made of the left one."""
+    names = keys.joints
+    place = {name: at for at, name in enumerate(names)}
+    written = [(name, keys.links[name], False) for name in keys.links]
+    mirrored = [(keys.mirror(n), keys.links[n], True) for n in keys.links if keys.mirror(n) != n]
+    links = written + mirrored
+
+    def row(get: str) -> Floats:
+        return np.array([FLIPPED * getattr(link, get) if flip else getattr(link, get) for _, link, flip in links])
+
+    def parent(link: LinkKeys, *, flip: bool) -> int:
+        name = keys.mirror(link.parent) if flip else link.parent
+        return place.get(name, -1)
+
+    image = {name: keys.mirror(name) for name in keys.links} | {keys.mirror(name): name for name in keys.links}
+    swap = np.array([place[image[name]] for name in names])
+    turned = -1.0 if keys.mirrored == "opposite" else 1.0
+    foot = keys.foot
+    middle = [name for name in names if image[name] == name]
+
+    def leg(side: Side) -> Leg:
+        joints = tuple(place[name if side == "left" else keys.mirror(name)] for name in keys.leg)
+        centre = np.array(foot.centre) * (1.0 if side == "left" else FLIPPED)
+        return Leg(joints, centre, foot.length, foot.width, foot.thickness)
+
+    sign = np.array([_middle(keys.links[name]) if name in middle else turned for name in names])
+    trunk = keys.trunk
+    return Body(
+        names,
+        tuple(parent(link, flip=flip) for _, link, flip in links),
+        row("offset"),
+        np.array([_axis(link, flip=flip, turned=turned) for _, link, flip in links]),
+        np.array([link.mass for _, link, _ in links]),
+        row("centre"),
+        row("end"),
+        np.array([link.radius for _, link, _ in links]),
+        Trunk(trunk.mass, np.array(trunk.centre), np.array(trunk.box), np.array(trunk.middle)),
+        {side: leg(side) for side in SIDES},
+        {s: tuple(place[n if s == "left" else keys.mirror(n)] for n in keys.arm) for s in SIDES},
+        swap,
+        sign,
+    )
+
+
+def _axis(link: LinkKeys, *, flip: bool, turned: float) -> Floats:
+    """Return the axis of a joint. A mirrored rotation goes the other way round about x and z."""
+    axis = np.array(AXES[link.axis[-1]]) * (-1.0 if link.axis.startswith("-") else 1.0)
+    return -turned * FLIPPED * axis if flip else axis
+
+
+def _middle(link: LinkKeys) -> float:
+    """Return the sign of a joint of the middle in the mirror: what turns or rolls does so the other way."""
+    return 1.0 if link.axis[-1] == "y" else -1.0

@@ -1,0 +1,178 @@
+"""A base that walks, and the body that it walks with, as a robot file describes them.
+
+The frame of the trunk has x forward, y left, z up, and its origin between the hips. At angle 0 of all joints the frame
+of every link is parallel to it. Only the left half is written; the right one is its mirror image.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal
+
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.sections import ArmKeys, BaseKeys
+
+Vector = tuple[float, float, float]
+
+HERE = (0.0, 0.0, 0.0)
+
+
+@keys
+class TrunkKeys:
+    """The trunk: what carries the legs, the arms and the head."""
+
+    mass: float = key("mass", low=0.001, help="Its mass, with computer and batteries.")
+    centre: Vector = key("length", help="Its centre of mass: [x, y, z].")
+    box: Vector = key("length", help="Its length, width and height, as a box.")
+    middle: Vector = key("length", default=HERE, help="The middle of that box.")
+
+
+@keys
+class LinkKeys:
+    """The link that a joint turns, named after the joint."""
+
+    parent: str = key(default="trunk", word="from", help="The link that carries it: `trunk`, or one before it.")
+    offset: Vector = key("length", help="From the origin of that one to a point of the joint's axis: its own origin.")
+    axis: Literal["x", "-x", "y", "-y", "z", "-z"] = key(help="About what it turns anticlockwise at a rising angle.")
+    mass: float = key("mass", default=0.0, low=0.0, help="Its mass, with the servos that it carries.")
+    centre: Vector = key("length", default=HERE, help="Its centre of mass, from its origin.")
+    end: Vector = key("length", default=HERE, help="Where it ends, from its origin: a capsule from there to here.")
+    radius: float = key("length", default=0.0, low=0.0, help="The radius of that capsule; 0: it touches nothing.")
+
+
+@keys
+class FootKeys:
+    """The left sole: a plate under the last joint of the leg."""
+
+    length: float = key("length", low=0.01, help="Along x.")
+    width: float = key("length", low=0.01, help="Along y.")
+    thickness: float = key("length", default=0.008, low=0.001, help="Along z.")
+    centre: Vector = key("length", help="The middle of its lower face, from the origin of the last joint of the leg.")
+
+
+@keys
+class BodyKeys:
+    """The body of a humanoid: its links from joint to joint, with lengths and masses."""
+
+    mirrored: Literal["same", "opposite"] = key(
+        default="same", help="At the same angles right and left are mirror images; or at opposite ones."
+    )
+    left: str = key(default="left_", help="What the joints of the left side begin with.")
+    right: str = key(default="right_", help="What those of the right side begin with instead.")
+    trunk: TrunkKeys = key(help="The trunk.")
+    links: Mapping[str, Annotated[LinkKeys, inside(each="link")]] = key(
+        help="The links of the left side and of the middle, each under the name of the joint that turns it.",
+    )
+    leg: tuple[str, ...] = key(help="The joints of the left leg: hip turn, roll and pitch, knee, ankle pitch and roll.")
+    arm: tuple[str, ...] = key(default=(), help="The joints of the left arm, from the shoulder on.")
+    foot: FootKeys = key(help="The left sole.")
+
+    def mirror(self, name: str) -> str:
+        """Return what a joint of the left side is called on the right; the same for one of the middle."""
+        return self.right + name.removeprefix(self.left) if name.startswith(self.left) else name
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All its joints: of the left and of the middle as written, then those of the right."""
+        return (*self.links, *(self.mirror(name) for name in self.links if self.mirror(name) != name))
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield links that hang nowhere, and legs that are none."""
+        if not self.left or self.left == self.right:
+            yield Mistake("'left' and 'right' must differ", ("left",), ("right",), about=(("left",), ("right",)))
+        before = ["trunk"]
+        for name, link in self.links.items():
+            at = ("links", name, "from")
+            if link.parent not in before:
+                message = f"link '{name}' hangs from '{link.parent}', which is none of those before it"
+                yield Mistake(message, at, ("links", name), seen=link.parent, known=before, about=(at,))
+            before.append(name)
+        yield from self._chain("leg", self.leg, 6)
+        if self.arm:
+            yield from self._chain("arm", self.arm, None)
+        if len(self.leg) == 6 and {*self.leg} <= {*self.links}:
+            yield from self._leg()
+
+    def _chain(self, word: str, names: tuple[str, ...], count: int | None) -> Iterator[Mistake]:
+        if count is not None and len(names) != count:
+            yield Mistake(f"'{word}' needs {count} joints, from the hip to the foot", (word,), about=((word,),))
+        for place, name in enumerate(names):
+            at = (word, place)
+            if name not in self.links:
+                message = f"'{word}': there is no link '{name}'"
+                yield Mistake(message, at, seen=name, known=self.links, about=((word,),))
+            elif not name.startswith(self.left):
+                yield Mistake(f"'{word}': '{name}' does not begin with '{self.left}'", at, about=((word,), ("left",)))
+            elif place and names[place - 1] in self.links and self.links[name].parent != names[place - 1]:
+                message = f"'{word}': '{name}' does not hang from '{names[place - 1]}'"
+                yield Mistake(message, at, about=((word,), ("links", name, "from")))
+
+    def _leg(self) -> Iterator[Mistake]:
+        """Yield what keeps the angles of a leg from a closed form."""
+        links = [self.links[name] for name in self.leg]
+        for name, link, axis in zip(self.leg, links, "zxyyyx", strict=True):
+            if link.axis[-1] != axis:
+                at = ("links", name, "axis")
+                yield Mistake(f"'{name}' must turn about {axis}, or -{axis}", at, about=(at, ("leg",)))
+        for name, link, along, where in (
+            (self.leg[1], links[1], (0, 2), "above or below, or ahead of, the joint before it"),
+            (self.leg[5], links[5], (0, 1), "ahead of, or beside, the joint before it"),
+        ):
+            if any(abs(link.offset[axis]) > 1e-9 for axis in range(3) if axis not in along):
+                at = ("links", name, "offset")
+                yield Mistake(f"'{name}' must lie {where}: its axis has to meet that one's", at, about=(at, ("leg",)))
+
+
+@keys
+class StrideKeys:
+    """How it walks."""
+
+    period: float = key("duration", default=0.8, low=0.3, high=5.0, help="The time of two steps.")
+    double_support: float = key("share", default=0.25, low=0.05, high=0.8, help="The share on both feet.")
+    rise: float = key("length", default=0.03, low=0.0, high=0.3, help="How high a foot is lifted.")
+    height: float = key("length", low=0.05, high=2.0, help="From the soles to the trunk's origin.")
+    feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other; else as at 0.")
+    inset: float = key("length", default=0.0, help="How far inside of a sole's middle it stands on it.")
+    lean: float = key("angle", default=0.0, low=-0.6, high=0.6, help="How far the trunk leans ahead.")
+    longest: float = key("length", default=0.08, low=0.001, help="The longest step: from one foot to the other.")
+    widest: float = key("length", default=0.04, low=0.0, help="The widest step to the side.")
+    most_turn: float = key("angle", default=0.35, low=0.0, high=1.0, help="The most that a step turns.")
+
+
+@keys
+class LegsKeys(BaseKeys):
+    """The ``base`` section of a robot that walks on two legs, whose joints are those of its arm section."""
+
+    body: BodyKeys = key(help="Its body.")
+    stride: StrideKeys = key(help="How it walks.")
+    max_speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="The highest speed.")
+    max_turn: float = key("turn rate", default=0.6, low=0.01, high=12.0, help="The highest turn rate.")
+    at_fall: Literal["relax", "hold"] = key(default="relax", help="When it has fallen it goes limp, or stays stiff.")
+
+
+def on_its_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+    """Yield joints of the body that the arm section does not have."""
+    arm = others.get("arm")
+    if not isinstance(arm, ArmKeys):
+        message = "legs are joints of the arm section: this robot has none"
+        yield Mistake(message, ("body",), about=(("body",),))
+        return
+    known = arm.limits
+    for name in keys.body.links:
+        at = ("body", "links", name)
+        for joint in dict.fromkeys((name, keys.body.mirror(name))):
+            if joint not in known:
+                message = f"body: there is no joint '{joint}' in 'arm'"
+                yield Mistake(message, at, named=True, seen=joint, known=known, about=(at,))
+
+
+LEGS = Driver(
+    "legs",
+    "base",
+    "Two legs that walk: joints of the robot's arm section.",
+    LegsKeys,
+    make="drivers.legs.make:make",
+    twin="drivers.sim.twins.making:legs",
+    virtual="drivers.virtual.making:legs",
+    needs=("arm",),
+    check=on_its_joints,
+)

@@ -1,0 +1,295 @@
+"""A base that walks: joints of two legs, led by the walking engine 100 times a second.
+
+It begins from wherever its legs are found, slowly, and ends in a stand: a stop lets the step that is under way end and
+closes the feet. Its pose is dead reckoning: the steps that it was told to make. Where its joints are gone, it forgets
+the walk; they hold or go limp as their own section says, and a later walk begins anew from where they are.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from math import cos, degrees, radians
+from threading import Event
+from typing import Literal, Unpack
+
+import numpy as np
+
+from drivers.api import (
+    STILL,
+    BaseState,
+    DeviceStatus,
+    Health,
+    Joints,
+    JointState,
+    Lamp,
+    Pose2D,
+    Quality,
+    Reading,
+    Source,
+    Tune,
+    Velocity,
+)
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, NotConnected
+from drivers.kobuki.requests import check_light, tone
+from drivers.kobuki.steered import Settings, SteeredBase
+from drivers.legs.approach import FAR, NEAR, Approach
+from drivers.legs.engine import PERIOD, Engine, Felt, Posture
+
+LONGEST_STEP = 0.03
+"""Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
+
+FALLEN = radians(50)
+"""How far from upright its trunk leans when it has fallen."""
+
+
+class LegsBase(SteeredBase):
+    """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
+
+    ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
+    When it has fallen, the legs are latched, and ``at_fall`` says whether they go limp.
+    """
+
+    PERIOD = PERIOD
+
+    def __init__(
+        self,
+        joints: Joints,
+        clock: Clock,
+        engine: Engine,
+        *,
+        felt: Callable[[], Felt | None] = lambda: None,
+        at_fall: Literal["relax", "hold"] = "relax",
+        **settings: Unpack[Settings],
+    ) -> None:
+        super().__init__(clock, **settings)
+        self._joints, self._engine, self._felt_now = joints, engine, felt
+        self._at_fall = at_fall
+        self._legs = engine.body.walking
+        self._open = self._there = self._fallen = False
+        self._ready = False  # the legs are where the engine has them
+        self._way: Approach | None = None  # to where a walk begins
+        self._stepped_at = 0.0
+        self._stiff = False
+        self._lean: float | None = None
+        self._latest: Reading[BaseState] = Reading(None, 0.0, Quality.NONE)
+        self._told_refusal = ""
+        self.stands = Event()
+        self.stands.set()
+
+    # --- what behaviours ask ------------------------------------------------------------------------------------------
+
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Walk so; see ``SteeredBase``. Raises DeviceFault too while a leg is too far from where a walk begins."""
+        if velocity != STILL and self._there and not self._ready and self._way is None:
+            self._refuse_far()
+        return super().drive(velocity, source=source)
+
+    def state(self) -> Reading[BaseState]:
+        """The newest report; stale while the joints are not there."""
+        latest = self._latest
+        return latest if self._there or latest.value is None else replace(latest, quality=Quality.STALE)
+
+    def health(self) -> Health:
+        """Say whether the joints of both legs are there."""
+        if not self._open:
+            return Health(False, f"{self.name}: not opened yet", "open it first")
+        returned = self._mux.absence.returned
+        if self._there:
+            return Health(True, counters=self._mux.waits.counters("command"), returned=returned)
+        silent = [name for name in self._legs if not self._joints.states()[name].good]
+        said = self._joints.health()
+        what = f"nothing heard of {', '.join(silent)}" if silent else "its joints are gone"
+        detail = f"{self.name}: {what}" + (f": {said.detail}" if said.detail else "")
+        return Health(False, detail, said.hint or "look at the power and the cable of its servos", returned=returned)
+
+    def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has nothing to play it on
+        """Do nothing: it has no sounder. Raises NotConnected."""
+        self._require()
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
+        tone(self.name, frequency, seconds)
+        self._require()
+
+    def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it
+        """Do nothing: it has no lights. Raises BadRequest for another number than 1 and 2, NotConnected."""
+        check_light(self.name, number)
+        self._require()
+
+    # --- life ---------------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Use the joints as soon as they are there."""
+        self._mux.absence.begin()
+        self._open = True
+
+    def close(self) -> None:
+        """Take no step any more. Safe from any state, more than once."""
+        self.stop()
+        self._open = self._there = False
+
+    # --- whoever steps it ---------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Look at the joints, and tell them where to be."""
+        if not self._open:
+            return
+        now, states = self._clock.now(), self._joints.states()
+        good = [states[name] for name in self._legs if states[name].good]
+        if len(good) < len(self._legs) or not self._joints.health().online:
+            self._lose()
+            return
+        felt = self._felt_now()
+        with self._lock:
+            self._take(states, felt, now)
+            try:
+                self._go(self._mux.velocity(now, self._newest), states, felt, now)
+            except NotConnected:
+                self._lose()
+            except DeviceFault as fault:  # latched: somebody has to enable the arm
+                self._forget()
+                self._mux.latch(str(fault))
+            steering = self._mux.steering
+        self._tell_steering(steering)
+
+    @property
+    def walking(self) -> bool:
+        """Whether its legs are led right now."""
+        return self._way is not None or not self._engine.standing
+
+    def _take(self, states: Mapping[str, Reading[JointState]], felt: Felt | None, now: float) -> None:
+        """Take in how the joints are, and where the walk has led."""
+        values = [reading.value for name in self._legs if (reading := states[name]).value is not None]
+        if not self._there:
+            self._there = True
+            self._tell_return(f"{self.name}: the joints of both legs are there")
+        limp = [name for name, value in zip(self._legs, values, strict=True) if not value.torque]
+        if limp and self._stiff and self.walking:
+            self._forget()
+            self._mux.latch(f"{', '.join(limp)} went limp")
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {', '.join(limp)} went limp in a walk"))
+        elif limp:
+            self._forget()
+        self._stiff = not limp
+        if felt is not None:
+            self._lean = float(np.arccos(np.clip(cos(felt.roll) * cos(felt.pitch), -1.0, 1.0)))
+            self._fall(self._lean > FALLEN)
+        pose, (ahead, left, turn) = self._engine.pose
+        del left
+        state = BaseState(
+            Pose2D(pose.x, pose.y, pose.heading),
+            Velocity(ahead, turn),
+            battery_voltage=sum(value.voltage for value in values) / len(values),
+            battery_percent=100.0,
+            reckoned=True,
+            lean=self._lean,
+            fallen=self._fallen,
+        )
+        self._latest = Reading(state, now, Quality.GOOD)
+        self._headings.add(now, [pose.heading])
+        self._mux.hear(now)
+        self._mux.feel(state, now)
+
+    def _fall(self, fallen: bool) -> None:
+        """Notice a fall: stop the walk, and let the legs be as the robot file says."""
+        if fallen and not self._fallen:
+            self._forget()
+            self._mux.latch("it has fallen")
+            if self._at_fall == "relax":
+                with suppress(NotConnected):
+                    self._joints.relax(self._legs)
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: it has fallen", "put it up by hand"))
+        self._fallen = fallen
+
+    def _go(self, wanted: Velocity, states: Mapping[str, Reading[JointState]], felt: Felt | None, now: float) -> None:
+        dt, self._stepped_at = min(max(now - self._stepped_at, 0.0), LONGEST_STEP), now
+        moving = wanted != STILL
+        if self._engine.standing:
+            if moving and not (self._ready and self._near(states)) and self._way is None:
+                self._begin_way(states, now)
+            if self._way is not None:
+                self._get_ready(self._way, now, going=moving)
+            if self._way is not None or not (moving and self._ready):
+                self._set_stands()
+                return
+        self.stands.clear()
+        self._engine.command(wanted.linear, 0.0, wanted.angular)
+        self._send(self._engine.step(dt, felt))
+        self._set_stands()
+
+    def _set_stands(self) -> None:
+        if not self.walking:
+            self.stands.set()
+
+    def _send(self, posture: Posture) -> None:
+        if posture.refused and posture.refused != self._told_refusal:
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {posture.refused}", "take shorter steps"))
+            self._engine.halt()
+        self._told_refusal = posture.refused
+        self._joints.move(dict(zip(self._legs, posture.angles.tolist(), strict=True)))
+
+    def _begin_way(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
+        """Begin to bring the legs to where a walk begins, from where they are."""
+        here = np.array([value.position for name in self._legs if (value := states[name].value) is not None])
+        if np.abs(here - self._engine.ready).max() <= FAR:  # else ``drive`` has said so
+            self._engine.rest()
+            self._way = Approach.begun(here, self._engine.ready, now)
+
+    def _get_ready(self, way: Approach, now: float, *, going: bool) -> None:
+        """Go on to where a walk begins; end where the joints are when nobody wants it any more."""
+        if not going or way.share(now) == 1.0:
+            self._way, self._ready = None, way.share(now) == 1.0
+        self._joints.move(dict(zip(self._legs, way.at(now).tolist(), strict=True)))
+
+    def _near(self, states: Mapping[str, Reading[JointState]]) -> bool:
+        return max(map(abs, self._off(states).values())) < NEAR
+
+    def _off(self, states: Mapping[str, Reading[JointState]]) -> dict[str, float]:
+        ready = zip(self._legs, self._engine.ready.tolist(), strict=True)
+        return {name: value.position - angle for name, angle in ready if (value := states[name].value) is not None}
+
+    def _refuse_far(self) -> None:
+        off = self._off(self._joints.states())
+        name = max(off, key=lambda joint: abs(off[joint]), default="")
+        if name and abs(off[name]) > FAR:
+            told = f"{self.name}: {name} is {degrees(abs(off[name])):.0f} deg from where a walk begins"
+            raise DeviceFault(told, hint="bring its legs to a stand by a gesture, or by hand")
+
+    def _forget(self) -> None:
+        """Forget the walk: the legs are not where it has them."""
+        self._engine.rest()
+        self._way, self._ready = None, False
+        self.stands.set()
+
+    def _lose(self) -> None:
+        self._forget()
+        self._mux.halt()
+        self._stiff = False
+        if self._there:
+            self._there = False
+            self._silent = True
+            health = self.health()
+            self._report(DeviceStatus(self.name, "offline", health.detail, health.hint))
+
+    # --- of SteeredBase -----------------------------------------------------------------------------------------------
+
+    @property
+    def _newest(self) -> BaseState | None:
+        return self._latest.value
+
+    def _unheard(self, now: float) -> NotConnected | None:
+        del now
+        if self._there:
+            return None
+        health = self.health()
+        return NotConnected(health.detail, hint=health.hint)
+
+    def _require(self) -> None:
+        absent = self._unheard(self._clock.now())
+        if absent is not None:
+            raise absent
+
+    def _stand(self) -> None:
+        """End the walk: with the step that is under way, and one that closes the feet."""
+        self._engine.halt()

@@ -1,0 +1,267 @@
+"""From the pattern of a walk to the angles of the legs, 100 times a second: the walking engine, without any clock."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import cos, sin
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.errors import BadRequest
+from drivers.legs.body import SIDES, Body, Floats
+from drivers.legs.declared import StrideKeys
+from drivers.legs.kinematics import centre_over_legs, forward, sole, turning
+from drivers.legs.leg_ik import REASONS, solve_both
+from drivers.legs.pattern import Manner, Pattern, Spot
+from drivers.legs.walker import Walker
+
+PERIOD = 0.01
+"""Seconds from one posture to the next."""
+
+_, Y, Z = np.eye(3)
+
+PASSES = 2
+"""How often a whole plan is moved until the true centre of mass goes where the pendulum does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """What is felt of the trunk: its roll and pitch (radians from upright), and how fast they change (rad/s).
+
+    ``pressure`` is the point of pressure from the middle between both feet (m), where soles measure it.
+    """
+
+    roll: float
+    pitch: float
+    roll_rate: float = 0.0
+    pitch_rate: float = 0.0
+    pressure: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What who keeps the balance adds: to the trunk's roll and pitch, to both ankles (radians), to the next landing.
+
+    ``step`` are metres ahead and to the left, ``down`` metres by which the trunk sinks.
+    """
+
+    hip: tuple[float, float] = (0.0, 0.0)
+    ankle: tuple[float, float] = (0.0, 0.0)
+    step: tuple[float, float] = (0.0, 0.0)
+    down: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Posture:
+    """Where the legs are to be: ``angles`` (12,) in the order of ``Body.walking``, and the pattern that they follow.
+
+    ``refused`` says why a foot cannot be where the pattern wants it; its leg stays as it was then.
+    """
+
+    angles: Floats
+    pattern: Pattern
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A stretch of a walk, M moments: ``angles`` (M, 12), ``trunk`` (M, 3), ``heading`` (M,), ``reason`` (M, 2)."""
+
+    times: Floats
+    patterns: tuple[Pattern, ...]
+    angles: Floats
+    trunk: Floats
+    heading: Floats
+    reason: npt.NDArray[np.int64] = field(repr=False)
+
+
+Balance = Callable[[Felt, Posture], Correction]
+
+
+def manner_of(body: Body, stride: StrideKeys) -> Manner:
+    """Return how a body walks with such strides. Raises BadRequest where its legs do not reach the floor."""
+    rest = forward(body, np.zeros(len(body.joints)))
+    left, right = (sole(body, rest, side)[0] for side in SIDES)
+    feet = float(left[1] - right[1]) if stride.feet is None else stride.feet
+    leg = body.legs["left"]
+    if feet < leg.width:
+        raise BadRequest(
+            f"base: soles {leg.width:g} m wide cannot stand {feet:g} m apart", hint="give stride.feet more"
+        )
+    ready = standing(body, stride, feet)
+    centre = centre_over_legs(body, ready.reshape(2, 6))
+    height = stride.height + float((turning(Y, np.array(stride.lean)) @ centre)[2])
+    return Manner(
+        step=stride.period / 2,
+        double_support=stride.double_support,
+        rise=stride.rise,
+        feet=feet,
+        inset=stride.inset,
+        longest=stride.longest,
+        widest=stride.widest,
+        most_turn=stride.most_turn,
+        com_height=height,
+        length=leg.length,
+        width=leg.width,
+    )
+
+
+def standing(body: Body, stride: StrideKeys, feet: float) -> Floats:
+    """Return the angles (12,) in which a walk begins and ends. Raises BadRequest where the legs cannot have them."""
+    places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
+    lean, trunk = turning(Y, np.array(stride.lean)), np.array([0.0, 0.0, stride.height])
+    for _ in range(PASSES):  # over the middle of the soles with all its mass
+        angles, reason = legs(body, trunk, lean, places, np.zeros(2))
+        centre = centre_over_legs(body, np.nan_to_num(angles).reshape(2, 6))
+        trunk[:2] = -(lean @ centre)[:2]
+    angles, reason = legs(body, trunk, lean, places, np.zeros(2))
+    if reason.any():
+        raise BadRequest(
+            f"base: with the trunk {stride.height:g} m above the soles {REASONS[int(reason.max())]}",
+            hint="change stride.height, or the lengths of the body",
+        )
+    return angles
+
+
+def legs(
+    body: Body, trunk: Floats, turned: Floats, feet: Floats, headings: Floats
+) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Return angles (..., 12) for soles flat at ``feet`` (..., 2, 3) with ``headings`` (..., 2); and reasons (..., 2).
+
+    ``trunk`` (..., 3) and ``turned`` (..., 3, 3) are where the trunk is, in the same frame.
+    """
+    places = (feet - trunk[..., None, :]) @ turned
+    back = np.swapaxes(turned, -1, -2)[..., None, :, :]
+    found = solve_both(body, places, back @ turning(Z, headings))
+    return found.angles.reshape(*found.angles.shape[:-2], 12), found.reason
+
+
+def whole(body: Body, angles: Floats, rest: Floats | None = None) -> Floats:
+    """Return poses (..., N) with both legs at ``angles`` (..., 12) and all else at ``rest`` (N), or at 0."""
+    q = np.zeros((*angles.shape[:-1], len(body.joints)))
+    if rest is not None:
+        q[...] = rest
+    q[..., body.leg_places] = angles
+    return q
+
+
+class Engine:
+    """Walks: ``step`` after ``step`` of time it says where the legs are to be.
+
+    The trunk goes so that the true centre of mass of the whole body follows the pendulum. ``balance`` is asked with
+    what is felt, if it is. Raises BadRequest for strides that the legs cannot make.
+    """
+
+    def __init__(self, body: Body, stride: StrideKeys, balance: Balance | None = None) -> None:
+        self.body, self.stride = body, stride
+        self.walker = Walker(manner_of(body, stride))
+        self.ready = standing(body, stride, self.walker.manner.feet)
+        self._balance = balance
+        self._angles = self.ready
+        self._off = self._centre(self.ready, (0.0, 0.0))
+        self._correction = Correction()
+
+    @property
+    def standing(self) -> bool:
+        """True while it stands and nothing is under way."""
+        return self.walker.standing
+
+    @property
+    def pose(self) -> tuple[Spot, tuple[float, float, float]]:
+        """Where its steps have led it, without its sway, and how fast it goes: ahead, left (m/s), turn (rad/s)."""
+        return self.walker.pose
+
+    def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
+        """Walk so (m/s, m/s, rad/s) from the next step on; return what of it the legs can do."""
+        return self.walker.command(ahead, left, turn)
+
+    def halt(self) -> None:
+        """Come to a stand: with the step that is under way, and one that closes the feet."""
+        self.walker.command(0.0, 0.0, 0.0)
+
+    def rest(self) -> None:
+        """Forget what was under way: the legs are not where they should be."""
+        self.halt()
+        self.walker.rest()
+        self._angles, self._correction = self.ready, Correction()
+
+    def step(self, dt: float = PERIOD, felt: Felt | None = None) -> Posture:
+        """Go on by ``dt`` seconds; return where the legs are to be."""
+        pattern = self.walker.advance(dt)
+        added = self._correction
+        turned, feet, headings = self._placed(pattern, added)
+        c, s = cos(pattern.heading), sin(pattern.heading)
+        ahead, left = self._off
+        x, y = pattern.centre[0] - c * ahead + s * left, pattern.centre[1] - s * ahead - c * left
+        trunk = np.array([x, y, self.stride.height - added.down])
+        angles, reason = legs(self.body, trunk, turned, feet, headings)
+        refused = ""
+        for number, side in enumerate(SIDES):
+            if reason[number]:
+                half = slice(6 * number, 6 * number + 6)
+                angles[half] = self._angles[half]
+                refused = f"{side} leg: {REASONS[int(reason[number])]}"
+        self._off = self._centre(angles, added.hip)
+        self._angles = angles
+        posture = Posture(self._ankled(angles, added), pattern, refused)
+        if felt is not None and self._balance is not None:
+            self._correction = self._balance(felt, posture)
+            self.walker.nudge = self._correction.step
+        return posture
+
+    def _placed(self, pattern: Pattern, added: Correction) -> tuple[Floats, Floats, Floats]:
+        turned = _turned(pattern.heading, added.hip[0], self.stride.lean + added.hip[1])
+        soles = [pattern.feet[side] for side in SIDES]
+        return turned, np.array([each[:3] for each in soles]), np.array([each[3] for each in soles])
+
+    def _centre(self, angles: Floats, hip: tuple[float, float]) -> tuple[float, float]:
+        """Return how far the centre of mass is ahead and to the left of the trunk's origin."""
+        centre = centre_over_legs(self.body, angles.reshape(2, 6))
+        ahead, left, _ = (_turned(0.0, hip[0], self.stride.lean + hip[1]) @ centre).tolist()
+        return ahead, left
+
+    def _ankled(self, angles: Floats, added: Correction) -> Floats:
+        if added.ankle == (0.0, 0.0):
+            return angles
+        angles = angles.copy()
+        for number, side in enumerate(SIDES):
+            for place, axis, way in ((5, 0, added.ankle[0]), (4, 1, added.ankle[1])):
+                angles[6 * number + place] += way * self.body.axis[self.body.legs[side].joints[place]][axis]
+        return angles
+
+
+def _turned(yaw: float, roll: float, pitch: float) -> Floats:
+    """Return the orientation of what is turned about z, rolled about its x, then pitched about its y."""
+    cz, sz, cx, sx, cy, sy = cos(yaw), sin(yaw), cos(roll), sin(roll), cos(pitch), sin(pitch)
+    return np.array(
+        [
+            [cz * cy - sz * sx * sy, -sz * cx, cz * sy + sz * sx * cy],
+            [sz * cy + cz * sx * sy, cz * cx, sz * sy - cz * sx * cy],
+            [-cx * sy, sx, cx * cy],
+        ]
+    )
+
+
+def plan(body: Body, stride: StrideKeys, command: tuple[float, float, float], seconds: float) -> Plan:
+    """Return a walk of so many seconds from a stand, worked out at once."""
+    walker = Walker(manner_of(body, stride))
+    walker.command(*command)
+    return laid_out(body, stride, [walker.advance(PERIOD) for _ in range(round(seconds / PERIOD))])
+
+
+def laid_out(body: Body, stride: StrideKeys, patterns: list[Pattern]) -> Plan:
+    """Return the angles of a stretch of a pattern, whose true centre of mass follows the pendulum's."""
+    heading = np.array([each.heading for each in patterns])
+    feet = np.array([[each.feet[side][:3] for side in SIDES] for each in patterns])
+    headings = np.array([[each.feet[side][3] for side in SIDES] for each in patterns])
+    centre = np.array([each.centre for each in patterns])
+    turned = turning(Z, heading) @ turning(Y, np.array(stride.lean))
+    trunk = np.column_stack((centre, np.full(len(centre), stride.height)))
+    for left in range(PASSES, -1, -1):
+        angles, reason = legs(body, trunk, turned, feet, headings)
+        if left and not reason.any():
+            mass = centre_over_legs(body, angles.reshape(-1, 2, 6))
+            there = trunk + (turned @ mass[..., None])[..., 0]
+            trunk[:, :2] += centre - there[:, :2]
+    times = np.array([each.time for each in patterns])
+    return Plan(times, tuple(patterns), angles, trunk, heading, reason)

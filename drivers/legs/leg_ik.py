@@ -1,0 +1,165 @@
+"""Inverse kinematics of legs, in closed form.
+
+The axes of hip turn and hip roll meet in a point, and so do those of ankle pitch and ankle roll; the three pitch axes
+are parallel. Seen from the foot, that makes the ankle's roll known from where the hip is; the hip's turn, roll and the
+sum of the pitches follow from the orientation, and what is left is a triangle of thigh and shank. Offsets within the
+plane of the leg, and between hip and foot across it, are taken as they are. The right leg is solved as the left one
+in a mirror.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.legs.body import FLIPPED, Body, Floats, Side
+
+REASONS = (
+    "",
+    "the foot is too far from the hip",
+    "the foot is too near to the hip",
+    "the foot is too near to the line across which hip and foot are apart",
+    "hip turn and hip roll cannot be told apart: the leg points out to the side",
+    "not a finite place",
+)
+"""Why a pose of a foot cannot be reached, or in which it is not determined."""
+
+SLACK = 1e-12
+"""Metres by which a leg may be too short, for rounding."""
+
+DEGENERATE = 1e-7
+"""Below this cosine of the hip's roll, its turn is not determined."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Angles (..., 6) of a leg, hip turn first; ``reason`` (...) is 0, or says in ``REASONS`` why there are none."""
+
+    angles: Floats
+    reason: npt.NDArray[np.int64]
+
+    @property
+    def reachable(self) -> npt.NDArray[np.bool_]:
+        """Whether the pose can be reached (...)."""
+        return np.equal(self.reason, 0)
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A left leg in figures: signs of its six axes, the meeting points, and the plane of the pitches."""
+
+    sign: Floats
+    right: Floats  # signs of the right leg's angles beside it
+    hip: Floats  # where turn and roll meet, from the trunk
+    hang: Floats  # from there to the axis of the hip's pitch, in the plane: (x, z)
+    thigh: Floats  # (x, z)
+    shank: Floats  # (x, z)
+    across: float  # how far the ankle lies to the left of the hip
+    ankle: Floats  # where pitch and roll meet, from the sole's middle, in the frame of the foot
+
+
+def solve(body: Body, side: Side, position: Floats, rotation: Floats) -> Solution:
+    """Return the angles that bring the middle of a sole to ``position`` (..., 3) with ``rotation`` (..., 3, 3).
+
+    Both are in the frame of the trunk. The knee bends forward. Where there are none, the reason is set and the angles
+    are NaN.
+    """
+    shape = shape_of(body)
+    position, rotation = np.asarray(position, np.float64), np.asarray(rotation, np.float64)
+    if side == "left":
+        return _solve(shape, position, rotation, shape.sign)
+    return _solve(shape, position * FLIPPED, rotation * MIRROR, shape.sign * shape.right)
+
+
+def solve_both(body: Body, position: Floats, rotation: Floats) -> Solution:
+    """Return the same for both soles, the left one first: (..., 2, 3) and (..., 2, 3, 3) lead to (..., 2, 6)."""
+    shape = shape_of(body)
+    sign = np.stack((shape.sign, shape.sign * shape.right))
+    return _solve(shape, position * BOTH, rotation * BOTH_MIRRORS, sign)
+
+
+MIRROR = np.outer(FLIPPED, FLIPPED)
+BOTH = np.stack((np.ones(3), FLIPPED))
+BOTH_MIRRORS = np.stack((np.ones((3, 3)), MIRROR))
+
+
+def _solve(shape: _Shape, position: Floats, rotation: Floats, sign: Floats) -> Solution:
+    finite = np.isfinite(position).all(-1) & np.isfinite(rotation).all((-2, -1))
+    # The hip, seen from the ankle along the axes of the foot.
+    hip = ((shape.hip - position)[..., :, None] * rotation).sum(-2) - shape.ankle
+    with np.errstate(invalid="ignore", divide="ignore"):
+        roll, beyond = _ankle_roll(hip, shape.across)
+        cr, sr = np.cos(roll), np.sin(roll)
+        # Columns of the rotation without the ankle's roll: a turn about z, a roll about x, and the pitches about y.
+        second, third = rotation[..., :, 1], rotation[..., :, 2]
+        y_axis = second * cr[..., None] - third * sr[..., None]
+        up = rotation[..., 2, 1] * sr + rotation[..., 2, 2] * cr
+        flat = np.hypot(y_axis[..., 0], y_axis[..., 1])
+        hip_roll = np.arctan2(y_axis[..., 2], flat)
+        turn = np.arctan2(-y_axis[..., 0], y_axis[..., 1])
+        pitch = np.arctan2(-rotation[..., 2, 0], up)
+        hip_pitch, bend, short = _triangle(shape, hip[..., 0], hip[..., 1] * sr + hip[..., 2] * cr, pitch)
+    reason = np.where(~finite, 5, np.where(beyond, 3, np.where(flat < DEGENERATE, 4, short)))
+    pitches = _wrapped(np.stack((hip_pitch, bend, pitch - hip_pitch - bend, roll), axis=-1))
+    angles = np.concatenate((turn[..., None], hip_roll[..., None], pitches), axis=-1) * sign
+    return Solution(np.where((reason == 0)[..., None], angles, np.nan), reason)
+
+
+def _ankle_roll(hip: Floats, across: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Return the ankle's roll about +x, and where there is none: the hip must lie ``-across`` beside the plane."""
+    y, z = hip[..., 1], hip[..., 2]
+    far = np.hypot(y, z)
+    beyond = far <= abs(across) + SLACK
+    # In the frame before the roll the hip lies at y' = y cos - z sin = -across.
+    roll = np.arctan2(y, z) + np.arcsin(np.clip(across / np.where(beyond, 1.0, far), -1.0, 1.0))
+    return roll, beyond
+
+
+def _triangle(shape: _Shape, ahead: Floats, up: Floats, pitch: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+    """Return the pitch of hip and knee about +y, and why there is none.
+
+    ``ahead`` and ``up`` of the ankle is the hip, in the plane of the leg, along the axes of the foot.
+    """
+    thigh, shank = shape.thigh, shape.shank
+    a, b = float(np.hypot(*thigh)), float(np.hypot(*shank))
+    c, s = np.cos(pitch), np.sin(pitch)
+    # From the hip's pitch axis to the ankle, along the axes of the hip.
+    x = -(c * ahead + s * up) - shape.hang[0]
+    z = s * ahead - c * up - shape.hang[1]
+    far = np.hypot(x, z)
+    short = np.where(far > a + b + SLACK, 1, np.where((far < abs(a - b) - SLACK) | (far < SLACK), 2, 0))
+    apart = np.arccos(np.clip((far * far - a * a - b * b) / (2 * a * b), -1.0, 1.0))
+    bend = apart - (_bearing(shank) - _bearing(thigh))
+    cb, sb = np.cos(bend), np.sin(bend)
+    whole = np.stack((thigh[0] + cb * shank[0] + sb * shank[1], thigh[1] - sb * shank[0] + cb * shank[1]), axis=-1)
+    return np.arctan2(x, z) - _bearing(whole), bend, short
+
+
+def _bearing(way: Floats) -> Floats:
+    """Return the angle of ways (..., 2) in x and z from z, rising as a turn about +y does."""
+    found: Floats = np.arctan2(way[..., 0], way[..., 1])
+    return found
+
+
+def _wrapped(angle: Floats) -> Floats:
+    found: Floats = np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    return found
+
+
+@lru_cache(maxsize=16)
+def shape_of(body: Body) -> _Shape:
+    """Return the left leg in figures."""
+    joints = list(body.legs["left"].joints)
+    turn, roll, pitch, knee, ankle, last = (body.offset[joint] for joint in joints)
+    hang = np.array([roll[0], 0.0, 0.0]) + pitch
+    return _Shape(
+        sign=body.axis[joints].sum(axis=-1),
+        right=body.sign[joints],
+        hip=turn + np.array([0.0, 0.0, roll[2]]),
+        hang=hang[[0, 2]],
+        thigh=knee[[0, 2]],
+        shank=ankle[[0, 2]],
+        across=float(hang[1] + knee[1] + ankle[1] + last[1]),
+        ankle=np.array([-last[0], 0.0, 0.0]) - body.legs["left"].sole,
+    )

@@ -1,0 +1,263 @@
+"""Where feet and centre of mass go, step after step, for a wanted velocity: the pattern of a walk, without joints.
+
+A step begins with both feet on the floor, while the pressure goes over to the next standing foot; then the other one
+swings. Where the next foot lands is settled when a step begins. The capture point is planned backwards over the steps
+to come, and led along that plan by the pressure, which stays within the soles.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+from typing import Literal
+
+from drivers.legs.body import SIDES, Side
+from drivers.legs.pattern import Manner, Pattern, Spot
+from drivers.legs.pendulum import Edge, Point, edges, margin, rate, shifting, standing, swayed, within
+
+FORESEEN = 3
+"""Steps that are planned beyond the present one: those after them count for less than a millimetre."""
+
+SHIFT = 0.7
+"""Seconds in which the first step goes over to one foot, and the last one back between both."""
+
+LED = 4.0
+"""1/s: how fast the pressure brings the capture point back to its plan."""
+
+RAMP = 0.25
+"""The share of a motion in which a foot speeds up, and slows down: it is 4/3 as fast at most as in the mean."""
+
+KEPT = 0.01
+"""Metres that the pressure stays inside of the edges of the soles."""
+
+SETTLED = 0.002
+"""Metres from the middle between both feet within which a body that stands has come to rest."""
+
+OTHER: Mapping[Side, Side] = {"left": "right", "right": "left"}
+OUT: Mapping[Side, float] = {"left": 1.0, "right": -1.0}
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step: first ``both`` seconds on both feet, then ``alone`` seconds in which ``swing`` goes to ``to``.
+
+    One that is ``closing`` puts a foot beside the other, and leads to a stand.
+    """
+
+    swing: Side | None
+    origin: Spot
+    to: Spot
+    both: float
+    alone: float
+    p0: Point
+    p1: Point
+    end: Point
+    before: Spot
+    after: Spot
+    wide: list[Edge]
+    narrow: list[Edge]
+    closing: bool = False
+
+    @property
+    def duration(self) -> float:
+        return self.both + self.alone
+
+
+class Walker:
+    """The pattern of a walk. It begins at rest, the middle between its feet at (0, 0)."""
+
+    def __init__(self, manner: Manner) -> None:
+        self.manner = manner
+        self.w = rate(manner.com_height)
+        self.time = 0.0
+        self.wanted = (0.0, 0.0, 0.0)
+        self.nudge: Point = (0.0, 0.0)  # of the next landing, from whoever keeps the balance
+        self._place(Spot(0.0, 0.0, 0.0))
+
+    def _place(self, middle: Spot) -> None:
+        """Stand with both feet beside each other, at rest."""
+        half = self.manner.feet / 2
+        self.feet: dict[Side, Spot] = {side: middle.beside(0.0, OUT[side] * half) for side in SIDES}
+        self.centre = self.capture = middle.point
+        self._middle = middle
+        self._step: _Step | None = None
+        self._in_step = 0.0
+        self._last: Side = "right"
+
+    @property
+    def standing(self) -> bool:
+        """True while it stands on both feet and nothing is under way."""
+        return self._step is None
+
+    def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:
+        """Want a velocity (m/s, m/s, rad/s) from the next step on; return what of it steps can make."""
+        manner = self.manner
+        limits = manner.longest, manner.widest / 2, manner.most_turn / 2  # sideways every other step counts
+        x, y, t = (
+            min(max(each, -limit / manner.step), limit / manner.step)
+            for each, limit in zip((ahead, left, turn), limits, strict=True)
+        )
+        self.wanted = (x, y, t)
+        return self.wanted
+
+    def rest(self) -> None:
+        """Stand where it is, from now on, whatever was under way: when nobody knows how the legs are."""
+        self._place(self.pose[0])
+
+    def advance(self, dt: float) -> Pattern:
+        """Go on by ``dt`` seconds."""
+        self.time += dt
+        if self._step is None and self.wanted != (0.0, 0.0, 0.0):
+            self._step, self._in_step = self._first(), 0.0
+        if self._step is not None:
+            self._in_step += dt
+            while self._step is not None and self._in_step >= self._step.duration - 1e-9:
+                self._in_step -= self._step.duration
+                self._step = self._next(self._step)
+        return self._sway(dt)
+
+    def _sway(self, dt: float) -> Pattern:
+        step = self._step
+        if step is None:
+            pressure, support = self._middle.point, self._support(*(self.feet[side] for side in SIDES))
+            plan = pressure
+        else:
+            support = step.wide if self._in_step < step.both else step.narrow
+            plan, pressure = self._plan(step)
+        gain = 1.0 + LED / self.w
+        asked = tuple(pressure[axis] + gain * (self.capture[axis] - plan[axis]) for axis in (0, 1))
+        pressure = within(support, pressure, (asked[0], asked[1]), KEPT)
+        self.centre, self.capture = swayed(self.centre, self.capture, pressure, self.w, dt)
+        pose, speed = self.pose
+        feet, heading = self._soles(), pose.heading
+        kept = margin(support, pressure)
+        return Pattern(self.time, self._on(), feet, self.centre, heading, pressure, kept, pose, speed)
+
+    # --- steps --------------------------------------------------------------------------------------------------------
+
+    def _first(self) -> _Step:
+        """Return the step that begins a walk: with the foot on whose side it goes."""
+        aside = self.wanted[1] or self.wanted[2]
+        swing: Side = "left" if aside > 0 or (aside == 0 and self._last == "right") else "right"
+        return self._stepping(swing, self._middle, self._middle.point, SHIFT)
+
+    def _next(self, done: _Step) -> _Step | None:
+        """Return the step after one that is over; None where it stands then."""
+        self._middle = done.after
+        if done.swing is None:
+            if hypot(*(a - b for a, b in zip(self.capture, self._middle.point, strict=True))) > SETTLED:
+                return self._settling(self._middle.point)
+            self.centre = self.capture = self._middle.point
+            return None
+        self.feet[done.swing] = done.to
+        self._last = done.swing
+        swing = OTHER[done.swing]
+        if not done.closing:
+            return self._stepping(swing, done.after, done.p1, self.manner.step * self.manner.double_support)
+        if self.wanted == (0.0, 0.0, 0.0):
+            return self._settling(done.p1)
+        return self._stepping(swing, done.after, done.p1, SHIFT)  # it was about to stand
+
+    def _stepping(self, swing: Side, middle: Spot, p0: Point, both: float) -> _Step:
+        """Return a step with a foot, from where the pressure is."""
+        manner, stand = self.manner, self.feet[OTHER[swing]]
+        after = self._moved(middle, swing, self.wanted)
+        closing = not (any(self.wanted) or any(self.nudge))
+        to = after.beside(*self.nudge).beside(0.0, OUT[swing] * manner.feet / 2)
+        if self.nudge != (0.0, 0.0):
+            after, self.nudge = to.beside(0.0, -OUT[swing] * manner.feet / 2), (0.0, 0.0)
+        p1 = self._anchor(OTHER[swing], stand)
+        end = self._ahead(swing, to, after, p1, closing=closing)
+        alone = manner.step * (1.0 - manner.double_support)
+        origin, narrow = self.feet[swing], self._support(stand)
+        wide = self._support(origin, stand)
+        return _Step(swing, origin, to, both, alone, p0, p1, end, middle, after, wide, narrow, closing)
+
+    def _settling(self, p0: Point) -> _Step:
+        """Return the end of a walk: back between both feet."""
+        middle, support = self._middle, self._support(*(self.feet[side] for side in SIDES))
+        point = middle.point
+        return _Step(None, middle, middle, SHIFT, 0.0, p0, point, point, middle, middle, support, support)
+
+    def _moved(self, middle: Spot, swing: Side, wanted: tuple[float, float, float]) -> Spot:
+        """Return the middle after a step: to a side, it goes with the foot of that side."""
+        ahead, left, turn = (each * self.manner.step for each in wanted)
+        left, turn = (2 * each if each * OUT[swing] > 0 else 0.0 for each in (left, turn))
+        return middle.beside(0.0, 0.0, turn / 2).beside(ahead, left, turn / 2)
+
+    def _anchor(self, side: Side, spot: Spot) -> Point:
+        return spot.beside(0.0, -OUT[side] * self.manner.inset).point
+
+    def _ahead(self, swing: Side, to: Spot, after: Spot, p1: Point, *, closing: bool) -> Point:
+        """Return where the capture point is to be when a step ends: by the steps to come, and then a stand."""
+        manner = self.manner
+        spots, middle, side = [p1, self._anchor(swing, to)], after, OTHER[swing]
+        for _ in range(0 if closing else FORESEEN):
+            middle = self._moved(middle, side, self.wanted)
+            spots.append(self._anchor(side, middle.beside(0.0, OUT[side] * manner.feet / 2)))
+            side = OTHER[side]
+        both = manner.step * manner.double_support
+        found = middle.point
+        if len(spots) == 2:  # the last step: back between both feet
+            return shifting(found, p1, found, self.w, SHIFT, SHIFT)
+        found = shifting(found, spots[-1], found, self.w, SHIFT, SHIFT)
+        for before, after_ in zip(spots[-2::-1], spots[:0:-1], strict=True):
+            found = standing(found, after_, self.w, manner.step - both)
+            found = shifting(found, before, after_, self.w, both, both)
+        return found
+
+    # --- within a step ------------------------------------------------------------------------------------------------
+
+    def _plan(self, step: _Step) -> tuple[Point, Point]:
+        """Return where capture point and pressure are to be now."""
+        if self._in_step >= step.both:
+            return standing(step.end, step.p1, self.w, step.duration - self._in_step), step.p1
+        done = self._in_step / step.both
+        pressure = tuple(a + (b - a) * done for a, b in zip(step.p0, step.p1, strict=True))
+        over = standing(step.end, step.p1, self.w, step.alone)
+        plan = shifting(over, step.p0, step.p1, self.w, step.both, step.both - self._in_step)
+        return plan, (pressure[0], pressure[1])
+
+    def _on(self) -> Literal["left", "right", "both"]:
+        step = self._step
+        return "both" if step is None or step.swing is None or self._in_step < step.both else OTHER[step.swing]
+
+    def _soles(self) -> Mapping[Side, tuple[float, float, float, float]]:
+        found = {side: (spot.x, spot.y, 0.0, spot.heading) for side, spot in self.feet.items()}
+        step = self._step
+        if step is not None and step.swing is not None and self._in_step > step.both:
+            share = (self._in_step - step.both) / step.alone
+            way, up = smooth(share), smooth(min(2 * share, 2 - 2 * share))
+            a, b = step.origin, step.to
+            found[step.swing] = (
+                a.x + way * (b.x - a.x),
+                a.y + way * (b.y - a.y),
+                self.manner.rise * up,
+                a.heading + way * (b.heading - a.heading),
+            )
+        return found
+
+    @property
+    def pose(self) -> tuple[Spot, tuple[float, float, float]]:
+        """Return where the robot is by its steps, without its sway, and how fast it goes."""
+        step = self._step
+        if step is None or step.swing is None:
+            return self._middle, (0.0, 0.0, 0.0)
+        a, b, share = step.before, step.after, self._in_step / step.duration
+        x, y, turn = b.x - a.x, b.y - a.y, b.heading - a.heading
+        pose = Spot(a.x + share * x, a.y + share * y, a.heading + share * turn)
+        c, s, long = cos(pose.heading), sin(pose.heading), step.duration
+        return pose, ((x * c + y * s) / long, (y * c - x * s) / long, turn / long)
+
+    def _support(self, *spots: Spot) -> list[Edge]:
+        """Return the polygon that soles at some spots make."""
+        long, wide = self.manner.length / 2, self.manner.width / 2
+        return edges([spot.beside(u * long, v * wide).point for spot in spots for u in (-1, 1) for v in (-1, 1)])
+
+
+def smooth(share: float) -> float:
+    """Return how far a motion is after a share of its time: it speeds up and slows down by a cosine, evenly between."""
+    if share > 0.5:
+        return 1.0 - smooth(1.0 - share)
+    if share >= RAMP:
+        return (share - RAMP / 2) / (1.0 - RAMP)
+    return (share - RAMP / pi * sin(pi * share / RAMP)) / 2 / (1.0 - RAMP)

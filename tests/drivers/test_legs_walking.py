@@ -1,0 +1,285 @@
+"""The walking engine: its pressure stays within the soles, by itself and by the masses of the whole body."""
+
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from drivers.api import STILL, DeviceStatus, Quality, Velocity
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.errors import DeviceFault, NotConnected
+from drivers.legs.body import SIDES, Body, Floats, body_of
+from drivers.legs.declared import LegsKeys, StrideKeys
+from drivers.legs.engine import PERIOD, Engine, Felt, Plan, manner_of, plan, whole
+from drivers.legs.kinematics import centre_of_mass, centre_over_legs, centres, forward, turning
+from drivers.legs.odometry import FootOdometry
+from drivers.legs.pattern import Spot
+from drivers.legs.pendulum import GRAVITY, edges, margin, swayed
+from drivers.legs.walker import Walker
+from drivers.sim.stage import Stage
+from drivers.sim.timeline import Timeline
+from drivers.sim.twins import making
+from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.legs import LegsTwin
+from drivers.sim.world import ORIGIN
+from missions.library.drivers import load_robot
+
+ROBOTS = Path(__file__).parents[2] / "config" / "robots"
+WALKS = [
+    ("humanoid", (0.22, 0.0, 0.0)),
+    ("humanoid", (0.1, 0.0, 0.4)),
+    ("op3", (0.2, 0.0, 0.0)),
+    ("op3", (0.1, 0.02, 0.3)),
+]
+
+
+def described(name: str) -> tuple[Body, StrideKeys, DynamixelKeys]:
+    robot = load_robot(ROBOTS / f"{name}.yaml")
+    keys, arm = robot.keys(LegsKeys), robot.keys(DynamixelKeys)
+    assert keys is not None
+    assert arm is not None
+    return body_of(keys.body), keys.stride, arm
+
+
+def pressure(body: Body, stride: StrideKeys, walk: Plan) -> Floats:
+    """Return where all the masses of the body, as they are moved, press on the floor: (M, 2)."""
+    placed = forward(body, whole(body, walk.angles))
+    turned = turning(np.array([0.0, 0, 1]), walk.heading) @ turning(np.array([0.0, 1, 0]), np.array(stride.lean))
+    links = walk.trunk[:, None] + (turned[:, None] @ centres(body, placed)[..., None])[..., 0]
+    places = np.concatenate((links, (walk.trunk + turned @ body.trunk.centre)[:, None]), axis=1)
+    mass = np.append(body.mass, body.trunk.mass)
+    push = np.gradient(np.gradient(places, PERIOD, axis=0), PERIOD, axis=0)
+    weight = mass * (push[..., 2] + GRAVITY)
+    sums = [(weight * places[..., axis] - mass * push[..., axis] * places[..., 2]).sum(axis=1) for axis in (0, 1)]
+    found: Floats = np.stack(sums, axis=1) / weight.sum(axis=1)[:, None]
+    return found
+
+
+@pytest.mark.parametrize(("name", "command"), WALKS)
+def test_the_masses_of_the_whole_body_press_within_the_soles(name: str, command: tuple[float, float, float]) -> None:
+    body, stride, _ = described(name)
+    walk = plan(body, stride, command, 5.0)
+    assert not walk.reason.any()
+    there = pressure(body, stride, walk)
+    leg, worst = body.legs["left"], 1.0
+    for moment, p in list(zip(walk.patterns, there, strict=True))[3:-3]:
+        on = [side for side in SIDES if moment.support in (side, "both")]
+        spots = [Spot(x, y, heading) for x, y, _, heading in (moment.feet[side] for side in on)]
+        corners = [(u * leg.length / 2, v * leg.width / 2) for u in (-1, 1) for v in (-1, 1)]
+        support = edges([spot.beside(*corner).point for spot in spots for corner in corners])
+        worst = min(worst, margin(support, (float(p[0]), float(p[1]))))
+    assert worst > 0.01
+    assert min(moment.margin for moment in walk.patterns) > 0.03
+
+
+@pytest.mark.parametrize(("name", "command"), WALKS)
+def test_a_walk_keeps_the_limits_and_the_speeds_of_its_joints(name: str, command: tuple[float, float, float]) -> None:
+    body, stride, arm = described(name)
+    walk = plan(body, stride, command, 5.0)
+    limits = [arm.limits[joint] for joint in body.walking]
+    assert (walk.angles > [each.lower for each in limits]).all()
+    assert (walk.angles < [each.upper for each in limits]).all()
+    assert (np.abs(np.gradient(walk.angles, PERIOD, axis=0)).max(axis=0) < [each.speed for each in limits]).all()
+
+
+@pytest.mark.parametrize("name", ["humanoid", "op3"])
+def test_whatever_is_commanded_when_it_stays_over_its_feet_and_stands_in_the_end(name: str) -> None:
+    body, stride, _ = described(name)
+    manner = manner_of(body, stride)
+    for seed in range(8):
+        chance = Random(seed)  # noqa: S311 - chance, not a secret
+        walker, worst = Walker(manner), 1.0
+        for _ in range(40):
+            some = chance.uniform(-0.25, 0.25), chance.choice((0, 0.05, -0.05)), chance.choice((0, 0.6, -0.6))
+            walker.command(*(some if chance.random() > 0.35 else (0.0, 0.0, 0.0)))
+            for _ in range(chance.randrange(1, 120)):
+                moment = walker.advance(PERIOD)
+                worst = min(worst, moment.margin)
+                off = np.hypot(moment.centre[0] - moment.pose.x, moment.centre[1] - moment.pose.y)
+                assert off < 0.15
+        assert worst > 0.01
+        walker.command(0.0, 0.0, 0.0)
+        for _ in range(400):
+            moment = walker.advance(PERIOD)
+        assert walker.standing
+        assert moment.centre == moment.pose.point
+
+
+@pytest.mark.parametrize("after", np.arange(1.0, 3.0, 0.13).tolist())
+def test_a_halt_ends_in_a_stand_within_two_steps(after: float) -> None:
+    body, stride, _ = described("humanoid")
+    walker = Walker(manner_of(body, stride))
+    walker.command(0.2, 0.0, 0.1)
+    before = [walker.advance(PERIOD).support for _ in range(round(after / PERIOD))][-1]
+    walker.command(0.0, 0.0, 0.0)
+    landings = 0
+    for _ in range(300):
+        moment = walker.advance(PERIOD)
+        landings += before != "both" == moment.support
+        before = moment.support
+    assert walker.standing
+    assert landings <= 2
+    left, right = (moment.feet[side] for side in SIDES)
+    assert np.hypot(left[0] - right[0], left[1] - right[1]) == pytest.approx(walker.manner.feet)
+
+
+def test_a_pendulum_follows_its_differential_equation() -> None:
+    c, xi, p, w = (0.01, -0.02), (0.03, 0.01), (0.0, 0.005), 4.8
+    fine, capture = c, xi
+    for _ in range(100_000):  # Euler, in tiny steps
+        fine = tuple(a + w * (b - a) * 2e-6 for a, b in zip(fine, capture, strict=True))  # type: ignore[assignment]
+        capture = tuple(b + w * (b - q) * 2e-6 for b, q in zip(capture, p, strict=True))  # type: ignore[assignment]
+    there, after = swayed(c, xi, p, w, 0.2)
+    assert there == pytest.approx(fine, abs=1e-6)
+    assert after == pytest.approx(capture, abs=1e-6)
+
+
+def test_the_quick_centre_of_mass_is_the_centre_of_mass() -> None:
+    for name in ("humanoid", "op3"):
+        body, _, _ = described(name)
+        angles = np.random.default_rng(6).normal(size=(20, 12)) / 2
+        slow = centre_of_mass(body, forward(body, whole(body, angles)))
+        assert np.allclose(centre_over_legs(body, angles.reshape(-1, 2, 6)), slow, atol=1e-12)
+
+
+def test_step_by_step_it_walks_as_planned_at_once() -> None:
+    body, stride, _ = described("humanoid")
+    engine = Engine(body, stride)
+    engine.command(0.2, 0.0, 0.0)
+    walked = np.array([engine.step().angles for _ in range(300)])
+    assert np.abs(walked - plan(body, stride, (0.2, 0.0, 0.0), 3.0).angles).max() < np.radians(1)
+
+
+def test_the_feet_themselves_tell_how_far_it_has_walked() -> None:
+    body, stride, _ = described("humanoid")
+    engine = Engine(body, stride)
+    engine.command(0.2, 0.0, 0.15)
+    led = FootOdometry(body, ORIGIN)
+    for step in range(800):
+        pose = led.update(whole(body, engine.step().angles))
+        if step == 500:
+            engine.halt()
+    assert engine.standing
+    told = engine.pose[0]
+    assert np.hypot(pose.x - told.x, pose.y - told.y) < 0.04  # of 0.8 m
+    assert pose.heading == pytest.approx(told.heading, abs=0.06)
+
+
+class Legs:
+    """A humanoid's twin, with its legs."""
+
+    def __init__(self) -> None:
+        robot = load_robot(ROBOTS / "humanoid.yaml")
+        arm, keys = robot.keys(DynamixelKeys), robot.keys(LegsKeys)
+        assert arm is not None
+        assert keys is not None
+        self.told: list[DeviceStatus] = []
+        self.line = Timeline()
+        stage = Stage(self.line.clock, None, lambda _: ORIGIN, report=self.told.append)
+        self.arm: JointsTwin = making.arm(arm, stage)
+        self.base: LegsTwin = making.legs(keys, replace(stage, parts={"arm": self.arm}))
+        self.legs = self.base._engine.body.walking
+        self.jumps = 0.0
+        for each in (self.arm, self.base):
+            each.open()
+            self.line.every(each.PERIOD, each.step)
+        self.line.every(PERIOD, self._look)
+        self._before = self.angles()
+        self.pass_(0.1)
+
+    def angles(self) -> Floats:
+        return np.array([self.arm.true_angle(name, self.line.clock.now()) for name in self.legs])
+
+    def _look(self) -> None:
+        now = self.angles()
+        self.jumps, self._before = max(self.jumps, float(np.abs(now - self._before).max())), now
+
+    def pass_(self, seconds: float, velocity: Velocity | None = None) -> None:
+        clock = self.line.clock
+        until = clock.now() + seconds
+        while clock.now() < until - 1e-9:
+            if velocity is not None:
+                self.base.drive(velocity)
+            self.line.run(min(until, clock.now() + 0.05))
+
+
+@pytest.fixture
+def legs() -> Legs:
+    return Legs()
+
+
+def test_it_walks_from_a_straight_stand_and_stands_again_when_nobody_commands_it(legs: Legs) -> None:
+    legs.pass_(8.0, Velocity(0.15, 0.0))
+    state = legs.base.state()
+    assert state.value is not None
+    assert state.value.reckoned
+    assert state.value.velocity.linear == pytest.approx(0.15)
+    legs.pass_(2.5)  # the command is valid for 0.3 s
+    assert not legs.base.walking
+    state = legs.base.state()
+    assert state.value is not None
+    assert state.value.velocity == STILL
+    assert state.value.pose.x > 0.5
+    before = legs.angles()
+    legs.pass_(1.0)
+    assert np.array_equal(legs.angles(), before)
+    assert legs.jumps < np.radians(300) * PERIOD  # no joint faster than it may
+
+
+def test_a_chain_unplugged_in_mid_step_is_no_leap(legs: Legs) -> None:
+    legs.pass_(6.23, Velocity(0.2, 0.0))
+    assert legs.base.walking
+    legs.arm.plug.unplug()
+    before = legs.angles()
+    legs.pass_(0.5)
+    assert np.abs(legs.angles() - before).max() < np.radians(20)  # to the end of what the servos were told
+    assert legs.base.state().quality is Quality.STALE
+    with pytest.raises(NotConnected):
+        legs.base.drive(Velocity(0.1, 0.0))
+    held = legs.angles()
+    legs.arm.plug.plug_in()
+    legs.pass_(0.5)
+    assert np.abs(legs.angles() - held).max() < np.radians(1)  # it stays until somebody commands it
+    legs.jumps = 0.0
+    legs.pass_(0.3, Velocity(0.1, 0.0))
+    assert legs.jumps < np.radians(60) * PERIOD  # slowly, to where a walk begins
+    legs.pass_(6.0, Velocity(0.1, 0.0))
+    assert legs.base.walking
+
+
+def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
+    legs.arm.move({"left_hip_pitch": 1.56, "right_hip_pitch": 1.56, "left_knee": 1.9, "right_knee": 1.9})
+    legs.pass_(2.0)
+    before = legs.angles()
+    with pytest.raises(DeviceFault, match="from where a walk begins"):
+        legs.base.drive(Velocity(0.1, 0.0))
+    legs.pass_(0.5)
+    assert np.array_equal(legs.angles(), before)
+
+
+def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs: Legs) -> None:
+    legs.pass_(6.0, Velocity(0.2, 0.0))
+    legs.arm.overload("left_knee")
+    legs.pass_(0.1)
+    assert "left_knee went limp" in legs.base.latched
+    before = legs.angles()
+    legs.pass_(1.0)
+    assert np.abs(legs.angles() - before).max() < np.radians(20)
+
+
+def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
+    attitude = Felt(0.0, 0.1)
+    legs.base._felt_now = lambda: attitude
+    legs.pass_(6.0, Velocity(0.1, 0.0))
+    attitude = Felt(0.0, 1.2)
+    legs.pass_(0.1)
+    state = legs.base.state().value
+    assert state is not None
+    assert state.fallen
+    assert legs.base.latched == "it has fallen"
+    torque = [
+        reading.value.torque for name, reading in legs.arm.states().items() if reading.value and name in legs.legs
+    ]
+    assert not any(torque)
