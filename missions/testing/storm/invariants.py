@@ -63,7 +63,8 @@ def at_rest(seen: Witness) -> Iterator[str]:
         if late > BASE_RESTS + 0.001 and max(map(abs, now.speeds)) > STILL:
             yield f"the base moves at {now.speeds} {late:.2f} s after the end"
         for (part, axis), turned in _turned(before, now):
-            if late > ALL_REST + 0.001 and abs(turned) > STILL and not _by_itself(seen, part, now.time):
+            own_way = _by_itself(seen, part, now.time) or _back_within(seen, before, part, axis, turned)
+            if late > ALL_REST + 0.001 and abs(turned) > STILL and not own_way:
                 yield f"{axis} of the {part} turns {late:.2f} s after the end"
 
 
