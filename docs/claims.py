@@ -51,6 +51,13 @@ CLAIMS = (
         "the virtual base's firmware, not a real one's",
     ),
     Claim(
+        "wire of a base",
+        "bytes lost, doubled, bent, a plug pulled, silence, a loop that stalls: the base rests 0.7 s after it was last "
+        "commanded, and keeps its limits",
+        f"TRIES=500 {TESTS}tests/drivers/test_wire_storm.py",
+        "heads and arms, whose wires have tests of their own; whole missions",
+    ),
+    Claim(
         "limbs",
         "`kill -9`, SIGSTOP or a crash while arm and head move: at rest within 0.5 s; let go on, nothing leaps",
         f"{TESTS}tests/missions/test_killed_limbs.py",
