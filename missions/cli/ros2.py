@@ -2,6 +2,7 @@
 
 import base64
 import json
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +15,7 @@ import click
 from config.library import find
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from missions.cli.names import ROBOT
+from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
@@ -167,4 +168,31 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
         _wait(seconds)
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     click.echo(f"{file}: {len(lines)} lines")
+    return SUCCESS
+
+
+@command.command(epilog="Example: mission ros2 serve --robot turtlebot4 --simulate wire")
+@options
+@click.option("--simulate", type=click.Choice(["fast", "wire"]), help="Run its missions on a simulated robot.")
+@click.option("--world", type=WORLD, help="The world around that.")
+def serve(robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None) -> int:
+    """Offer the action /run_mission, by which nodes of ROS 2 start missions. Ctrl-C ends it, and what runs.
+
+    Its type is missiontree_msgs/action/RunMission: docs/ros2.md says how ROS gets to know it.
+    """
+    from missions.cli.offering import MissionServer  # noqa: PLC0415
+
+    chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
+    given = [word for option, value in chosen if value is not None for word in (option, value)]
+    ending = Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ending.set())
+    with looking(robot, router, domain) as node:
+        server = MissionServer(node, [*given, "--ros2"])
+        click.echo("offers /run_mission")
+        try:
+            while not ending.wait(0.2):
+                continue
+        finally:
+            server.close()
     return SUCCESS

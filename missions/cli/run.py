@@ -120,6 +120,10 @@ class RunCommand(MissionCommand):
     is_flag=True,
     help="Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",
 )
+@click.option(
+    "--ros2", is_flag=True, help="Tell ROS 2 how it goes: topics /mission/tree, variables, detections, events."
+)
+@click.option("--ros2-router", metavar="ADDRESS", help="Where, instead of the robot's router: tcp/127.0.0.1:7447.")
 @studio_option
 @leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
@@ -146,6 +150,8 @@ def command(
     record_frames: float | None,
     overwrite: bool,
     view: bool,
+    ros2: bool,
+    ros2_router: str | None,
     studio: bool,
     leash: int | None,
     as_json: bool,
@@ -188,7 +194,12 @@ def command(
         mission=name,
         otherwise=order.simulation is None and not no_record,
     )
-    outputs = Outputs(events, film, kept, view=view, leash=leash)
+    announcer = None
+    if ros2 or ros2_router is not None:
+        from missions.cli.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
+
+        announcer = announcer_of(robot, ros2_router)
+    outputs = Outputs(events, film, kept, view=view, leash=leash, announcer=announcer)
     if until is None and simulate == "fast" and speed is None:
         until = DEFAULT_DURATION
 

@@ -33,6 +33,7 @@ from missions.studio.pictures import Pictures
 from missions.views.live.terminal import unviewable
 
 if TYPE_CHECKING:
+    from missions.cli.announcing import Announcer
     from missions.cli.film import Film
     from missions.cli.viewing import LiveView
 
@@ -44,7 +45,7 @@ LAST_WORDS_TIME = 3.0
 class Outputs:
     """What comes of a run, as far as it was asked for: its events as lines, a film, a record, a live ``view``.
 
-    ``leash`` is the end of the pipe of a server that has started it.
+    ``leash`` is the end of the pipe of a server that has started it. ``announcer`` tells ROS 2 of it.
     """
 
     events: Path | None = None
@@ -52,6 +53,7 @@ class Outputs:
     record: RecordWish | None = None
     view: bool = False
     leash: int | None = None
+    announcer: "Announcer | None" = None
 
 
 def run(
@@ -105,6 +107,9 @@ def run(
             runner.stream.listeners[0] = shown  # in the watcher's place
         control = ControlSocket(runner, pictures, simulated=order.simulation or "", world=world_of(order))
         runner.stream.listeners.append(control)
+        if outputs.announcer is not None:
+            runner.stream.listeners.append(outputs.announcer)
+            closing.enter_context(outputs.announcer)
         with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
             tell_unreachable(control)
             result = runner.run()

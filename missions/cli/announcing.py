@@ -1,0 +1,192 @@
+"""``mission run --ros2``: tells ROS 2 how a run goes, as topics for RViz, rqt and nodes of one's own."""
+
+import json
+from collections.abc import Mapping
+from math import cos, sin, tan
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, Self
+
+from config.library import find
+from drivers.clock import SystemClock
+from drivers.errors import NotConnected
+from drivers.ros2.declared import ZenohKeys
+from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
+from missions.executive.plain import plain
+from missions.library.drivers import load_robot
+from missions.order import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from drivers.ros2.node import Node
+    from drivers.ros2.session import Access
+
+STRING, DETECTIONS = "std_msgs/msg/String", "vision_msgs/msg/Detection2DArray"
+
+EVENTS, TREE, VARIABLES, SEEN = "/mission/events", "/mission/tree", "/mission/variables", "/mission/detections"
+"""The topics on which a run is told."""
+
+AGAIN = 1.0
+"""Seconds after which the whole tree and the variables are told again: who has come later has missed them."""
+
+RETRY = 1.0
+"""Seconds until a router that did not answer is tried again."""
+
+MOST_WAITING = 10_000
+"""Events that wait to be told at most."""
+
+
+class Announcer:
+    """A listener that tells a run on topics of ROS 2, from a thread of its own; a router that is away is looked for.
+
+    ``/mission/events`` has each event as JSON, ``/mission/tree`` the status of each node, ``/mission/variables`` those
+    of the mission, and ``/mission/detections`` the faces and things that are seen.
+    """
+
+    def __init__(self, access: "Access", domain: int) -> None:
+        self._access, self._domain = access, domain
+        self._waiting: SimpleQueue[Event | None] = SimpleQueue()
+        self._tree: dict[str, object] = {}
+        self._nodes: dict[str, dict[str, object]] = {}
+        self._variables: dict[str, object] = {}
+        self._clock = SystemClock()
+        self._told_at = -AGAIN
+        self._changed = True
+        self._ending = False
+        self._thread = Thread(target=self._run, name="announcer", daemon=True)
+
+    def open(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Tell the last, and end the thread: it has two seconds for that."""
+        self._ending = True
+        self._waiting.put(None)
+        self._thread.join(2.0)
+
+    def __call__(self, event: Event) -> None:
+        """Take an event; returns at once."""
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(event)
+
+    def _run(self) -> None:
+        from drivers.ros2.node import Node  # noqa: PLC0415 - an extra
+        from drivers.ros2.session import open_session  # noqa: PLC0415
+
+        while True:
+            try:
+                session = open_session("announcer", self._access)
+            except NotConnected:
+                if self._ending:
+                    return
+                self._take(None, RETRY)
+                continue
+            node = Node(session, self._clock, domain=self._domain, name="mission")
+            ended = self._tell_all(node)
+            node.close()
+            session.close()  # type: ignore[no-untyped-call]
+            if ended:
+                return
+
+    def _tell_all(self, node: "Node") -> bool:
+        """Tell what comes, until the run or the session ends; say if it was the run."""
+        for name in (EVENTS, TREE, VARIABLES):
+            node.publisher(name, STRING)
+        node.publisher(SEEN, DETECTIONS)
+        while not (self._ending and self._waiting.empty()):
+            self._take(node, AGAIN)
+        self._tell_state(node)
+        return True
+
+    def _take(self, node: "Node | None", patience: float) -> None:
+        """Take an event, if one comes, and tell it; and now and then how all stands."""
+        try:
+            event = self._waiting.get(timeout=patience)
+        except Empty:
+            event = None
+        if event is not None:
+            self._note(event)
+        if node is None:
+            return
+        if event is not None and not isinstance(event, Ticked):
+            _say(node, EVENTS, event.as_dict())
+        if isinstance(event, PerceptSeen):
+            _show(node, event)
+        now = self._clock.now()
+        if now - self._told_at >= (0.1 if self._changed else AGAIN):
+            self._tell_state(node)
+
+    def _tell_state(self, node: "Node") -> None:
+        self._told_at, self._changed = self._clock.now(), False
+        _say(node, TREE, {**self._tree, "nodes": list(self._nodes.values())})
+        _say(node, VARIABLES, self._variables)
+
+    def _note(self, event: Event) -> None:
+        """Take into the whole what an event says."""
+        self._changed = self._changed or isinstance(event, NodeChanged | VariableSet | Ended | Started)
+        match event:
+            case Started():
+                self._tree = {"mission": event.mission, "robot": event.robot, "status": "running"}
+            case NodeChanged():
+                known = {"key": event.node, "name": event.name, "kind": event.kind, "line": event.line}
+                self._nodes[event.node] = {**known, "status": event.status, "reason": event.reason}
+            case VariableSet() if event.scope:
+                self._variables[f"{event.scope}.{event.name}"] = plain(event.value)
+            case VariableSet():
+                self._variables[event.name] = plain(event.value)
+            case Ended():
+                self._tree |= {"status": event.result, "reason": event.reason}
+
+
+def _say(node: "Node", topic: str, values: Mapping[str, object]) -> None:
+    from drivers.ros2.types import types  # noqa: PLC0415 - an extra
+
+    text = json.dumps(values, default=plain)
+    node.publisher(topic, STRING).send(types().encode(STRING, {"data": text}))
+
+
+def _show(node: "Node", event: PerceptSeen) -> None:
+    """Tell what is seen: each with its direction as a pose a metre away, with the axes of the camera's body."""
+    from drivers.ros2.types import types  # noqa: PLC0415 - an extra
+
+    found = [("face", each) for each in event.faces]
+    found += [("thing", each) for each in event.things or ()]
+    found += [("marker", each) for each in event.markers or ()]
+    detections = [detection(kind, each) for kind, each in found]
+    values = {"header": {"frame_id": "camera"}, "detections": detections}
+    node.publisher(SEEN, DETECTIONS).send(types().encode(DETECTIONS, values))
+
+
+def detection(kind: str, told: Mapping[str, object]) -> dict[str, object]:
+    """Return a percept as vision_msgs has it: its class, its score, its direction, its size."""
+    named = next((told[word] for word in ("name", "label", "colour", "kind") if isinstance(told.get(word), str)), "")
+
+    def figure(*words: str) -> float:
+        value = next((told[word] for word in words if isinstance(told.get(word), int | float)), 0.0)
+        return float(value) if isinstance(value, int | float) else 0.0
+
+    bearing, elevation, size = figure("bearing"), figure("elevation", "drop"), figure("size")
+    position = {"x": cos(bearing), "y": sin(bearing), "z": -tan(elevation)}
+    hypothesis = {"class_id": f"{kind}:{named}" if named else kind, "score": figure("score", "confidence") or 1.0}
+    box = {"center": {"position": {"x": bearing, "y": elevation}}, "size_x": size, "size_y": size}
+    pose = {"pose": {"position": position, "orientation": {"w": 1.0}}}
+    told_id = told.get("id", told.get("track", ""))
+    return {"results": [{"hypothesis": hypothesis, "pose": pose}], "bbox": box, "id": str(told_id)}
+
+
+def announcer_of(robot: str | None, router: str | None) -> Announcer:
+    """Return what tells of a run, by the router of its robot's file; at another, where one is named."""
+    from drivers.ros2.make import domain_of  # noqa: PLC0415 - an extra
+    from drivers.ros2.session import access_of  # noqa: PLC0415
+
+    config = load_robot(find("robots", robot or DEFAULT_ROBOT))
+    section = config.sections.get("ros2")
+    keys = ZenohKeys() if section is None else section.keys
+    return Announcer(access_of(keys, router or ""), domain_of(keys))
