@@ -62,7 +62,10 @@ CHECK = 20
 """Pairs of pictures that make up a check: a third of a second of turning and more."""
 
 REST = 4.0
-"""Seconds from a check that bears a delay out to the next."""
+"""Seconds from the first check that bears a delay out to the next one."""
+
+LONGEST_REST = 8.0
+"""Seconds from one that bears the same delay out again."""
 
 REFUTED = 9.0
 """Twice the logarithm of a ratio of likelihoods: from here on a check prefers another delay, at three sigmas."""
@@ -156,7 +159,8 @@ class Exposures:
         self._gaze = gaze
         self._before: _Turned | None = None
         self._last = -np.inf
-        self._rest_until = -np.inf
+        self._rest_from = self._rest_until = -np.inf
+        self._borne_out = np.inf  # the delay that the newest check has
 
     def exposed(self, frame: Frame, camera: Pinhole) -> Frame:
         """Return ``frame`` with the time of its exposure, later than that of the frame before it."""
@@ -170,7 +174,7 @@ class Exposures:
         before, self._before = self._before, None
         if before is not None and frame.stamp - before.stamp > LONGEST_PAIR:
             before = None
-        if self._rest_until - REST <= frame.stamp < self._rest_until:  # a clock that was set back ends a rest
+        if self._rest_from <= frame.stamp < self._rest_until:  # a clock that was set back ends a rest
             return
         turning = self._turning(frame.stamp)
         if not turning and before is None:
@@ -189,7 +193,9 @@ class Exposures:
         moved = shift(before, now) if before.shape == now.shape else None
         # What moves to the right in a picture was turned away from to the left.
         if moved is not None and self.delay.learn(moved[0] * camera.field_of_view / now.shape[1], turns):
-            self._rest_until = stamp + REST
+            same = abs(self.delay.seconds - self._borne_out) <= KNOWN
+            self._borne_out, self._rest_from = self.delay.seconds, stamp
+            self._rest_until = stamp + (LONGEST_REST if same else REST)
 
     def _turning(self, stamp: float) -> bool:
         """Whether the camera turned about then, by a few of its poses: all of them would cost more."""

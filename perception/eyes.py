@@ -228,6 +228,10 @@ class Eyes:
             self._opening_at = self._asked_at
         return self._asked_at - self._opening_at > BLIND
 
+    def awake(self) -> bool:
+        """Say whether what they see is known, without asking for it. From any thread, at once."""
+        return self._opened >= OPENED
+
     def _rest(self) -> None:
         """Look at nothing until somebody asks."""
         self._opened = 0

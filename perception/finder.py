@@ -3,8 +3,8 @@
 The whole picture is searched until there is a face: in one frame for those that are close, in the next for those
 farther away. From then on optical flow carries its box from frame to frame, and now and then a search of the region
 around it confirms that it still is one: the more seldom, the better both agree. Now and then the whole picture is
-searched again, for newcomers; where nobody is, every sixth frame. What was found counts as a face as long as more
-searches that are independent of the first agreed than not.
+searched again, for newcomers; where nobody is, every eighth frame, and less often while all stays as it was. What was
+found counts as a face as long as more searches that are independent of the first agreed than not.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ from perception.api import Box, Detection, Image
 from perception.flow import carry
 from perception.light import Grey, check
 from perception.sighting import Sighting
+from perception.still import Still
 
 SAME = 0.3
 """Overlap from which on two boxes are one face."""
@@ -38,8 +39,8 @@ NEWCOMERS = 40
 EAGER = 8
 """Frames in a row without a face in which each is searched: at first, and after a face was there."""
 
-EMPTY = 6
-"""Frames from one search to the next after that. A cascade takes as long for a wall as for a crowd."""
+EMPTY = 8
+"""Frames from one search to the next after that, of a picture that is not the one searched before; see Still."""
 
 TRUST = 3
 """What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
@@ -130,6 +131,7 @@ class FaceFinder:
         self._missing = 0  # frames for which a face that was lost is still looked for
         self._turns = 2  # searches that are due at once: one for those that are close, one for those that are not
         self._vain = 0  # frames in a row without a face
+        self._still = Still()
 
     def find(self, image: Image | Grey) -> list[Sighting]:
         """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
@@ -142,7 +144,7 @@ class FaceFinder:
         if believed and not self._known:
             self._expect(believed[0], image)
         self._since_whole += 1
-        if self._since_whole >= self._pause():
+        if self._since_whole >= (pause := self._pause()) and not (pause == EMPTY and self._nothing_new(image)):
             self._search_whole(image)
         self._drop_doubles()
         self._vain = 0 if any(known.trust > 0 for known in self._known) else self._vain + 1
@@ -159,6 +161,14 @@ class FaceFinder:
         self._before = None
         self._since_whole, self._close_next, self._missing = 0, True, 0
         self._turns, self._vain = 2, 0
+        self._still = Still()
+
+    def _nothing_new(self, image: Image | Grey) -> bool:
+        """Whether a search would see what one of its kind, for close faces or others, has seen before; see Still."""
+        if not self._still.same(image, close=self._close_next):
+            return False
+        self._since_whole, self._close_next = 0, not self._close_next
+        return True
 
     def _pause(self) -> int:
         """Return how many frames after a search of the whole picture the next one is due."""

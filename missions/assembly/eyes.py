@@ -51,7 +51,7 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
         delay=place.lags.delay,
     )
     place.eyes = eyes = Eyes(camera, sight)
-    return camera, WatchfulSight(sight, eyes.ask)
+    return camera, WatchfulSight(sight, eyes.ask, eyes.awake)
 
 
 def _recogniser(place: "Place", keys: CameraKeys) -> Recogniser | None:

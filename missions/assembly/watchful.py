@@ -10,12 +10,19 @@ class WatchfulSight:
     """A ``Sight`` that says with each question that somebody ``asks``, who says back whether the answer is of now.
 
     While it is not, as the eyes have rested, each question raises NotConnected: whoever asks waits for a picture or
-    three, and nobody is told that a face is not there because nobody has looked.
+    three, and nobody is told that a face is not there because nobody has looked. ``unasked`` answers as the eyes are,
+    for who only keeps a record: by its questions, which wake nobody, ``awake`` is told.
     """
 
-    def __init__(self, sight: Sight, asks: Callable[[], bool]) -> None:
+    def __init__(self, sight: Sight, asks: Callable[[], bool], awake: Callable[[], bool]) -> None:
         self._sight = sight
         self._asks = asks
+        self._is_awake = awake
+
+    @property
+    def unasked(self) -> "WatchfulSight":
+        """What they see, for who does not count as somebody that asks."""
+        return WatchfulSight(self._sight, self._is_awake, self._is_awake)
 
     def faces(self) -> Sequence[Face]:
         """See perception.api.Sight."""

@@ -39,7 +39,7 @@ class Answers:
         part: str,
         questions: Mapping[str, Callable[[], object]],
         *,
-        sampled: Iterable[str] = (),
+        sampled: Mapping[str, Callable[[], object]] | None = None,
         fixed: Iterable[str] = (),
     ) -> "Memo":
         """Return what remembers the answers of a ``part`` to its ``questions``, by their names.
@@ -48,7 +48,7 @@ class Answers:
         """
         memo = Memo(part, questions, self)
         self._memos.append(memo)
-        self._sampled += [partial(memo.__getitem__, question) for question in sampled]
+        self._sampled += [partial(memo.sample, question, ask) for question, ask in (sampled or {}).items()]
         self._fixed += [partial(memo.__getitem__, question) for question in fixed]
         return memo
 
@@ -111,6 +111,15 @@ class Memo(dict[Asked, Any]):
             if answers.kept:
                 answers.said.append((self.part, question, (), answer))
         return answer
+
+    def sample(self, question: str, ask: Callable[[], object]) -> None:
+        """Have ``ask`` answer a question, unless the answer is known. Raises what it does."""
+        if question not in self:
+            questions, self._questions = self._questions, {question: ask}
+            try:
+                self.__missing__(question)
+            finally:
+                self._questions = questions
 
     def ask(self, what: str, ask: Callable[[*A], T], *arguments: *A) -> T:
         """Ask a question with arguments, unless the answer is known."""

@@ -59,16 +59,24 @@ def proxied(part: str, protocol: type, device: T, answers: Answers, permit: Perm
     ``permit`` is asked before it is set moving.
     """
     known = members(protocol).values()
-    questions = {each.name: getattr(device, each.name) for each in known if each.kind == "reading"}
-    questions |= {each.name: partial(getattr, device, each.name) for each in known if each.kind == "property"}
+    questions = {each.name: _question(device, each) for each in known if each.kind in {"reading", "property"}}
+    unasked = getattr(device, "unasked", device)  # of what rests while nobody asks: a sample is for the record only
     memo = answers.memo(
         part,
         questions,
-        sampled=[each.name for each in known if each.sampled],
+        sampled={each.name: _question(unasked, each) for each in known if each.sampled},
         fixed=[each.name for each in known if each.fixed],
     )
     proxy: T = proxy_class(protocol)(device, memo, permit)
     return proxy
+
+
+def _question(device: object, member: Member) -> Callable[[], object]:
+    """Return what asks a device for a reading or a property."""
+    if member.kind == "property":
+        return partial(getattr, device, member.name)
+    reading: Callable[[], object] = getattr(device, member.name)
+    return reading
 
 
 def for_leaf(part: T, source: str, tell: Tell) -> T:

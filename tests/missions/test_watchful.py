@@ -9,6 +9,8 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.sight import FaceSeen
 from drivers.errors import NotConnected
 from missions.assembly.watchful import WatchfulSight
+from missions.executive.answers import Answers
+from missions.executive.proxy import proxied
 from missions.testing.recorders.bench import Bench
 from perception.api import Sight
 
@@ -29,7 +31,7 @@ def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable
         asked.append(True)
         return awake[0]
 
-    sight = WatchfulSight(bench.sight, ask)
+    sight = WatchfulSight(bench.sight, ask, lambda: awake[0])
     with pytest.raises(NotConnected, match="not searched for a while"):
         question(sight)
     awake[0] = True
@@ -40,8 +42,31 @@ def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable
 def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() -> None:
     bench, awake = Bench(), [False]
     leaf = bench.put(FaceSeen("face_seen"))
-    leaf.robot = replace(bench.robot, sight_part=WatchfulSight(bench.sight, lambda: awake[0]))
+    leaf.robot = replace(bench.robot, sight_part=WatchfulSight(bench.sight, lambda: awake[0], lambda: awake[0]))
     assert bench.tick(leaf) is RUNNING
     assert "camera: its pictures were not searched" in leaf.feedback_message
     awake[0] = True
     assert bench.tick(leaf) is FAILURE
+
+
+def test_a_sample_for_the_record_wakes_no_eyes_and_says_whether_they_rest() -> None:
+    bench, asked, awake = Bench(), [], [True]
+
+    def ask() -> bool:
+        asked.append(True)
+        return True
+
+    answers = Answers()
+    answers.kept = True
+    sight = proxied("sight", Sight, WatchfulSight(bench.sight, ask, lambda: awake[0]), answers)
+    answers.open = True
+    answers.sample()
+    assert {what: value for _, what, _, value in answers.take()}["faces"] == bench.sight.faces()
+    awake[0] = False
+    answers.open = True
+    answers.sample()
+    assert all(isinstance(value, NotConnected) for _, _, _, value in answers.take())
+    assert not asked
+    answers.open = True
+    sight.faces()
+    assert asked == [True]

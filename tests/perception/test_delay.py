@@ -12,7 +12,7 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import Gaze, Image
 from perception.change import shift
-from perception.delay import BELIEVED, GRID, KNOWN, REST, Delay, Exposed, Exposures, level
+from perception.delay import BELIEVED, GRID, KNOWN, LONGEST_REST, Delay, Exposed, Exposures, level
 from perception.geometry import Pinhole
 from tests.perception.rendered import CAMERA, LENS
 
@@ -144,7 +144,7 @@ def test_a_delay_that_is_known_is_checked_now_and_then_only() -> None:
 def test_a_delay_that_changes_once_it_was_known_is_learnt_within_some_seconds() -> None:
     exposures = Exposures(lambda time: Gaze(sweep(time), 0.0), Delay())
     swept(exposures, 0.03, start=10.0, seconds=20.0)
-    swept(exposures, 0.07, start=30.0, seconds=REST + 6.0)
+    swept(exposures, 0.07, start=30.0, seconds=LONGEST_REST + 6.0)
     assert exposures.delay.seconds == pytest.approx(0.07, abs=0.01)
 
 

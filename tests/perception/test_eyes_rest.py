@@ -85,6 +85,7 @@ def robot() -> Iterator[Robot]:
 def test_eyes_that_somebody_asks_go_on_looking(robot: Robot) -> None:
     for _ in range(3):
         robot.clock.advance(0.9 * LINGER)
+        assert robot.eyes.awake()
         assert robot.eyes.ask()
         robot.until_searched(4)
     assert robot.begun_afresh == 0
@@ -95,6 +96,7 @@ def test_eyes_that_nobody_asks_read_no_pictures_until_somebody_does(robot: Robot
     robot.fall_asleep()
     read = robot.camera.read_so_far
     robot.clock.advance(60.0)
+    assert not robot.eyes.awake()  # which asks for nothing
     Event().wait(0.05)  # in which they would read fifty
     assert robot.camera.read_so_far == read
     assert not robot.eyes.ask()

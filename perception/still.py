@@ -1,0 +1,51 @@
+"""Whether a picture shows what was searched before: a camera that stands in an empty room sees the same for hours."""
+
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from perception.api import Image
+from perception.light import Grey, grey
+
+SHARE = 8
+"""Pixels of the picture's side that make one spot: over so many, little is left of a camera's noise."""
+
+DIFFERENT = 3.0
+"""Grey levels by which a spot must differ: five times the noise that a webcam leaves in the mean of a spot."""
+
+FEW = 4
+"""Spots that may differ: the smallest face that is found covers a dozen."""
+
+AGAIN = 4
+"""Searches in a row that may be left out: what changes too little to be noticed is searched then."""
+
+
+class Still:
+    """Remembers the picture of the newest search for close faces, and of that for others. For one thread at a time."""
+
+    def __init__(self) -> None:
+        self._searched: dict[bool, npt.NDArray[np.float32]] = {}
+        self._left_out = {True: 0, False: 0}
+
+    def same(self, image: Image | Grey, *, close: bool) -> bool:
+        """Say whether a search of ``image`` can be left out; if not, it is the one that is remembered."""
+        now, before = spots(image), self._searched.get(close)
+        if before is not None and self._left_out[close] < AGAIN and alike(before, now):
+            self._left_out[close] += 1
+            return True
+        self._searched[close], self._left_out[close] = now, 0
+        return False
+
+
+def alike(before: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> bool:
+    """Say whether the spots of two pictures, of whatever sizes, show the same."""
+    return before.shape == now.shape and bool(np.count_nonzero(np.abs(now - before) > DIFFERENT) <= FEW)
+
+
+def spots(image: Image | Grey) -> npt.NDArray[np.float32]:
+    """Return the mean brightness of each spot of a picture; its shape is (height, width) in spots."""
+    height, width = image.shape[:2]
+    size = max(1, width // SHARE), max(1, height // SHARE)
+    return grey(cast(Image, cv2.resize(image, size, interpolation=cv2.INTER_AREA))).astype(np.float32)

@@ -1,0 +1,84 @@
+"""Pictures in which nothing is new are not searched again, as long as that is sure."""
+
+import numpy as np
+import pytest
+
+from perception.api import Box, Detection, Image
+from perception.finder import EAGER, EMPTY, FaceFinder
+from perception.still import AGAIN, Still
+
+NOISE = 5.0
+"""Grey levels, one sigma: a webcam indoors."""
+
+
+def room(seed: int = 0, *, light: float = 1.0) -> Image:
+    """A picture of the same room each time, with noise of its own."""
+    wall = np.random.default_rng(1).integers(40, 200, (30, 40)).repeat(16, 0).repeat(16, 1).astype(np.float64)
+    noise = np.random.default_rng(seed + 100).normal(0.0, NOISE, wall.shape)
+    return np.clip(light * wall + noise, 0, 255).astype(np.uint8)[:, :, None].repeat(3, 2)
+
+
+def with_somebody(image: Image, *, brighter: float, size: int = 28) -> Image:
+    """The same with the smallest face that is found."""
+    seen = image.astype(np.float64)
+    seen[200 : 200 + size, 300 : 300 + size] += brighter
+    return np.clip(seen, 0, 255).astype(np.uint8)
+
+
+def test_the_noise_of_a_camera_is_nothing_new() -> None:
+    still = Still()
+    assert not still.same(room(0), close=True)
+    assert all(still.same(room(seed), close=True) for seed in range(1, 1 + AGAIN))
+
+
+def test_now_and_then_a_search_is_made_all_the_same() -> None:
+    still = Still()
+    assert [still.same(room(seed), close=True) for seed in range(2 * (AGAIN + 1))] == [False, *[True] * AGAIN] * 2
+
+
+@pytest.mark.parametrize("light", [1.0, 0.1])
+def test_the_smallest_face_is_something_new_also_in_the_dark(light: float) -> None:
+    still = Still()
+    still.same(room(0, light=light), close=False)
+    assert not still.same(with_somebody(room(1, light=light), brighter=60 * light), close=False)
+
+
+def test_each_kind_of_search_has_a_picture_of_its_own() -> None:
+    still = Still()
+    still.same(room(0), close=True)
+    assert not still.same(room(1), close=False)
+
+
+def test_what_comes_slowly_is_noticed_since_it_is_the_searched_picture_that_counts() -> None:
+    still = Still()
+    still.same(room(0), close=True)
+    assert [still.same(with_somebody(room(n), brighter=2.0 * n), close=True) for n in range(1, 4)][-1] is False
+
+
+class Counting:
+    """Finds nobody, and counts how often it was asked."""
+
+    def __init__(self) -> None:
+        self.searched = 0
+
+    def detect(self, image: Image, **sizes: float) -> list[Detection]:
+        del image, sizes
+        self.searched += 1
+        return []
+
+    def near(self, image: Image, box: Box) -> Detection | None:
+        del image, box
+        raise AssertionError("nobody is known")
+
+
+@pytest.mark.parametrize(("moving", "most"), [(False, 1 / AGAIN), (True, 1.0)])
+def test_an_empty_room_is_searched_seldom_while_the_camera_stands_and_often_while_it_turns(
+    moving: bool, most: float
+) -> None:
+    detector, frames = Counting(), 40 * EMPTY
+    finder = FaceFinder(detector)
+    for n in range(EAGER + frames):
+        finder.find(np.roll(room(n), 5 * n, axis=1) if moving else room(n))
+    searches = detector.searched - EAGER
+    assert searches <= frames / EMPTY * most
+    assert searches >= frames / EMPTY * most * 0.7
