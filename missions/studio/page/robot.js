@@ -68,7 +68,8 @@ export class Robot {
   #draw({ file, knobs }) {
     const may = this.#link.welcome?.role === "operator";
     this.#keep.disabled = !may || !knobs.some((each) => each.tuned);
-    put(this.#file, file);
+    put(this.#file, file.split("/").at(-1));
+    this.#file.title = file;
     const text = JSON.stringify([may, knobs]);
     if (text === this.#told) return; // what has the keyboard keeps it
     this.#told = text;
@@ -94,7 +95,7 @@ export class Robot {
       if (Number.isFinite(value)) this.#tune(knob.name, value);
       else tell(`${plain(label)}: “${input.value}” is no number`);
     });
-    return el("label", { class: knob.tuned ? "knob tuned" : "knob" }, el("span", null, plain(name)), el("span", { class: "joined" }, input, el("span", { class: "unit" }, unit)));
+    return el("label", { class: knob.tuned ? "tune tuned" : "tune" }, el("span", null, plain(name)), el("span", { class: "joined" }, input, el("span", { class: "unit" }, unit)));
   }
 
   async #tune(name, value) {

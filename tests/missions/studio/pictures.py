@@ -8,8 +8,11 @@ Look at them afterwards: they show what they show.
 import os
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from PIL import Image
 
 from tests.browser import Browser, chromium
 from tests.missions.studio.page import DESKTOP, PHONE, Page
@@ -27,7 +30,12 @@ def main() -> None:
         for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME"):
             os.environ[name] = home
         with studio() as served, Browser(chromium()) as browser:
-            take(served, browser, lambda page, name: (folder / f"{name}.png").write_bytes(page.tab.screenshot()))
+            take(served, browser, lambda page, name: keep(folder / f"{name}.png", page.tab.screenshot()))
+
+
+def keep(path: Path, png: bytes) -> None:
+    """Write a picture in 256 colours: a third of the bytes."""
+    Image.open(BytesIO(png)).convert("RGB").quantize(256).save(path, optimize=True)
 
 
 def take(served: Served, browser: Browser, keep: Callable[[Page, str], object]) -> None:
@@ -45,21 +53,22 @@ def take(served: Served, browser: Browser, keep: Callable[[Page, str], object]) 
     wait_until(lambda: any(each.name.startswith("sequence") for each in page.tab.all("treeitem")))
     half = "const e = document.querySelector('input[type=range]'); e.value = e.max / 2;"
     page.tab.evaluate(f"{half} e.dispatchEvent(new Event('input'))")
-    wait_until(lambda: page.tab.evaluate("document.querySelector('canvas')?.hidden === false"))
+    painted = "document.querySelector('canvas')?.getContext('2d').getImageData(320, 240, 1, 1).data[3] > 0"
+    wait_until(lambda: page.tab.evaluate(painted))
     keep(page, "record")
     page.go("Drive")
     page.wait_for("With its head and its camera")
     page.tab.evaluate("document.querySelector('.alone .main').click()")
     wait_until(lambda: page.enabled("Take the wheels"))
     page.go("Robot")
-    page.wait_for("Trims and limits", "head pan")
+    page.wait_for("Trims and limits", "head pan", "Base")
     keep(page, "robot")
     phone = Page(browser, served, size=PHONE, view="#drive")
     phone.press("Take the wheels")
     phone.wait_for("You drive.")
     keep(phone, "drive")
     phone.stop.click()
-    phone.wait_for("stopped from this page")
+    phone.wait_for("topped from this page", "Hold to release")
     keep(phone, "stopped")
 
 

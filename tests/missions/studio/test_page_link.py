@@ -148,6 +148,19 @@ def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: B
     assert over != sent(page, "library")[0]["socket"]
 
 
+def test_stop_stays_red_under_the_mouse(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run")
+    colour = "getComputedStyle(document.querySelector('.stop')).backgroundColor"
+    red = page.tab.evaluate(colour)
+    x, y = page.tab.evaluate(
+        "(() => { const b = document.querySelector('.stop').getBoundingClientRect();"
+        "return [b.left + b.width / 2, b.top + b.height / 2] })()"
+    )
+    page.tab.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    wait_until(lambda: page.tab.evaluate("!!document.querySelector('.stop:hover')"))
+    assert page.tab.evaluate(colour) == red
+
+
 def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path):
         page = overheard(browser, served, "#live")
