@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz storm planted claims check bench docs constraints clean
+.PHONY: help setup demo test compiled fuzz storm planted claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 

@@ -2,46 +2,25 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from threading import Event
 
 import click
 
-from config.fleet import FleetKeys, load_fleet
+from missions.cli import fleet_tasks
+from missions.cli.fleet_at import AS_JSON, FLEET, at
 from missions.cli.root import FAILURE, SUCCESS
-from missions.service.fleet.operator import Operator, operating
+from missions.service.fleet.operator import Operator
 from missions.service.fleet.roster import Member
-from missions.service.task import TaskError
 from missions.views.columns import in_columns
 
 WATCH = 0.2
 """Seconds from one look at the list to the next."""
 
-FLEET = click.option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
-
-
-def fleet_of(name: str | None) -> FleetKeys:
-    """Return the fleet of the user's file, under another name where one is given."""
-    found = load_fleet()
-    return found if name is None else replace(found, fleet=name)
-
-
-@contextmanager
-def at(name: str | None) -> Iterator[Operator]:
-    """Give an operator of a fleet while this is entered; say what is wrong in words."""
-    try:
-        with operating(fleet_of(name)) as operator:
-            yield operator
-    except TaskError as error:
-        hint = f"\n  try: {error.hint}" if error.hint else ""
-        raise click.ClickException(f"{error}{hint}") from error
-
 
 @click.group(epilog="Example: mission fleet list")
 def command() -> None:
-    """See the robots of a fleet, and stop them all. `mission serve --fleet NAME` on each puts it there."""
+    """See the robots of a fleet, give them tasks, stop them all. `mission serve --fleet NAME` puts each there."""
 
 
 @command.command(name="list", epilog="Example: mission fleet list --watch")
@@ -131,3 +110,7 @@ def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
     for each in sorted(missing):
         click.echo(f"{each}: did not answer\n  try: mission fleet list", err=True)
     return SUCCESS if answers and not missing and all(each.ok for each in answers.values()) else FAILURE
+
+
+for each_command in (fleet_tasks.run, fleet_tasks.tasks, fleet_tasks.decide):
+    command.add_command(each_command)

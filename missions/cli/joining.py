@@ -1,25 +1,34 @@
 """`mission serve --fleet`: this computer's robot as a member of a fleet."""
 
+import os
 import re
 import secrets
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
+from config.library import UnknownNameError, find, shipped
 from drivers.clock import SystemClock
 from missions.cli.names import ROBOT, WORLD
+from missions.library.shipped import find_mission
 from missions.order import RunRequest, Simulate
+from missions.service.channels import channels_of
+from missions.service.fleet.errands import ErrandQueue
+from missions.service.fleet.kept import Kept
 from missions.service.fleet.latch import FleetLatch
 from missions.service.fleet.line import ZenohLine
 from missions.service.fleet.member import Member, Own
 from missions.service.fleet.place import check_name, open_session
+from missions.service.fleet.robot import employ
 from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import NAME, Address
+from missions.service.fleet.words import MISSION, NAME, Address
+from missions.service.schema import open_db, queue_file
+from missions.service.times import local_zone
 
 NUMBER = "fleet_number"
 """The file that has the number of the robot whose tasks are kept beside it."""
@@ -32,6 +41,15 @@ class Joining:
     fleet: str
     name: str
     order: RunRequest
+
+    @property
+    def robot(self) -> str:
+        """The robot as a run understands it, wherever that begins; empty for the usual one, simulated."""
+        named = self.order.robot
+        if named is None:
+            return ""
+        path = find("robots", named)
+        return named if path in shipped("robots").values() else str(path.resolve())
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -68,9 +86,9 @@ def joining(
 
 
 @contextmanager
-def joined(wanted: Joining, folder: Path) -> Iterator[Member]:
+def joined(wanted: Joining, folder: Path, latch: FleetLatch) -> Iterator[Member]:
     """Be a member of a fleet while this is entered. Raises TaskError, and what a wrong robot file does."""
-    from missions.cli.fleet import fleet_of  # noqa: PLC0415 - a server alone needs none of it
+    from missions.cli.fleet_at import fleet_of  # noqa: PLC0415 - a server alone needs none of it
     from missions.studio.machine import Machine  # noqa: PLC0415
 
     robot = wanted.order.robot_file()
@@ -83,9 +101,23 @@ def joined(wanted: Joining, folder: Path) -> Iterator[Member]:
         line = ZenohLine(open_session(fleet), wanted.fleet, roster)
         own = Own(address, robot.name[:60], tuple(sorted(robot.parts)), simulated)
         body = closed.enter_context(Machine())
-        member = Member(own, line, roster, body, FleetLatch(folder), clock=clock)
+        member = Member(own, line, roster, body, latch, clock=clock)
+        connection = closed.enter_context(closing(open_db(queue_file(folder), any_thread=True)))
+        queue, kept = ErrandQueue(connection, channels_of, local_zone()), Kept(connection)
+        employ(
+            member, address, line, roster, body, latch, queue, kept, clock,
+            robot=wanted.robot, options=wanted.options, knows=_is_there,
+        )  # fmt: skip
         line.follow()
         yield closed.enter_context(member)
+
+
+def _is_there(mission: str) -> bool:
+    """Say whether there is a mission of this name in a library: no path is looked at that came over a network."""
+    try:
+        return bool(MISSION.fullmatch(mission) and find_mission(mission, Path(os.devnull)))
+    except UnknownNameError:
+        return False
 
 
 def own_number(folder: Path) -> str:

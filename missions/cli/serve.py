@@ -14,6 +14,7 @@ from missions.library.folders import state_folder
 from missions.order import Simulate
 from missions.service.channels import channels_of
 from missions.service.courier import Courier
+from missions.service.fleet.latch import FleetLatch
 from missions.service.lock import Taken, locked, run_lock, server_lock
 from missions.service.notices import channel_of
 from missions.service.outbox import Outbox
@@ -73,11 +74,13 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
         held = _after_orphan(run_lock(where), closed)
         connection = closed.enter_context(closing(open_db(path)))
         queue = Queue(connection, channels_of, local_zone())
-        server = Server(queue, Child([held], _tell), wall_clock, _tell)
+        queue.recover(wall_clock())  # before a fleet hears of what seems to run
+        latch = FleetLatch(where)
+        server = Server(queue, Child([held], _tell), wall_clock, _tell, held=lambda: latch.stopped)
         closed.enter_context(Signals(server.stop))
         courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
         if member is not None:
-            closed.enter_context(joined(member, where))
+            closed.enter_context(joined(member, where, latch))
             _tell(f"in fleet '{member.fleet}' as '{member.name}'")
         _tell(f"serving {path}")
         server.run(once=once)

@@ -170,6 +170,9 @@ class Queue:
     def recover(self, now: float) -> list[Task]:
         """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""
         with self._transaction():
+            # Whether a fleet's task is still this robot's is to be asked anew: another may have it by now.
+            errands = "SELECT task FROM errand WHERE told = 0"
+            self._execute(f"UPDATE task SET approved = NULL WHERE state = 'waiting' AND id IN ({errands})")  # noqa: S608
             rows = self._execute("SELECT id FROM attempt WHERE ended IS NULL ORDER BY id").fetchall()
             return [self._finish(row["id"], Outcome("interrupted", DOWN), now, pause=0.0) for row in rows]
 

@@ -87,7 +87,35 @@ CREATE TRIGGER approved_first BEFORE UPDATE OF state ON task
 FOURTH = "ALTER TABLE task ADD COLUMN approved_by TEXT NOT NULL DEFAULT '';"
 """Who approved a task."""
 
-STEPS = (FIRST, SECOND, THIRD, FOURTH)
+FIFTH = """
+CREATE TABLE errand (
+    id TEXT NOT NULL, attempt INTEGER NOT NULL, task INTEGER NOT NULL UNIQUE REFERENCES task,
+    again INTEGER NOT NULL, told INTEGER NOT NULL DEFAULT 0,
+    PRIMARY KEY (id, attempt)
+);
+CREATE INDEX untold ON errand (task) WHERE told = 0;
+CREATE TRIGGER done_once BEFORE INSERT ON errand
+    WHEN EXISTS (
+        SELECT 1 FROM errand JOIN task ON task.id = errand.task
+        WHERE errand.id = NEW.id AND task.state IN ('waiting', 'running', 'done')
+    )
+    BEGIN SELECT RAISE (ABORT, 'this robot has this task, or has done it'); END;
+CREATE TABLE kept (
+    id TEXT PRIMARY KEY, mission TEXT NOT NULL, params TEXT NOT NULL, "on" TEXT NOT NULL, "where" TEXT NOT NULL,
+    if_interrupted TEXT NOT NULL CHECK (if_interrupted IN ('retry', 'give-up')), retries INTEGER NOT NULL,
+    "by" TEXT NOT NULL, added REAL NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('WAITING', 'INITIALIZING', 'RUNNING', 'PAUSED', 'FINISHED', 'FAILED')),
+    robot TEXT NOT NULL, attempt INTEGER NOT NULL, confirmed INTEGER NOT NULL,
+    failures INTEGER NOT NULL, interruptions INTEGER NOT NULL, not_before REAL NOT NULL, reason TEXT NOT NULL
+);
+CREATE INDEX open_kept ON kept (id) WHERE state NOT IN ('FINISHED', 'FAILED');
+CREATE TRIGGER kept_once BEFORE UPDATE OF state ON kept
+    WHEN OLD.state IN ('FINISHED', 'FAILED') AND NEW.state <> OLD.state
+    BEGIN SELECT RAISE (ABORT, 'this task has ended already'); END;
+"""
+"""What a robot does for its fleet, by the IDs of its tasks, and what it keeps for it."""
+
+STEPS = (FIRST, SECOND, THIRD, FOURTH, FIFTH)
 """What makes the tables, and each version of those of the version before: a file of any earlier one is brought up."""
 
 VERSION = len(STEPS)
@@ -99,8 +127,10 @@ def queue_file(folder: Path) -> Path:
     return folder / "tasks.db"
 
 
-def open_db(path: Path) -> sqlite3.Connection:
+def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
     """Open the database, and make it where there is none, for its owner alone. For the thread that opens it.
+
+    With ``any_thread`` another may have it; one at a time.
 
     Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, emptied, or of a newer
     version.
@@ -112,7 +142,9 @@ def open_db(path: Path) -> sqlite3.Connection:
                 _make(path)
             if (size := path.stat().st_size) < SMALLEST:  # SQLite would begin anew
                 raise _damaged(path, f"it was emptied: {size} bytes are left")
-            connection = sqlite3.connect(path, timeout=LOCK_TIMEOUT, isolation_level=None)
+            connection = sqlite3.connect(
+                path, timeout=LOCK_TIMEOUT, isolation_level=None, check_same_thread=not any_thread
+            )
             undone.callback(connection.close)
             # Before anything is in it. Nobody but SQLite may open the file here: to close it again would drop the locks
             # that other connections of this process have on it, and with them what they write.

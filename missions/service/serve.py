@@ -21,11 +21,20 @@ class Server:
     """Does what is due, in order, one task at a time; ``run`` it on one thread, ``stop`` it from any.
 
     Only while nobody else serves the same ``queue``. ``now`` is the wall clock (Unix), ``tell`` hears what people
-    should know.
+    should know. While ``held`` says so, nothing begins.
     """
 
-    def __init__(self, queue: Queue, work: Work, now: Callable[[], float], tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        queue: Queue,
+        work: Work,
+        now: Callable[[], float],
+        tell: Callable[[str], None],
+        *,
+        held: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._queue, self._work, self._now, self._tell = queue, work, now, tell
+        self._held = held
         self._pause = Event()  # nobody sets it: a signal handler, which stops the server, must take no lock
         self._stopping = False
         self._trouble = ""
@@ -40,7 +49,7 @@ class Server:
         self._written(lambda: self._queue.recover(self._now()))
         while not self._stopping:
             now = self._now()
-            claim = self._written(partial(self._queue.claim, now))
+            claim = None if self._held() else self._written(partial(self._queue.claim, now))
             if claim is not None:
                 self._do(claim)
             elif once and not self._written(partial(self._queue.pauses, now)):

@@ -5,10 +5,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from threading import Event, Thread
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeVar
 
+from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Body
 from missions.service.fleet.form import as_bytes
@@ -16,6 +18,8 @@ from missions.service.fleet.latch import FleetLatch
 from missions.service.fleet.line import Line, Reply
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.words import Address, Answer, Ask, Met, Release, RobotState, Stop, TaskState
+
+T = TypeVar("T")
 
 PERIOD = 0.1
 """Seconds from one look at what is to be done to the next; what is asked is done at once."""
@@ -148,12 +152,21 @@ class Member:
         """Answer what was asked, do what is due, and tell what has changed."""
         while self._waiting:
             ask, reply = self._waiting.popleft()
-            reply(self._answer(ask))
+            reply(self._guarded(partial(self._answer, ask)) or Answer(ok=False, why="a fault of this robot's"))
         for worker in self.workers:
-            worker.step(self._clock.now())
-        state = self._now()
+            self._guarded(partial(worker.step, self._clock.now()))
+        state = self._guarded(self._now) or self._state
         if _worth(self._state, state) or self._clock.now() - self._told_at > HEARTBEAT:
             self._tell(state)
+
+    @staticmethod
+    def _guarded(work: Callable[[], T]) -> T | None:
+        """Do something; whatever goes wrong with it, such as a full disk, the robot stays in the fleet."""
+        try:
+            return work()
+        except Exception:
+            log.exception("the fleet stumbled")
+            return None
 
     def _answer(self, ask: Ask) -> Answer:
         match ask:

@@ -1,11 +1,13 @@
 """Somebody at a fleet: sees who is there, and asks all or some of them for something, over a session of their own."""
 
 import os
+import secrets
 import socket
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event
+from typing import Any, Literal
 
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
@@ -13,7 +15,19 @@ from missions.service.fleet.form import BadMessageError
 from missions.service.fleet.line import Line, ZenohLine, asked
 from missions.service.fleet.place import check_name, open_session
 from missions.service.fleet.roster import Member, Roster
-from missions.service.fleet.words import Address, Answer, Ask, Connection, Met, Release, Stop
+from missions.service.fleet.words import (
+    Address,
+    Answer,
+    Ask,
+    Connection,
+    Decide,
+    Keep,
+    Met,
+    Release,
+    Stop,
+    Tasks,
+)  # fmt: skip
+from missions.service.task import TaskError
 
 QUIET = 0.25
 """Seconds without news of anybody after which all that are there were heard."""
@@ -25,6 +39,9 @@ STOP_TIME = 1.0
 """Seconds that a robot has to confirm a stop; it is asked again meanwhile."""
 
 STOP_AGAIN = 0.3
+
+TRIES, GIVE_TIME = 3, 2.0
+"""How often a robot is asked to keep a task, and seconds that it has to answer each time."""
 
 WITNESSES = 3
 """Robots that are asked whom they have met: one alone may have been started a moment ago."""
@@ -108,6 +125,43 @@ class Operator:
             if each.online and each.state is not None and (not names or each.address.name in names)
         }
         return self._each(stops, lambda each: Release(by=self.by, stop=stops[each], resume=resume), 3.0)
+
+    def give(self, wanted: Keep, keeper: Address) -> Answer:
+        """Have a robot keep a task, whose ID names it; ask again, which does no harm, until it answers.
+
+        Raises TaskError where it does not: whether it has the task is not known then.
+        """
+        for _ in range(TRIES):
+            answers = self._each([keeper], lambda _: wanted, GIVE_TIME)
+            if keeper in answers:
+                return answers[keeper]
+        what = f"{keeper.name} has not answered: whether it keeps task {wanted.task} is not known"
+        raise TaskError(what, hint=f"mission fleet tasks; or the same again, with --id {wanted.task}")
+
+    def keeper(self, on: str) -> Address:
+        """Return a robot that is to keep a task: by chance, and not the one that does it, where there are others.
+
+        Raises TaskError where nobody is there.
+        """
+        there = [address for address, each in self.members().items() if each.online]
+        if not there:
+            raise TaskError(f"nobody is in fleet '{self.fleet.fleet}'", hint="mission fleet list")
+        return secrets.choice([each for each in there if each.name != on] or there)
+
+    def tasks(self, *, ended: bool) -> list[Mapping[str, Any]]:
+        """Return the tasks that the robots keep that are there, in no order."""
+        self.meet()
+        there = [address for address, each in self.members().items() if each.online]
+        answers = self._each(there, lambda _: Tasks(by=self.by, ended=ended), 3.0)
+        return [told for answer in answers.values() for told in answer.told]
+
+    def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> Answer:
+        """Say what is to become of a task whose robot is lost. Raises TaskError where its keeper does not answer."""
+        keeper = Address.read(number.rpartition("/")[0])
+        answers = self._each([keeper], lambda _: Decide(by=self.by, task=number, what=what), 3.0)
+        if keeper not in answers:
+            raise TaskError(f"{keeper.name}, which keeps task {number}, does not answer", hint="mission fleet list")
+        return answers[keeper]
 
     def _each(self, those: Collection[Address], ask: Callable[[Address], Ask], timeout: float) -> dict[Address, Answer]:
         """Ask each of some robots, all at the same time; return the answers."""

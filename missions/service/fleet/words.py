@@ -120,6 +120,62 @@ class Met(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Keep(Ask):
+    """Keep a task, and have it done by the robot ``on``, or `any`, that is as ``where`` says; asked twice, once."""
+
+    word: ClassVar[str] = "keep"
+    task: str
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    on: str = "any"
+    where: str = ""
+    if_interrupted: Policy = "retry"
+    retries: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accept(Ask):
+    """Have a task, and report on it; do not begin it before its keeper has confirmed that. ``again``: as `retry`."""
+
+    word: ClassVar[str] = "accept"
+    task: str
+    attempt: int
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    again: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report(Ask):
+    """Hear from ``robot`` how an attempt at a task goes. Refused, it is not that robot's any more."""
+
+    word: ClassVar[str] = "report"
+    task: str
+    attempt: int
+    robot: str
+    state: TaskState
+    how: How = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decide(Ask):
+    """Do with a task whose robot is lost what a person says: have another do it, or give it up."""
+
+    word: ClassVar[str] = "decide"
+    task: str
+    what: Literal["hand-on", "give-up"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tasks(Ask):
+    """Answer with the tasks that the robot keeps; those that have ended too where that is asked for."""
+
+    word: ClassVar[str] = "tasks"
+    ended: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """The answer to an Ask: ``why`` it was not done, and what to try, where it was not. ``told`` are JSON objects."""
 
@@ -128,7 +184,7 @@ class Answer:
     told: tuple[Mapping[str, Any], ...] = field(default=())
 
 
-ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met)}
+ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met, Keep, Accept, Report, Decide, Tasks)}
 """What may be asked, by its word."""
 
 

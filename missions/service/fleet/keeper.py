@@ -1,0 +1,220 @@
+"""Keeping tasks for a fleet: giving each to a robot that is free, and handing it on where that is lost."""
+
+import hashlib
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from config.units import Quantity
+from missions.language.expressions import ExpressionError, parse
+from missions.service.fleet.errands import Ready
+from missions.service.fleet.kept import Kept, KeptTask, after
+from missions.service.fleet.roster import Member, Roster
+from missions.service.fleet.times import Times
+from missions.service.fleet.words import (
+    MISSION,
+    TASK,
+    Accept,
+    Address,
+    Answer,
+    Ask,
+    Decide,
+    Keep,
+    Report,
+    RobotState,
+    Tasks,
+)  # fmt: skip
+
+MOST_TASKS = 10_000
+"""Tasks that wait, at most."""
+
+ALSO = "done, while it was lost, by"
+
+LOST = "its robot was not heard of"
+
+
+class Keeper:
+    """A Worker of a Member: keeps tasks, and decides who does each. For the member's thread."""
+
+    def __init__(
+        self,
+        own: Address,
+        kept: Kept,
+        roster: Roster,
+        ready: Ready,
+        now: Callable[[], float],
+        wall: Callable[[], float],
+        times: Times | None = None,
+    ) -> None:
+        self._own, self._kept, self._roster, self._ask = own, kept, roster, ready
+        self._now, self._wall, self._times = now, wall, times or Times()
+        self._begun = now()
+        self._contact: dict[str, float] = {}
+        self._sent: dict[str, float] = {}
+        self._refused: dict[tuple[str, str], float] = {}
+        self._answers: deque[tuple[str, int, str, Answer | None]] = deque()
+
+    # --- what is asked ----------------------------------------------------------------------------------------------
+
+    def asked(self, ask: Ask) -> Answer | None:
+        """See Worker."""
+        match ask:
+            case Keep():
+                return self._keep(ask)
+            case Report():
+                return self._report(ask)
+            case Decide():
+                return self._decide(ask)
+            case Tasks():
+                tasks = self._kept.tasks(ended=ask.ended)[-500:]
+                return Answer(told=tuple(_told(each) for each in tasks))
+        return None
+
+    def _keep(self, ask: Keep) -> Answer:
+        if not TASK.fullmatch(ask.task) or not ask.task.startswith(f"{self._own}/"):
+            return Answer(ok=False, why=f"'{ask.task}' is not the ID of a task that {self._own} keeps")
+        if not MISSION.fullmatch(ask.mission):
+            return Answer(ok=False, why=f"'{ask.mission}' is no name of a mission in a library")
+        if ask.where:
+            try:
+                parse(ask.where)
+            except ExpressionError as error:
+                return Answer(ok=False, why=str(error)[:300])
+        if len(self._kept.tasks(ended=False)) >= MOST_TASKS:
+            return Answer(ok=False, why=f"{MOST_TASKS} tasks wait already")
+        self._kept.add(
+            KeptTask(
+                id=ask.task, mission=ask.mission, params=ask.params, on=ask.on, where=ask.where, by=ask.by,
+                if_interrupted=ask.if_interrupted, retries=ask.retries, added=self._wall(),
+            )
+        )  # fmt: skip
+        return Answer()
+
+    def _report(self, ask: Report) -> Answer:
+        """Hear how a task goes; whose it is no more is told so."""
+        task, final = self._kept.get(ask.task), ask.state in ("FINISHED", "FAILED")
+        drop = Answer(ok=False, why="it is another's by now", told=({"drop": True},))
+        if task is None:
+            return Answer() if final else drop
+        if (task.robot, task.attempt) != (ask.robot, ask.attempt):
+            return self._late(task, ask) or drop
+        if task.ended:
+            return Answer() if final else drop
+        self._contact[task.id] = self._now()
+        if final:
+            how = ask.how or "failure"
+            self._kept.change(task.id, after(task, how, ask.reason, self._wall()))
+        elif not task.confirmed or task.state != ask.state:
+            self._kept.change(task.id, {"state": ask.state, "confirmed": True, "reason": ""})
+        return Answer()
+
+    def _late(self, task: KeptTask, ask: Report) -> Answer | None:
+        """Hear that a robot has done what was handed on meanwhile: nobody can exclude that, but it is told."""
+        if ask.state != "FINISHED":
+            return None
+        told = f"{ALSO} {ask.robot}"
+        if not task.ended and not task.confirmed:  # nobody else has begun it
+            self._kept.change(task.id, {"state": "FINISHED", "reason": told})
+        elif told not in task.reason:
+            self._kept.change(task.id, {"reason": f"{task.reason}; {told}".removeprefix("; ")})
+        return Answer()
+
+    def _decide(self, ask: Decide) -> Answer:
+        """Do with a task whose robot is lost what a person says."""
+        task = self._kept.get(ask.task)
+        if task is None or task.ended:
+            return Answer(ok=False, why=f"task {ask.task} is not kept here, or has ended")
+        if ask.what == "give-up":
+            self._kept.change(task.id, {"state": "FAILED", "reason": f"given up by {ask.by}"})
+        elif not task.robot:
+            return Answer(ok=False, why=f"task {ask.task} waits for a robot as it is")
+        else:
+            changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"handed on by {ask.by}"}
+            self._kept.change(task.id, changes)
+        return Answer(why="done")
+
+    # --- what is due ------------------------------------------------------------------------------------------------
+
+    def step(self, now: float) -> None:
+        """See Worker."""
+        while self._answers:
+            self._heard(*self._answers.popleft(), now)
+        tasks = self._kept.tasks(ended=False)
+        taken = {each.robot for each in tasks}
+        members = self._roster.members()
+        for task in tasks:
+            if not task.robot:
+                if self._wall() >= task.not_before and (found := self._choose(task, members, taken, now)):
+                    taken.add(str(found))
+                    changes = {"robot": str(found), "attempt": task.attempt + 1, "confirmed": False}
+                    self._kept.change(task.id, changes)  # before it is sent: who has it is never unknown
+                    self._offer(task, found, task.attempt + 1, now)
+                continue
+            self._attend(task, Address.read(task.robot), members, now)
+
+    def _attend(self, task: KeptTask, robot: Address, members: Mapping[Address, Member], now: float) -> None:
+        """Look after a task that a robot has."""
+        gone = robot not in members or members[robot].connection != "ONLINE"
+        if not task.confirmed:
+            if gone and now > self._begun + self._times.again:  # it cannot have begun: that has to be confirmed first
+                self._kept.change(task.id, {"robot": ""})
+            elif not gone and now > self._sent.get(task.id, self._begun) + self._times.again:
+                self._offer(task, robot, task.attempt, now)
+        elif now > self._contact.get(task.id, self._begun) + self._times.hand_on:
+            if task.if_interrupted == "retry":
+                self._kept.change(task.id, {"state": "WAITING", "robot": "", "confirmed": False, "reason": LOST})
+            elif task.reason != LOST:
+                self._kept.change(task.id, {"reason": LOST})
+
+    def _choose(self, task: KeptTask, members: Mapping[Address, Member], taken: set[str], now: float) -> Address | None:
+        """Return a robot that is free and as it is wished; keepers begin to choose at different ends."""
+        found = [
+            address
+            for address, each in members.items()
+            if each.online
+            and each.state is not None
+            and each.state.free
+            and str(address) not in taken
+            and task.on in ("any", address.name)
+            and now > self._refused.get((task.id, str(address)), 0.0)
+            and fits(task.where, address, each.state)
+        ]
+        return min(found, default=None, key=lambda each: hashlib.sha256(f"{task.id} {each}".encode()).digest())
+
+    def _offer(self, task: KeptTask, robot: Address, attempt: int, now: float) -> None:
+        self._sent[task.id] = now
+        again = task.if_interrupted == "retry"
+        accept = Accept(task=task.id, attempt=attempt, mission=task.mission, params=task.params, again=again)
+        self._ask(accept, robot, lambda answer: self._answers.append((task.id, attempt, str(robot), answer)))
+
+    def _heard(self, number: str, attempt: int, robot: str, answer: Answer | None, now: float) -> None:
+        """Heed what a robot says to an offer."""
+        task = self._kept.get(number)
+        if answer is None or answer.ok or task is None or task.confirmed or task.ended:
+            return
+        if (task.robot, task.attempt) != (robot, attempt):
+            return
+        unable = bool(answer.told)
+        self._refused[number, robot] = now + (60.0 if unable else self._times.refused)
+        self._kept.change(number, {"robot": "", "reason": f"{robot}: {answer.why}" if unable else ""})
+
+
+def fits(where: str, address: Address, state: RobotState) -> bool:
+    """Say whether a robot is as an expression wants it; what is not known of it is not so."""
+    if not where:
+        return True
+    known: dict[str, tuple[object, str]] = {
+        "battery": (state.battery, "share"), "x": (state.x, "length"), "y": (state.y, "length"),
+    }  # fmt: skip
+    scope: dict[str, object] = {
+        name: Quantity(value, unit) for name, (value, unit) in known.items() if isinstance(value, int | float)
+    }
+    scope |= {"name": address.name, "robot": state.robot, "parts": list(state.parts), "simulated": state.simulated}
+    try:
+        return parse(where).evaluate(scope) is True
+    except ExpressionError:
+        return False
+
+
+def _told(task: KeptTask) -> Mapping[str, object]:
+    names = ("id", "mission", "params", "on", "where", "if_interrupted", "state", "robot", "attempt", "reason", "by")
+    return {name: getattr(task, name) for name in names}

@@ -1,0 +1,66 @@
+"""What a member of a fleet is besides being seen: it does tasks of the fleet, and keeps some of them."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from drivers.clock import Clock
+from missions.service.fleet.body import Body
+from missions.service.fleet.errands import ErrandQueue, Errands, Ready
+from missions.service.fleet.keeper import Keeper
+from missions.service.fleet.kept import Kept
+from missions.service.fleet.latch import FleetLatch
+from missions.service.fleet.line import Line
+from missions.service.fleet.member import Member
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.times import Times
+from missions.service.fleet.words import Address, Answer, Ask
+from missions.service.times import wall_clock
+
+
+def employ(
+    member: Member,
+    own: Address,
+    line: Line,
+    roster: Roster,
+    body: Body,
+    latch: FleetLatch,
+    queue: ErrandQueue,
+    kept: Kept,
+    clock: Clock,
+    *,
+    robot: str = "",
+    options: Sequence[str] = (),
+    times: Times | None = None,
+    knows: Callable[[str], bool] = lambda _: True,
+) -> None:
+    """Let a member do and keep tasks, before it is entered: as `mission run` on a ``robot`` with these ``options``.
+
+    ``knows`` says whether there is a mission of a name; ``queue`` and ``kept`` are for the member's thread.
+    """
+    times = times or Times()
+    errands = Errands(
+        own, queue, body, _asking(line, member, times), clock.now, wall_clock,
+        held=lambda: latch.stopped, robot=robot, options=tuple(options), times=times, knows=knows,
+    )  # fmt: skip
+    keeper = Keeper(own, kept, roster, _asking(line, member, times), clock.now, wall_clock, times)
+    member.workers += [errands, keeper]
+    member.busy = errands.doing
+
+
+def _asking(line: Line, member: Member, times: Times) -> Ready:
+    """Return what asks one robot, and wakes the member with its answer."""
+
+    def ready(ask: Ask, address: Address, on_answer: Callable[[Answer | None], None]) -> None:
+        answers: list[Answer] = []
+
+        def heard(who: Address | None, answer: Answer | None) -> None:
+            if who is not None and answer is not None:
+                answers.append(answer)
+                return
+            on_answer(answers[0] if answers else None)
+            member.wake()
+
+        with suppress(Exception):  # the wire is closed, or not there yet: what is not answered is asked again
+            line.ask(ask, str(address), heard, times.again * 2)
+
+    return ready

@@ -1,0 +1,92 @@
+"""A robot of a fleet as a process to be killed: what it does for a task is a line in a journal, and takes no time.
+
+``python -m tests.missions.service.fleet_robot FOLDER NAME PORT`` serves until it is ended. The journal is a file that
+is only ever appended to: what stands in it was done, whatever became of the process then.
+"""
+
+import os
+import sys
+from contextlib import ExitStack, closing
+from pathlib import Path
+from threading import Event
+
+from config.fleet import FleetKeys
+from drivers.clock import SystemClock
+from missions.cli.joining import own_number
+from missions.service.fleet.body import Telemetry
+from missions.service.fleet.errands import ErrandQueue
+from missions.service.fleet.kept import Kept
+from missions.service.fleet.latch import FleetLatch
+from missions.service.fleet.line import ZenohLine
+from missions.service.fleet.member import Member, Own
+from missions.service.fleet.place import open_session
+from missions.service.fleet.robot import employ
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.times import Times
+from missions.service.fleet.words import Address
+from missions.service.schema import open_db, queue_file
+from missions.service.serve import Server
+from missions.service.task import Claim, Outcome
+from missions.service.times import wall_clock
+from missions.service.work import Say, Stopping
+
+WORK = 0.15
+"""Seconds that a task takes."""
+
+TIMES = Times(heartbeat=0.5, again=0.5, lease=3.0, hand_on=6.0, refused=0.3)
+
+
+class Body:
+    """A robot that has nothing to move: a stop is noted, and ends nothing but the beginning of tasks."""
+
+    def __init__(self) -> None:
+        self.runs = False
+
+    def look(self) -> Telemetry:
+        return Telemetry(runs=self.runs, mission="note" if self.runs else "", battery=0.5)
+
+    def stop(self, by: str) -> tuple[bool, str]:
+        return True, f"stopped by {by}"
+
+    def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
+        del resume
+        return True, f"released by {by}"
+
+
+def main(folder: Path, name: str, port: int) -> None:
+    """Serve."""
+    folder.mkdir(parents=True, exist_ok=True)
+    done = os.open(folder / "done", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    body, clock, pause = Body(), SystemClock(), Event()
+
+    def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+        del say
+        body.runs = True
+        try:
+            pause.wait(WORK)
+            if stopping():
+                return Outcome("interrupted", "stopped")
+            os.write(done, f"{claim.task.params['id']}\n".encode())
+            return Outcome("success")
+        finally:
+            body.runs = False
+
+    path = queue_file(folder)
+    with ExitStack() as closed:
+        queue = ErrandQueue(closed.enter_context(closing(open_db(path))), lambda _: ())
+        queue.recover(wall_clock())
+        own = Own(Address(name, own_number(folder)), "note", ("voice",), simulated=True)
+        roster, latch = Roster(clock), FleetLatch(folder)
+        fleet = FleetKeys(fleet="campaign", mode="client", connect=(f"tcp/127.0.0.1:{port}",))
+        line = ZenohLine(open_session(fleet), fleet.fleet, roster)
+        member = Member(own, line, roster, body, latch, clock=clock)
+        theirs = closed.enter_context(closing(open_db(path, any_thread=True)))
+        journal = ErrandQueue(theirs, lambda _: ())
+        employ(member, own.address, line, roster, body, latch, journal, Kept(theirs), clock, times=TIMES)
+        line.follow()
+        closed.enter_context(member)
+        Server(queue, work, wall_clock, lambda _: None, held=lambda: latch.stopped).run()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))

@@ -1,0 +1,366 @@
+"""Tasks of a fleet, cranked by hand: who has one, what becomes of it when robots are lost, that none begins late."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import ManualClock
+from missions.service.fleet.body import Telemetry
+from missions.service.fleet.errands import ErrandQueue, Errands
+from missions.service.fleet.form import as_bytes
+from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
+from missions.service.fleet.kept import DOUBT, Kept, KeptTask
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.times import Times
+from missions.service.fleet.words import Accept, Address, Answer, Ask, Decide, Keep, Report, RobotState, Tasks, key
+from missions.service.schema import open_db, queue_file
+from missions.service.task import Claim, Outcome
+from tests.missions.service.fleets import CountingBody
+
+TIMES = Times(heartbeat=2.0, again=1.0, lease=30.0, hand_on=50.0, refused=2.0)
+DESK = Address("desk", "00000001")
+TASK = f"{DESK}/0123456789ab"
+
+
+class Robot:
+    """A robot that does tasks when it is told to, and whose wire can be cut, or delay what is sent."""
+
+    def __init__(self, fleet: "Fleet", name: str, number: str, folder: Path) -> None:
+        self.address, self.fleet, self.folder = Address(name, number), fleet, folder
+        self.cut, self.late = False, list[Callable[[], None]]()
+        self.stopped = self.holds_back = False
+        self.body = CountingBody()
+        self.claimed: Claim | None = None
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        self.queue = ErrandQueue(
+            self.fleet.closed.enter_context(closing(open_db(queue_file(self.folder)))), lambda _: ()
+        )
+        self.queue.recover(self.fleet.now())
+        self.errands = Errands(
+            self.address, self.queue, self.body, partial_ask(self.fleet, self), self.fleet.now, self.fleet.now,
+            held=lambda: self.stopped, times=TIMES, knows=lambda name: name != "unknown",
+        )  # fmt: skip
+        self.claimed, self.body.telemetry = None, Telemetry()
+
+    def begin(self) -> bool:
+        """Begin what is due; say whether there was something."""
+        self.claimed = self.queue.claim(self.fleet.now())
+        self.body.telemetry = Telemetry(runs=self.claimed is not None)
+        return self.claimed is not None
+
+    def end(self, how: str = "success") -> None:
+        assert self.claimed is not None
+        self.queue.finish(self.claimed, Outcome(how), self.fleet.now())  # type: ignore[arg-type]
+        self.claimed, self.body.telemetry = None, Telemetry()
+
+
+def partial_ask(fleet: "Fleet", robot: Robot | None) -> Callable[[Ask, Address, Callable[[Answer | None], None]], None]:
+    def ask(ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+        fleet.carry(robot, ask, where, on_answer)
+
+    return ask
+
+
+@dataclass
+class Fleet:
+    """A desk that keeps tasks, and robots, with a wire and a clock that are turned by hand."""
+
+    folder: Path
+    closed: ExitStack
+    clock: ManualClock = field(default_factory=lambda: ManualClock(1000.0))
+    robots: dict[Address, Robot] = field(default_factory=dict)
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        self.roster = Roster(self.clock)
+        self.start_desk()
+
+    def start_desk(self) -> None:
+        self.kept = Kept(self.closed.enter_context(closing(open_db(queue_file(self.folder / "desk")))))
+        self.keeper = Keeper(DESK, self.kept, self.roster, partial_ask(self, None), self.now, self.now, TIMES)
+
+    def now(self) -> float:
+        return self.clock.now()
+
+    def robot(self, name: str, number: str) -> Robot:
+        found = Robot(self, name, number, self.folder / name)
+        self.robots[found.address] = found
+        self.seen(found)
+        return found
+
+    def seen(self, robot: Robot, **more: object) -> None:
+        """Let the desk hear how a robot is, unless its wire is cut: then its token goes."""
+        where = str(robot.address)
+        self.roster.token(key("f", "here", where), alive=not robot.cut)
+        if not robot.cut:
+            self.number += 1
+            state = RobotState(session="1", number=self.number, robot="note", free=robot.errands.doing().free)
+            self.roster.told(key("f", "state", where), as_bytes(replace(state, **more)))  # type: ignore[arg-type]
+
+    def carry(self, asks: Robot | None, ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+        """Carry a question to who answers it, and the answer back; or to nobody."""
+        robot = asks or self.robots[where]
+        if robot.cut:
+            on_answer(None)
+        elif robot.holds_back:
+            robot.late.append(lambda: self.answered(ask, where, on_answer))
+        else:
+            self.answered(ask, where, on_answer)
+
+    def answered(self, ask: Ask, where: Address, on_answer: Callable[[Answer | None], None]) -> None:
+        worker = self.keeper if where == DESK else self.robots[where].errands
+        on_answer(worker.asked(ask))
+
+    def keep(self, **more: object) -> Answer:
+        answer = self.keeper.asked(Keep(task=TASK, mission="greet", **more))  # type: ignore[arg-type]
+        assert answer is not None
+        return answer
+
+    def turn(self, seconds: float = 1.0) -> None:
+        for _ in range(max(1, round(seconds / 0.5))):
+            self.clock.advance(0.5)
+            for robot in self.robots.values():
+                self.seen(robot)
+            self.keeper.step(self.now())
+            for robot in self.robots.values():
+                robot.errands.step(self.now())
+
+    @property
+    def task(self) -> KeptTask:
+        found = self.kept.get(TASK)
+        assert found is not None
+        return found
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    with ExitStack() as closed:
+        yield Fleet(tmp_path, closed)
+
+
+def test_a_task_is_accepted_confirmed_done_and_told(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    assert fleet.keep().ok
+    assert fleet.keep().ok, "asked again, it is no other task"
+    states = [fleet.task.state]
+    fleet.turn()
+    assert anna.begin()
+    fleet.turn()
+    states.append(fleet.task.state)
+    anna.body.telemetry = Telemetry(runs=True, paused=True)
+    fleet.turn()
+    states.append(fleet.task.state)
+    anna.end()
+    fleet.turn()
+    assert [*states, fleet.task.state] == ["WAITING", "RUNNING", "PAUSED", "FINISHED"]
+    assert (fleet.task.robot, fleet.task.attempt, anna.queue.untold()) == (str(anna.address), 1, [])
+    fleet.turn(5.0)
+    assert not anna.begin(), "it is done once"
+
+
+def test_nothing_begins_before_its_keeper_has_confirmed_it(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    anna.errands.asked(Accept(task=TASK, attempt=1, mission="greet", again=True))
+    assert not anna.begin()
+    fleet.turn()
+    assert anna.queue.tasks()[0].state == "cancelled", "the desk keeps no such task"
+    assert not anna.begin()
+
+
+def test_an_order_that_was_long_on_its_way_begins_nothing(fleet: Fleet) -> None:
+    anna, bob = fleet.robot("anna", "0000000a"), fleet.robot("bob", "0000000b")
+    anna.holds_back = True
+    fleet.keep(on="anna")
+    fleet.turn()
+    assert fleet.task.robot == str(anna.address)
+    anna.cut = True
+    fleet.turn(3.0)
+    assert fleet.task.robot == "", "what was not confirmed cannot have begun"
+    fleet.kept.change(TASK, {"on": "any"})
+    fleet.turn()
+    assert bob.begin()
+    anna.cut = anna.holds_back = False
+    for deliver in anna.late:
+        deliver()
+    fleet.turn()
+    assert not anna.begin()
+    bob.end()
+    fleet.turn()
+    assert (fleet.task.state, fleet.task.robot) == ("FINISHED", str(bob.address))
+
+
+def test_a_task_that_may_be_repeated_is_handed_on_after_its_robot_has_let_go_of_it(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.turn()
+    assert anna.begin()
+    anna.cut, bob = True, fleet.robot("bob", "0000000b")
+    fleet.turn(TIMES.lease - 2.0)
+    assert not anna.queue.cancelling(anna.claimed), "a short absence ends nothing"  # type: ignore[arg-type]
+    fleet.turn(5.0)
+    assert anna.queue.cancelling(anna.claimed)  # type: ignore[arg-type]
+    assert fleet.task.robot == str(anna.address), "a run may take its time to stop"
+    anna.end("interrupted")
+    fleet.turn(TIMES.hand_on - TIMES.lease)
+    assert bob.begin()
+    anna.cut = False
+    fleet.turn()
+    bob.end()
+    fleet.turn()
+    assert (fleet.task.state, fleet.task.robot, fleet.task.attempt) == ("FINISHED", str(bob.address), 2)
+    assert anna.queue.untold() == []
+
+
+def test_a_task_that_may_not_be_repeated_stays_with_its_robot_until_that_is_heard_of(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(if_interrupted="give-up")
+    fleet.turn()
+    assert anna.begin()
+    anna.cut, bob = True, fleet.robot("bob", "0000000b")
+    fleet.turn(120.0)
+    assert (fleet.task.robot, fleet.task.reason) == (str(anna.address), LOST)
+    assert not bob.begin()
+    anna.end()
+    anna.cut = False
+    fleet.turn()
+    assert (fleet.task.state, fleet.task.robot) == ("FINISHED", str(anna.address))
+
+
+def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_done_all_the_same(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(if_interrupted="give-up")
+    fleet.turn()
+    assert anna.begin()
+    anna.cut, bob = True, fleet.robot("bob", "0000000b")
+    fleet.turn(60.0)
+    answer = fleet.keeper.asked(Decide(task=TASK, what="hand-on", by="me"))
+    assert answer is not None
+    assert answer.ok
+    fleet.turn()
+    assert bob.begin()
+    bob.end()
+    anna.end()
+    fleet.turn()
+    anna.cut = False
+    fleet.turn(3.0)
+    assert fleet.task.state == "FINISHED"
+    assert f"{ALSO} {anna.address}" in fleet.task.reason
+    assert anna.queue.untold() == []
+
+
+def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decides(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(if_interrupted="give-up")
+    fleet.turn()
+    assert anna.begin()
+    anna.switch_on()
+    fleet.turn()
+    assert (fleet.task.state, DOUBT in fleet.task.reason) == ("FAILED", True)
+
+
+def test_what_was_confirmed_and_had_not_begun_is_asked_for_anew_after_a_restart(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.turn()
+    assert fleet.task.confirmed
+    anna.cut, bob = True, fleet.robot("bob", "0000000b")
+    fleet.turn(TIMES.hand_on + 2.0)
+    assert bob.begin()
+    anna.switch_on()
+    assert not anna.begin(), "another has it by now"
+    anna.cut = False
+    fleet.turn()
+    assert not anna.begin()
+
+
+def test_a_task_that_kills_each_robot_is_given_up_after_the_third(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    for _ in range(3):
+        assert fleet.task.state == "WAITING"
+        fleet.turn(3.0)
+        assert anna.begin()
+        anna.switch_on()
+        fleet.turn()
+    assert (fleet.task.state, fleet.task.interruptions) == ("FAILED", 3)
+
+
+def test_a_failure_is_tried_again_as_often_as_was_wished(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(retries=1)
+    for _ in range(2):
+        fleet.turn(8.0)
+        assert anna.begin()
+        anna.end("failure")
+        fleet.turn()
+    assert (fleet.task.state, fleet.task.failures) == ("FAILED", 2)
+
+
+def test_a_keeper_that_was_killed_goes_on_with_what_it_kept(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.turn()
+    assert anna.begin()
+    fleet.start_desk()
+    anna.end()
+    fleet.turn(3.0)
+    assert fleet.task.state == "FINISHED"
+
+
+def test_a_robot_that_is_stopped_busy_or_unable_gets_no_task_and_one_task_goes_to_one_robot(fleet: Fleet) -> None:
+    anna, bob = fleet.robot("anna", "0000000a"), fleet.robot("bob", "0000000b")
+    anna.stopped = True
+    fleet.keep()
+    fleet.turn(4.0)
+    assert not anna.begin()
+    assert bob.begin()
+    refused = bob.errands.asked(Accept(task=f"{DESK}/00000000000c", attempt=1, mission="greet", again=True))
+    unknown = anna.errands.asked(Accept(task=f"{DESK}/00000000000d", attempt=1, mission="unknown", again=True))
+    assert refused == Answer(ok=False, why="busy")
+    assert unknown is not None
+    assert "no mission 'unknown'" in unknown.why
+
+
+def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> None:
+    known = RobotState(session="1", number=1, robot="kobuki", battery=0.5, x=2.0, parts=("base", "voice"))
+    anna = Address("anna", "0000000a")
+    for where in ("", "battery > 40 %", "x < 3 m and battery >= 50 %", "name == 'anna'", "'voice' in parts"):
+        assert fits(where, anna, known), where
+    for where in ("battery > 60 %", "y > 0 m", "x < 3 s", "colour == 'red'", "battery", "1 / 0 > 1"):
+        assert not fits(where, anna, known), where
+    assert not fits("battery > 40 %", anna, replace(known, battery=None))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"task": "bob/0000000b/0123456789ab"}, "is not the ID"), ({"task": "../x"}, "is not the ID"),
+        ({"mission": "/etc/passwd"}, "no name of a mission"), ({"mission": "../greet"}, "no name of a mission"),
+        ({"where": "__import__('os')"}, "cannot be called"), ({"where": "battery >"}, "is not an expression"),
+    ],
+)  # fmt: skip
+def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, str], why: str) -> None:
+    answer = fleet.keeper.asked(replace(Keep(task=TASK, mission="greet"), **wrong))
+    assert answer is not None
+    assert not answer.ok
+    assert why in answer.why
+    told = fleet.keeper.asked(Tasks(ended=True))
+    assert told == Answer()
+
+
+def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) -> None:
+    fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.turn()
+    before = fleet.task
+    for robot, attempt, state in (("bob/0000000b", 1, "FAILED"), (before.robot, 7, "RUNNING"), ("", 1, "FAILED")):
+        report = Report(task=TASK, attempt=attempt, robot=robot, state=state, how="failure")  # type: ignore[arg-type]
+        answer = fleet.keeper.asked(report)
+        assert answer is not None
+        assert not answer.ok
+    assert fleet.task == before
