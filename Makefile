@@ -72,6 +72,9 @@ claims: $(OTHERS_STAMP) ## show every claim of docs/reliability.md, which takes 
 	$(BIN)/python -m docs.claims
 	$(BIN)/python docs/generate.py
 
+fleet: $(OTHERS_STAMP) ## 50 robots do 1000 tasks while they are killed and cut off; ROBOTS=5 TASKS=100 for less
+	$(BIN)/python -m tests.missions.service.fleet_campaign $(or $(ROBOTS),50) $(or $(TASKS),1000) $(or $(KILLS),60) $(or $(CUTS),40) 8
+
 check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .

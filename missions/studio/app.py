@@ -44,8 +44,11 @@ def application(make: Opened, access: Access, *, hosts: Collection[str], cookie:
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
         studio = app.state.studio = make()
-        async with studio.hub:
-            yield
+        try:
+            async with studio.hub:
+                yield
+        finally:
+            studio.fleet.close()
 
     return Gate(Starlette(routes=routes(), lifespan=lifespan), access, hosts, cookie)
 

@@ -27,6 +27,7 @@ UNTOLD = frozenset(
         "record",
         "moment",
         "tasks",
+        "fleet",
         "tuning",
     }
 )

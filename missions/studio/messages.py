@@ -43,6 +43,7 @@ ERRORS: Mapping[str, str] = {
     "bad_record": "The record cannot be read.",
     "no_person": "Nobody was added: the pictures do not show one face each, or the name is none.",
     "bad_task": "The task cannot be added, moved or cancelled.",
+    "no_fleet": "This computer is in no fleet, or that cannot be reached.",
     "fault": "A fault of the studio itself.",
 }
 """Every error that an answer may name."""

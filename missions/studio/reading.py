@@ -31,6 +31,7 @@ from missions.studio.wishes import (
     AddTask,
     ApproveTask,
     CancelTask,
+    Fleet,
     Hello,
     KeepTuning,
     Library,
@@ -39,8 +40,10 @@ from missions.studio.wishes import (
     MoveTask,
     Record,
     Records,
+    ReleaseFleet,
     Revoke,
     Start,
+    StopFleet,
     Tasks,
     World,
 )  # fmt: skip
@@ -52,6 +55,7 @@ COMMANDS: Mapping[str, type[Command]] = {
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
+        Fleet, StopFleet, ReleaseFleet,
     )
 }  # fmt: skip
 """Every command by its word."""

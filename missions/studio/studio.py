@@ -14,12 +14,13 @@ from missions.studio.access import Access
 from missions.studio.audit import UNTOLD, Audit
 from missions.studio.commands import KEY, Command, Role, Stop, Tuned
 from missions.studio.enrolling import add_person
+from missions.studio.fleet import FleetDesk
 from missions.studio.form import BadMessage, written
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import AddPerson, ApproveTask, KeepTuning, Revoke, Start
+from missions.studio.wishes import AddPerson, ApproveTask, Fleet, KeepTuning, ReleaseFleet, Revoke, Start, StopFleet
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
@@ -53,12 +54,16 @@ def edition() -> str:
 
 
 class Studio:
-    """One studio. Its ``hub`` knows the runs, ``audit`` who did what, ``access`` who may; the ``reader`` reads."""
+    """One studio. Its ``hub`` knows the runs, ``audit`` who did what, ``access`` who may; the ``reader`` reads.
+
+    ``fleet`` is at the fleet of this computer.
+    """
 
     def __init__(self, audit: Audit, launcher: Launcher, reader: Reader, access: Access) -> None:
         self.audit, self._reader, self.access = audit, reader, access
         self.hub = Hub(self._tell_runs)
         self._launcher = launcher
+        self.fleet = FleetDesk()
         self._clients: set[Client] = set()
         self._names = 0
         self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
@@ -118,6 +123,8 @@ class Studio:
             return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
         if isinstance(command, KeepTuning):
             return await self._reader.keep(await self.hub.ask(command.run, {KEY: Tuned.word}))
+        if isinstance(command, Fleet | StopFleet | ReleaseFleet):
+            return await self.fleet.do(command, f"{by.name} of a studio")
         if isinstance(command, ApproveTask):
             command = replace(command, by=by.name)
         return await self._reader.do(command)

@@ -128,6 +128,31 @@ class Tasks(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet(Command):
+    """Answer with the `robots` of this computer's fleet, and those that are `missing`: docs/fleet.md."""
+
+    word: ClassVar[str] = "fleet"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopFleet(Command):
+    """Stop all robots of the fleet, latched; answered with what each has confirmed, and who is `silent`."""
+
+    word: ClassVar[str] = "stop_fleet"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseFleet(Command):
+    """Release that stop of one robot, or of all."""
+
+    word: ClassVar[str] = "release_fleet"
+    robot: Annotated[str, "Its name; all where empty.", Bound(high=60)] = ""
+    resume: Annotated[bool, "Whether missions go on; else they stay paused."] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AddTask(Command):
     """Add a task to the queue, as `mission task add` does; answered with its number."""
 

@@ -24,6 +24,9 @@ T = TypeVar("T")
 PERIOD = 0.1
 """Seconds from one look at what is to be done to the next; what is asked is done at once."""
 
+DISK = 0.1
+"""Seconds for which the confirmation of a stop waits for the disk; the robot stands still before that."""
+
 HEARTBEAT = 5.0
 """Seconds after which a robot tells how it is, though nothing has changed."""
 
@@ -129,8 +132,9 @@ class Member:
         keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
         keeping.start()  # a disk may take its time: the robot does not wait for it
         good, words = self._body.stop(ask.by)
-        keeping.join()
-        reply(Answer(ok=good, why=f"{words}{kept[0]}", told=({"stop": number},)))
+        keeping.join(DISK)
+        late = "; not on the disk yet, for a restart"
+        reply(Answer(ok=good, why=words + (kept[0] if kept else late), told=({"stop": number},)))
         self.wake()
 
     def _asked(self, ask: Ask, reply: Reply) -> None:

@@ -83,10 +83,11 @@ class Operator:
         met = {address.name for address in self.members()}
         return [name for name in self.fleet.robots if name not in met]
 
-    def stop(self) -> tuple[Mapping[Address, Answer], list[str]]:
+    def stop(self, by: str = "") -> tuple[Mapping[Address, Answer], list[str]]:
         """Stop all; return what each has confirmed, and the names of those that did not answer.
 
-        Each is asked as soon as it is heard of, and again until it answers. Those that others have met are named.
+        All are asked at once, who comes meanwhile as soon as it is heard of, and who does not answer again.
+        Those that others have met are named.
         """
         answers: dict[Address, Answer] = {}
         asked_at: dict[Address, list[float]] = {}
@@ -97,6 +98,9 @@ class Operator:
 
         pause, begun = Event(), self.clock.now()
         version, quiet = -1, begun
+        if there := [each.address for each in self.members().values() if each.connection == "ONLINE"]:
+            self.line.ask(Stop(by=by or self.by), "*/*", heard, STOP_TIME)  # all by one question
+            asked_at = {each: [begun] for each in there}
         while True:
             now = self.clock.now()
             there = [each.address for each in self.members().values() if each.connection == "ONLINE"]
@@ -105,7 +109,7 @@ class Operator:
                 times = asked_at.setdefault(each, [])
                 if not times or now - times[-1] >= STOP_AGAIN:
                     times.append(now)
-                    self.line.ask(Stop(by=self.by), str(each), heard, STOP_TIME)
+                    self.line.ask(Stop(by=by or self.by), str(each), heard, STOP_TIME)
             if version != self.roster.version:
                 version, quiet = self.roster.version, now
             tried = all(now - asked_at[each][0] > STOP_TIME for each in silent)
@@ -116,7 +120,7 @@ class Operator:
         gone = [each.address for each in self.members().values() if each.connection != "OFFLINE"]
         return dict(answers), [*sorted(str(each) for each in gone if each not in answers), *self.missing()]
 
-    def release(self, names: Collection[str], *, resume: bool) -> Mapping[Address, Answer]:
+    def release(self, names: Collection[str], by: str = "", *, resume: bool) -> Mapping[Address, Answer]:
         """Release the last stop of those that are there, or of those of these names; return what each says."""
         self.meet()
         stops = {
@@ -124,7 +128,7 @@ class Operator:
             for each in self.members().values()
             if each.online and each.state is not None and (not names or each.address.name in names)
         }
-        return self._each(stops, lambda each: Release(by=self.by, stop=stops[each], resume=resume), 3.0)
+        return self._each(stops, lambda each: Release(by=by or self.by, stop=stops[each], resume=resume), 3.0)
 
     def give(self, wanted: Keep, keeper: Address) -> Answer:
         """Have a robot keep a task, whose ID names it; ask again, which does no harm, until it answers.

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -344,7 +345,7 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
         ({"where": "__import__('os')"}, "cannot be called"), ({"where": "battery >"}, "is not an expression"),
     ],
 )  # fmt: skip
-def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, str], why: str) -> None:
+def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, Any], why: str) -> None:
     answer = fleet.keeper.asked(replace(Keep(task=TASK, mission="greet"), **wrong))
     assert answer is not None
     assert not answer.ok

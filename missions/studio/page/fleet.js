@@ -1,0 +1,95 @@
+// The fleet: who is there, what each does with the plan of it, and a stop for all.
+
+import { button, el, panel, put, tell } from "./dom.js";
+import "./tree.js";
+import { plain } from "./words.js";
+
+const PATIENCE = 10000; // milliseconds for all robots to answer, and those that do not to be asked again
+const EVERY = 1000; // milliseconds from one look to the next
+
+export class Fleet {
+  #link;
+  #timer = 0;
+  #said = el("p", { class: "hint", role: "status" });
+  #list = el("ul", { class: "task-list" });
+  #tools = el("div", { class: "tools" });
+  #plan = el("div", { class: "fleet-plan" });
+  #told = "";
+
+  constructor({ link }) {
+    this.#link = link;
+    this.node = el("div", { class: "view fleet" }, panel("Fleet", "fleet", this.#tools, this.#said, this.#list, this.#plan));
+  }
+
+  show() {
+    clearInterval(this.#timer);
+    this.#timer = setInterval(() => document.hidden || this.#fetch(), EVERY);
+    const may = this.#link.welcome?.role === "operator";
+    this.#tools.replaceChildren(
+      button("Stop the fleet", () => this.#do("stop_fleet"), { class: "danger" }),
+      ...(may ? [button("Release all", () => this.#do("release_fleet"))] : []));
+    this.#fetch();
+  }
+
+  hide() {
+    clearInterval(this.#timer);
+  }
+
+  async #fetch() {
+    if (!this.#link.open) return;
+    try {
+      const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
+      const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
+      if (text === this.#told) return; // what has the keyboard keeps it
+      this.#told = text;
+      put(this.#said, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `Nobody is in fleet ${fleet}: mission serve --fleet ${fleet}`);
+      this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
+    } catch (error) {
+      put(this.#said, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join(" "));
+    }
+  }
+
+  #row(robot) {
+    const may = this.#link.welcome?.role === "operator";
+    const facts = [
+      robot.robot && plain(robot.robot),
+      robot.simulated && "simulated",
+      robot.mission && plain(robot.mission),
+      robot.task_state,
+      typeof robot.battery === "number" && `battery ${Math.round(robot.battery * 100)} %`,
+      typeof robot.x === "number" && `at ${robot.x.toFixed(1)} m, ${robot.y.toFixed(1)} m`,
+      robot.free && "free",
+    ];
+    return el("li", { class: `task ${robot.connection === "ONLINE" ? "running" : "failed"}` },
+      el("div", null, el("b", null, robot.name), el("span", { class: "outcome" }, robot.stopped ? "STOPPED" : robot.connection),
+        el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), robot.stopped && el("span", { class: "reason" }, `stopped by ${robot.stopped}`)),
+      el("div", { class: "actions" },
+        robot.mission && button("Plan", () => this.#show(robot), { "aria-label": `Plan of ${robot.name}` }),
+        may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: robot.name }), { "aria-label": `Release ${robot.name}` })));
+  }
+
+  /** Draw the mission of a robot, as this computer's library has it. */
+  async #show(robot) {
+    try {
+      const mission = await this.#link.ask({ do: "mission", name: robot.mission });
+      const tree = el("studio-tree", { class: "preview" });
+      tree.draw(mission.drawing);
+      this.#plan.replaceChildren(el("h3", null, `${plain(robot.mission)} on ${robot.name}`), tree);
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  async #do(word, members = {}) {
+    try {
+      const { answers, silent = [] } = await this.#link.ask({ do: word, ...members }, PATIENCE);
+      const wrong = Object.entries(answers).filter(([, each]) => !each.ok).map(([name, each]) => `${name}: ${each.why}`);
+      const all = [...silent.map((name) => `${name} DID NOT ANSWER`), ...wrong];
+      if (all.length) tell(all.join("; "));
+      else tell(`${Object.keys(answers).length} robots have confirmed`, "good");
+      await this.#fetch();
+    } catch (error) {
+      tell(error);
+    }
+  }
+}
