@@ -14,7 +14,7 @@ class FleetLatch:
     """Whether a robot was stopped over its fleet, and by whom; kept in ``folder``. From any thread."""
 
     def __init__(self, folder: Path) -> None:
-        self._path, self._lock = folder / FILE, Lock()
+        self._path, self._lock, self._disk = folder / FILE, Lock(), Lock()
         self.by, self.number = "", 0
 
     def load(self) -> None:
@@ -40,7 +40,7 @@ class FleetLatch:
 
     def _kept(self) -> str:
         try:
-            with self._lock:
+            with self._disk:  # which may take its time: who stops again does not wait for it
                 self._keep()
         except OSError as error:
             return f"; it is not kept over a restart: {error.strerror}"
@@ -53,7 +53,8 @@ class FleetLatch:
                 return False
             by, self.by = self.by, ""
             try:
-                self._keep()
+                with self._disk:
+                    self._keep()
             except OSError:
                 self.by = by
                 raise

@@ -96,6 +96,7 @@ class Member:
             session=secrets.token_hex(4), number=0, robot=own.robot, parts=own.parts, simulated=own.simulated
         )
         self._told_at = 0.0
+        self._pressed = ("", Answer())
         self._thread = Thread(target=self._serve, name="fleet", daemon=True)
 
     def __enter__(self) -> Self:
@@ -127,6 +128,10 @@ class Member:
         if not isinstance(ask, Stop):
             reply(Answer(ok=False, why=f"'{ask.word}' is asked elsewhere"))
             return
+        press, answer = self._pressed
+        if ask.press and ask.press == press:
+            reply(answer)
+            return
         number, keep = self._latch.stop(ask.by)
         kept: list[str] = []
         keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
@@ -134,7 +139,9 @@ class Member:
         good, words = self._body.stop(ask.by)
         keeping.join(DISK)
         late = "; not on the disk yet, for a restart"
-        reply(Answer(ok=good, why=words + (kept[0] if kept else late), told=({"stop": number},)))
+        answer = Answer(ok=good, why=words + (kept[0] if kept else late), told=({"stop": number},))
+        self._pressed = (ask.press, answer)
+        reply(answer)
         self.wake()
 
     def _asked(self, ask: Ask, reply: Reply) -> None:

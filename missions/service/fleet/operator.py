@@ -96,10 +96,11 @@ class Operator:
             if who is not None and answer is not None:
                 answers[who] = answer
 
+        stop = Stop(by=by or self.by, press=secrets.token_hex(8))
         pause, begun = Event(), self.clock.now()
         version, quiet = -1, begun
         if there := [each.address for each in self.members().values() if each.connection == "ONLINE"]:
-            self.line.ask(Stop(by=by or self.by), "*/*", heard, STOP_TIME)  # all by one question
+            self.line.ask(stop, "*/*", heard, STOP_TIME)  # all by one question
             asked_at = {each: [begun] for each in there}
         while True:
             now = self.clock.now()
@@ -109,7 +110,7 @@ class Operator:
                 times = asked_at.setdefault(each, [])
                 if not times or now - times[-1] >= STOP_AGAIN:
                     times.append(now)
-                    self.line.ask(Stop(by=by or self.by), str(each), heard, STOP_TIME)
+                    self.line.ask(stop, str(each), heard, STOP_TIME)
             if version != self.roster.version:
                 version, quiet = self.roster.version, now
             tried = all(now - asked_at[each][0] > STOP_TIME for each in silent)

@@ -98,9 +98,10 @@ class Ask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop(Ask):
-    """Latch every actuator still, and begin no task, until it is released."""
+    """Latch every actuator still, and begin no task, until it is released; asked again, of the same ``press``."""
 
     word: ClassVar[str] = "stop"
+    press: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
