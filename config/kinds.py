@@ -13,6 +13,7 @@ KEYS: Mapping[str, str] = {
     "world": "worlds",
     "robot": "robots",
     "gesture": "gestures",
+    "gait": "gaits",
     "controller": "controllers",
     "object": "objects",
 }
@@ -24,6 +25,7 @@ USES: Mapping[str, str] = {
     "worlds": "mission world show {0}, or mission run MISSION --world {0}",
     "robots": "mission run MISSION --simulate --robot {0}",
     "gestures": "write `gesture: {0}` in a mission",
+    "gaits": "mission gait show {0}",
     "controllers": "mission controller show {0}",
     "objects": "write `find_object: {0}` in a mission",
     "records": "mission replay {0}",

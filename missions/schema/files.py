@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from config.controller import ControllerKeys
+from config.gait import GaitKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
 from config.object import ObjectKeys
@@ -20,6 +21,7 @@ KINDS: Mapping[str, tuple[str, type]] = {
     "robots": ("A robot: its parts, where they are plugged in, how far and fast they may go.", RobotKeys),
     "worlds": ("A simulated world: a room, and what is in it.", WorldConfig),
     "gestures": ("A gesture: where joints are, moment after moment.", GestureKeys),
+    "gaits": ("A gait: how a humanoid walks, by its steps or by where its soles are.", GaitKeys),
     "moves": ("A move: how the columns of a spreadsheet become a movement of the joints.", MoveKeys),
     "controllers": ("A controller: the rules by which a behaviour tracks.", ControllerKeys),
     "objects": ("An object to look for.", ObjectKeys),

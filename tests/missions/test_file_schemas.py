@@ -34,12 +34,16 @@ KEY = {
     "controllers": "controller",
     "objects": "object",
     "moves": "move",
+    "gaits": "gait",
 }
 EVERY = [*KINDS]
 FILES = {
     "tests": [tests for path in shipped_missions().values() if (tests := beside(path)).is_file()],
     "robots": list(shipped("robots").values()),
-    **{kind: list(shipped(kind).values()) for kind in ("worlds", "gestures", "controllers", "objects", "moves")},
+    **{
+        kind: list(shipped(kind).values())
+        for kind in ("worlds", "gestures", "controllers", "objects", "moves", "gaits")
+    },
 }
 
 
@@ -111,6 +115,7 @@ BROKEN = {
         "gesture: g\nspeed: 3\nkeyframes: [{at: 1 s}]",
     ],
     "moves": ["move: m\njoints: {e: {column: e}}", "move: m\nsheet: s.csv\njoints: {e: {column: e, sgn: 1}}"],
+    "gaits": ["gait: g\nwalk: {turn: 3 deg}", "gait: g\nwalk: {step: 3}", "gait: g\npoints: [{at: 10 %}]"],
     "controllers": ["summary: s", "controller: c\nsummary: [s]"],
     "objects": [
         "object: o",

@@ -1,0 +1,149 @@
+"""Gaits: where the soles are over a cycle, from the trunk; made by the walking engine, or of other gaits.
+
+A gait is cut into moments of equal length. It repeats: after the last one the first one follows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.errors import BadRequest
+from drivers.legs.body import FLIPPED, SIDES, Body, Floats
+from drivers.legs.declared import StrideKeys
+from drivers.legs.engine import laid_out, legs, manner_of
+from drivers.legs.kinematics import turning
+from drivers.legs.pattern import Pattern
+from drivers.legs.walker import SHIFT, Walker
+
+MOMENTS = 100
+"""Moments of a cycle, whatever its period."""
+
+Z = np.array([0.0, 0.0, 1.0])
+
+STEADY = 6
+"""Cycles after which a walk is the same from one to the next."""
+
+
+@dataclass(frozen=True)
+class Gait:
+    """A cycle of ``period`` seconds: middles of the soles (M, 2, 3), the left one first, and their headings (M, 2).
+
+    Both are in the frame of the trunk, which stays upright. ``on`` (M, 2) says which soles are on the floor.
+    """
+
+    name: str
+    period: float
+    feet: Floats
+    headings: Floats
+    on: npt.NDArray[np.bool_]
+
+    @property
+    def times(self) -> Floats:
+        """The time of each moment, from 0."""
+        return np.arange(len(self.feet), dtype=np.float64) * (self.period / len(self.feet))
+
+    def angles(self, body: Body) -> tuple[Floats, npt.NDArray[np.int64]]:
+        """Return the angles of the legs (M, 12), and why a leg has none (M, 2)."""
+        return legs(body, np.zeros(3), np.eye(3), self.feet, self.headings)
+
+
+def generated(name: str, body: Body, stride: StrideKeys, step: float, side: float, turn: float) -> Gait:
+    """Return the gait of a walk in steps of so many metres ahead and to the left that turn so far (radians)."""
+    manner = manner_of(body, stride)
+    walker = Walker(manner)
+    wanted = tuple(each / manner.step for each in (step, side / 2, turn / 2))
+    given = walker.command(*wanted)
+    for what, unit, one, other in zip(("step", "side", "turn"), ("m", "m", "rad"), wanted, given, strict=True):
+        if abs(one - other) > 1e-9:
+            far = other * manner.step * (1 if what == "step" else 2)
+            raise BadRequest(f"{name}: {what}: a step can be {abs(far):.3g} {unit} at most", hint="look at the stride")
+    if not any(wanted):
+        walker.wanted = (1e-9, 0.0, 0.0)  # on the spot
+    dt = stride.period / MOMENTS
+    patterns = [walker.advance(dt) for _ in range(round(SHIFT / dt) + (STEADY + 2) * MOMENTS)]
+    last = len(patterns) - 2 * MOMENTS
+    first = next(at for at in range(last, len(patterns)) if _begins(patterns[at - 1], patterns[at]))
+    walk = laid_out(body, stride, patterns[first : first + MOMENTS])
+    feet = np.array([[moment.feet[each] for each in SIDES] for moment in walk.patterns])
+    back = turning(Z, -walk.heading)
+    places = (back[:, None] @ (feet[..., :3] - walk.trunk[:, None])[..., None])[..., 0]
+    on = np.array([[moment.support in (each, "both") for each in SIDES] for moment in walk.patterns])
+    return Gait(name, stride.period, places, feet[..., 3] - walk.heading[:, None], on)
+
+
+def _begins(before: Pattern, now: Pattern) -> bool:
+    """Say whether the left foot has just been lifted."""
+    return before.support == "both" and now.support == "right"
+
+
+def splined(name: str, period: float, at: Floats, feet: Floats, headings: Floats, on: npt.NDArray[np.bool_]) -> Gait:
+    """Return a gait through points at shares ``at`` (P,) of its cycle, 0..1: a periodic cubic through all of them."""
+    rows = np.concatenate((feet.reshape(len(at), 6), headings), axis=1)
+    times = np.concatenate((at[-1:] - 1.0, at, at[:1] + 1.0))
+    values = np.concatenate((rows[-1:], rows, rows[:1]))
+    slopes = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, None]
+    ends, slopes = np.concatenate((rows, rows[:1])), np.concatenate((slopes, slopes[:1]))
+    knots = np.append(at, at[0] + 1.0)
+    shares = np.linspace(0.0, 1.0, MOMENTS, endpoint=False)
+    shares = np.where(shares < at[0], shares + 1.0, shares)
+    low = np.clip(np.searchsorted(knots, shares, side="right") - 1, 0, len(at) - 1)
+    long = (knots[low + 1] - knots[low])[:, None]
+    s = ((shares - knots[low])[:, None]) / long
+    found = (
+        (1 + 2 * s) * (1 - s) ** 2 * ends[low]
+        + s * (1 - s) ** 2 * long * slopes[low]
+        + s**2 * (3 - 2 * s) * ends[low + 1]
+        + s**2 * (s - 1) * long * slopes[low + 1]
+    )
+    return Gait(name, period, found[:, :6].reshape(-1, 2, 3), found[:, 6:], on[low % len(at)])
+
+
+def mirrored(gait: Gait) -> Gait:
+    """Return the mirror image: what the left leg does, the right one does."""
+    feet = (gait.feet * FLIPPED)[:, ::-1]
+    return replace(gait, feet=feet, headings=-gait.headings[:, ::-1], on=gait.on[:, ::-1])
+
+
+def blended(one: Gait, other: Gait, share: float) -> Gait:
+    """Return a gait between two, moment by moment: ``share`` 0 is the one, 1 the other."""
+    return replace(
+        one,
+        period=(1 - share) * one.period + share * other.period,
+        feet=(1 - share) * one.feet + share * other.feet,
+        headings=(1 - share) * one.headings + share * other.headings,
+        on=one.on if share < 0.5 else other.on,
+    )
+
+
+def scaled(gait: Gait, *, length: float = 1.0, rise: float = 1.0, time: float = 1.0) -> Gait:
+    """Return a gait with longer steps, higher feet, or a longer period, each by a factor."""
+    low = gait.feet[..., 2].min()
+    feet = gait.feet.copy()
+    middle = feet.mean(axis=0)
+    feet[..., :2] = middle[:, :2] + length * (feet[..., :2] - middle[:, :2])
+    feet[..., 1] = gait.feet[..., 1]  # its sway keeps the balance
+    feet[..., 2] = low + rise * (feet[..., 2] - low)
+    return replace(gait, period=gait.period * time, feet=feet, headings=gait.headings * length)
+
+
+def sequence(body: Body, parts: Sequence[tuple[Gait, int]], over: float = 0.5) -> tuple[Floats, Floats]:
+    """Return times (T,) and angles (T, 12) of gaits, each so many cycles, with ``over`` seconds between them."""
+    times: list[Floats] = []
+    rows: list[Floats] = []
+    now = 0.0
+    for gait, cycles in parts:
+        angles, reason = gait.angles(body)
+        if reason.any():
+            raise BadRequest(f"{gait.name}: a foot is out of reach", hint=f"mission gait check {gait.name}")
+        step = gait.period / len(angles)
+        if rows:
+            now += over
+        for _ in range(cycles):
+            times.append(now + np.arange(len(angles), dtype=np.float64) * step)
+            rows.append(angles)
+            now += gait.period
+        times.append(np.array([now]))
+        rows.append(angles[:1])  # where the cycle begins anew
+    return np.concatenate(times), np.concatenate(rows)

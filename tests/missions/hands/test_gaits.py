@@ -1,0 +1,139 @@
+"""Gaits made of gaits: blended, mirrored, scaled, in sequence; and what a body cannot do, by the joint and the time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from config.faults import InvalidFileError
+from config.gait import load_gait
+from config.library import shipped
+from drivers.errors import BadRequest
+from drivers.legs.engine import whole
+from drivers.legs.gait import blended, mirrored, scaled
+from drivers.legs.pressure import margins
+from missions.cli.gait import command
+from missions.hands.gaits import Walker
+from missions.library.drivers import load_robot
+
+GAITS = Path(__file__).parents[3] / "config" / "gaits"
+STROLL, CURVE = GAITS / "stroll.yaml", GAITS / "curve.yaml"
+
+
+@pytest.fixture(scope="module", params=["humanoid", "op3"])
+def walker(request: pytest.FixtureRequest) -> Walker:
+    return Walker(load_robot(shipped("robots")[request.param]))
+
+
+def test_the_gaits_that_ship_can_be_walked(walker: Walker) -> None:
+    assert [wrong for path in sorted(GAITS.glob("*.yaml")) for wrong in walker.mistakes(walker.load(path))] == []
+
+
+def test_a_blend_of_two_walks_is_between_them_and_can_be_walked(walker: Walker) -> None:
+    one, other = walker.load(STROLL), walker.load(CURVE)
+    middle = blended(one, other, 0.5)
+    assert walker.mistakes(middle) == []
+    assert np.allclose(middle.feet, (one.feet + other.feet) / 2)
+    assert np.array_equal(blended(one, other, 0.0).feet, one.feet)
+
+
+def test_a_mirrored_gait_is_the_mirror_image_joint_by_joint(walker: Walker) -> None:
+    gait = walker.load(CURVE)
+    image, body = mirrored(gait), walker.body
+    assert walker.mistakes(image) == []
+    here, there = (whole(body, each.angles(body)[0]) for each in (gait, image))
+    assert np.allclose(body.mirrored(here), there, atol=1e-12)
+    assert np.array_equal(mirrored(image).feet, gait.feet)
+
+
+def test_a_gait_scaled_out_of_reach_is_refused_with_joint_and_time(walker: Walker) -> None:
+    wrong = walker.mistakes(scaled(walker.load(STROLL), length=6))
+    knee = walker.body.joints[walker.body.legs["left"].joints[3]]
+    assert wrong[0].startswith(f"stroll: {knee} at 0.")
+    assert "too far from the hip" in wrong[0]
+
+
+def test_a_gait_that_is_too_fast_is_refused_with_joint_time_and_speed(walker: Walker) -> None:
+    wrong = walker.mistakes(scaled(walker.load(STROLL), time=0.3))
+    assert any("deg/s, faster than" in each and " s: " in each for each in wrong)
+
+
+def test_a_robot_that_presses_beside_its_soles_is_told_of(walker: Walker) -> None:
+    gait = walker.load(STROLL)
+    still = np.broadcast_to(gait.feet.mean(axis=0), gait.feet.shape).copy()
+    still[..., 2] = gait.feet[..., 2]  # up and down, without any sway
+    wrong = walker.mistakes(type(gait)("march", 4.0, still, gait.headings, gait.on))
+    assert any("outside of its soles" in each for each in wrong)
+
+
+def test_soles_that_would_hit_each_other_are_told_of(walker: Walker) -> None:
+    gait = walker.load(STROLL)
+    near = gait.feet.copy()
+    near[..., 1] *= 0.4
+    wrong = walker.mistakes(type(gait)("narrow", 4.0, near, gait.headings, gait.on))
+    assert any("hits" in each for each in wrong)
+
+
+def test_weak_servos_are_told_of_by_their_torque() -> None:
+    weak = Walker(load_robot(shipped("robots")["op3"]))
+    weak.torques = dict.fromkeys(weak.torques, 0.5)
+    assert any("more than its servo's 0.5 Nm" in each for each in weak.mistakes(weak.load(STROLL)))
+
+
+def test_a_gait_goes_into_files_and_comes_back(walker: Walker, tmp_path: Path) -> None:
+    gait = walker.load(CURVE)
+    robot = "humanoid" if "left_knee" in walker.limits else "op3"
+    for name in ("again.yaml", "again.csv"):
+        made = CliRunner().invoke(command, ["make", str(CURVE), "-o", str(tmp_path / name), "--robot", robot])
+        assert made.exit_code == 0, made.output
+        again = walker.load(tmp_path / name)
+        assert again.period == pytest.approx(gait.period, abs=1e-4)
+        assert np.abs(again.feet - gait.feet).max() < 0.001
+        assert walker.mistakes(again) == [], name
+        assert margins(walker.body, again, again.angles(walker.body)[0]).min() > 0
+
+
+def test_commands_refuse_before_they_write(tmp_path: Path) -> None:
+    out = tmp_path / "long.yaml"
+    ran = CliRunner().invoke(command, ["scale", str(STROLL), "--length", "6", "-o", str(out)])
+    assert ran.exit_code == 1
+    assert "left_knee at 0." in ran.output
+    assert "nothing is written" in ran.output
+    assert not out.exists()
+
+
+def test_commands_blend_mirror_and_put_in_a_row(tmp_path: Path) -> None:
+    between, image, row = tmp_path / "between.yaml", tmp_path / "image.yaml", tmp_path / "row.csv"
+    for arguments in (
+        ["blend", str(STROLL), str(CURVE), "--share", "0.3", "-o", str(between)],
+        ["mirror", str(between), "-o", str(image)],
+        ["sequence", str(STROLL), str(image), "--cycles", "2", "-o", str(row)],
+        ["check", str(between), str(image)],
+        ["show", str(image)],
+    ):
+        ran = CliRunner().invoke(command, arguments)
+        assert ran.exit_code == 0, ran.output
+    assert "within its soles at least" in ran.output
+    times = np.loadtxt(row, delimiter=",", skiprows=1)[:, 0]
+    assert (np.diff(times) > 0).all()
+    assert times[-1] == pytest.approx(4.5)
+
+
+def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path) -> None:
+    path = tmp_path / "lame.yaml"
+    path.write_text("gait: lame\nwalk: {turn: 5 deg}\n")
+    with pytest.raises(InvalidFileError, match=r"lame\.yaml:2:.*step"):
+        load_gait(path)
+    path.write_text("gait: lame\n")
+    with pytest.raises(InvalidFileError, match="either 'walk' or 'points'"):
+        load_gait(path)
+
+
+def test_a_step_that_the_stride_forbids_and_a_robot_on_wheels_are_refused(walker: Walker, tmp_path: Path) -> None:
+    path = tmp_path / "giant.yaml"
+    path.write_text("gait: giant\nwalk: {step: 40 cm}\n")
+    with pytest.raises(BadRequest, match="giant: step: a step can be"):
+        walker.load(path)
+    with pytest.raises(BadRequest, match="has no legs"):
+        Walker(load_robot(shipped("robots")["turtlebot2"]))
