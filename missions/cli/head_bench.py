@@ -15,7 +15,7 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
 from drivers.api.sections import Wired
-from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import Clock
 from drivers.dynamixel.declared import NeckKeys
 from drivers.errors import NotConnected
@@ -59,7 +59,7 @@ class Bench:
 
     head: Head
     trimmer: Trimmable
-    config: ArduinoKeys | NeckKeys
+    config: TwoServoKeys | NeckKeys
     clock: Clock
     lags: Lags | None = None
 
@@ -90,7 +90,9 @@ class Bench:
             figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
             if pose is not None:
                 figures["angle"] = (pose.pan, pose.tilt)[number]
-            found[axis.joint] = {name: round(degrees(value), 2) + 0.0 for name, value in figures.items()}
+            found[axis.joint or f"head_{('pan', 'tilt')[number]}"] = {
+                name: round(degrees(value), 2) + 0.0 for name, value in figures.items()
+            }
         return found
 
 
@@ -128,7 +130,7 @@ def opened_head(
     audience = Hooks(ignore if stay else _warned, ignore, click.echo, ignore, ignore)
     robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
     head, trimmer = robot.robot.head, robot.devices["head"]
-    if not isinstance(trimmer, Trimmable) or not isinstance(keys, ArduinoKeys | NeckKeys):
+    if not isinstance(trimmer, Trimmable) or not isinstance(keys, TwoServoKeys | NeckKeys):
         raise click.UsageError(f"the head of {config.name} cannot be trimmed")
     if stay:
         trimmer.stay()

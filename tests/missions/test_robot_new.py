@@ -7,11 +7,12 @@ they ask for, and every byte on the wires is kept.
 import json
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from math import degrees
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import cv2
@@ -20,6 +21,8 @@ import pytest
 
 from config.defaults import config_folder, load_defaults
 from config.library import find
+from config.robot import RobotConfig
+from drivers.api import HeadPose
 from drivers.arduino import wire as rosserial
 from drivers.clock import SystemClock
 from drivers.dynamixel import wire
@@ -350,3 +353,27 @@ def test_answers_that_are_none_are_as_if_nothing_had_been_answered(tmp_path: Pat
     kept = tmp_path / "robot_new.json"
     kept.write_text(held)
     assert not Dialogue(kept).begun
+
+
+def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[HeadPose] = []
+
+    @contextmanager
+    def opened_head(config: RobotConfig, ports: Mapping[str, str]) -> Iterator[SimpleNamespace]:
+        assert (config.name, ports) == ("beep", {})
+        yield SimpleNamespace(look=looked.append)
+
+    monkeypatch.setattr("missions.cli.robot.trying.opened_head", opened_head)
+    answers = {"called": "beep", r"like\?": "pi_car", "may the head move": "y"}
+    bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
+    assert not looked  # there is no such bus on this machine
+    (config_folder() / "robots/beep.yaml").unlink()
+    bus = bench.desk.machine.at("/dev/i2c-1")
+    bus.parent.mkdir(parents=True, exist_ok=True)
+    bus.touch()
+    bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
+    assert len(looked) == 5
+    pan = load_robot(find("robots", "beep")).sections["head"].keys.pan
+    assert (pan.flip, round(degrees(pan.trim))) == (True, 3)

@@ -151,7 +151,8 @@ def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: 
             find_limits(talk, parts["arm"], config, paths["arm"], patience=max(patience, 0.004))
         if "head" in parts:
             needs = parts["head"].driver.needs or ("head",)
-            try_head(talk, parts, config, {kind: path for kind, path in paths.items() if kind in needs})
+            there = machine.at(f"/dev/i2c-{getattr(config.head, 'bus', '')}").exists()
+            try_head(talk, parts, config, {kind: path for kind, path in paths.items() if kind in needs}, there=there)
     except DriverError as error:
         talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
     camera = config.sections.get("camera")

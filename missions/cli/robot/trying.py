@@ -8,7 +8,7 @@ from config.robot import RobotConfig, Section
 from config.units import in_dimension, written
 from drivers.api import HeadPose
 from drivers.api.driver import Site, resolved
-from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import SystemClock
 from drivers.dynamixel.declared import NeckKeys
 from drivers.errors import DriverError
@@ -20,15 +20,20 @@ STEP = radians(5)
 """How far the head is moved to see which way it turns."""
 
 
-def try_head(talk: Dialogue, parts: Mapping[str, Part], config: RobotConfig, ports: Mapping[str, str]) -> None:
-    """Move the head by 5 degrees, where the user wants it, to find out which way is left and how it is trimmed."""
+def try_head(
+    talk: Dialogue, parts: Mapping[str, Part], config: RobotConfig, ports: Mapping[str, str], *, there: bool = False
+) -> None:
+    """Move the head by 5 degrees, where the user wants it, to find out which way is left and how it is trimmed.
+
+    It is moved where its ports were found, or where it is ``there`` without one, as on I2C.
+    """
     head = parts["head"]
-    if not isinstance(config.head, ArduinoKeys | NeckKeys):
+    if not isinstance(config.head, TwoServoKeys | NeckKeys):
         return
     if not talk.knows("head tried"):
         talk.forget("tried ")
         question = "may the head move by 5 degrees, to see which way is left? hands off"
-        if not ports or not talk.consent("head moves", question):
+        if not (ports or there) or not talk.consent("head moves", question):
             return
     answers = talk.measured("head tried", lambda: _tried(talk, config, ports))
     for axis in ("pan", "tilt"):
