@@ -39,6 +39,9 @@ from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
 
+SILENT_AFTER = 0.3
+"""Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
+
 FALLEN = radians(50)
 """How far from upright its trunk leans when it has fallen."""
 
@@ -136,8 +139,8 @@ class LegsBase(SteeredBase):
         if not self._open:
             return
         now, states = self._clock.now(), self._joints.states()
-        good = [states[name] for name in self._legs if states[name].good]
-        if len(good) < len(self._legs) or not self._joints.health().online:
+        heard = all(now - (each := states[name]).stamp <= SILENT_AFTER and each.value for name in self._legs)
+        if not (heard and self._joints.health().online):
             self._lose()
             return
         felt = self._felt_now()
