@@ -59,12 +59,24 @@ class BatteryConfig:
 
 
 @keys
+class PushConfig:
+    """A push at the trunk of a robot that has a body: it alone would make the robot go at ``speed``."""
+
+    at: float = key("duration", low=0.0, help="When, from the beginning.")
+    speed: float = key("speed", low=0.0, high=5.0, help="How hard: the speed that the robot gets by it.")
+    towards: float = key("angle", default=0.0, help="Which way: `90 deg` is along y.")
+    over: float = key("duration", default=0.1, low=0.002, high=10.0, help="How long it takes.")
+
+
+@keys
 class PhysicsConfig:
     """How the base errs: the share of its wheels' travel that slips, the seconds from a command to its effect.
 
     ``gyro_noise`` in rad/s is a standard deviation; ``dropouts`` is the share 0..1 of its reports that are lost.
     Where ``battery`` is None it is full, and stays so. ``mishearing`` is the share of phrases that the robot takes for
-    another one, or for nothing.
+    another one, or for nothing. The rest is for robots in physics (`--physics`): Coulomb's ``friction``, how far the
+    floor rises ahead and to the left (``slope``, rad), by which share ``masses`` are off at most, the seconds from a
+    goal to its servo, and ``pushes``.
     """
 
     slip: float = key("share", default=0.0, low=0.0, high=0.9, help="How much of its wheels' travel slips.")
@@ -77,6 +89,13 @@ class PhysicsConfig:
     mishearing: float = key(
         "share", default=0.0, low=0.0, high=MOST_LOST, help="How many phrases the robot takes for others, or for none."
     )
+    friction: float = key(default=1.0, low=0.05, high=3.0, help="How much friction the floor has (Coulomb's number).")
+    slope: tuple[float, float] = key(
+        "angle", default=(0.0, 0.0), low=-0.35, high=0.35, help="How far the floor rises: [along x, along y]."
+    )
+    masses: float = key("share", default=0.0, low=0.0, high=0.5, help="How far each mass of the robot is off at most.")
+    servo_delay: float = key("duration", default=0.0, low=0.0, high=0.5, help="From a goal to the servo that hears it.")
+    pushes: tuple[PushConfig, ...] = key(default=(), each="a push", help="Pushes at the robot.")
 
 
 @keys

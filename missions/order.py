@@ -31,7 +31,7 @@ class RunRequest:
     In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
     pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
     ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
-    wheels, in real time only.
+    wheels, in real time only. With ``physics`` the robot stands, walks and falls as a body with masses.
     """
 
     mission: str
@@ -46,6 +46,7 @@ class RunRequest:
     eyes: Literal["pixels", "truth"] = "pixels"
     speed: float = inf
     pad: str | None = None
+    physics: bool = False
 
     @property
     def simulation(self) -> Simulate | None:
@@ -71,9 +72,11 @@ def contradictions(order: RunRequest, named: Callable[..., str]) -> Iterator[str
     ``named(name, value)`` returns how the user writes a wish: ``--simulate fast``, or ``simulate="fast"``.
     """
     fast, wire = named("simulate", "fast"), named("simulate", "wire")
-    if order.simulation != "fast" and (order.eyes == "truth" or order.speed != inf):
-        yield f"{named('eyes', 'truth')} and {named('speed')} are for simulated time: add {fast}"
-    if order.simulation == "fast":
+    if order.simulation != "fast":
+        if order.eyes == "truth" or order.speed != inf or order.physics:
+            which = f"{named('eyes', 'truth')}, {named('speed')} and {named('physics')}"
+            yield f"{which} are for simulated time: add {fast}"
+    else:
         if order.camera is not None:
             yield f"{named('camera')} gives pictures in real time: it goes with {wire}, not with fast"
         if order.pad is not None:

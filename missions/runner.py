@@ -158,6 +158,7 @@ class Runner:
             interests=interests_of(self.plan.tree, self.config.camera),
             seed=order.seed,
             truth=order.eyes == "truth",
+            physics=order.physics,
         )
         return run, robot
 

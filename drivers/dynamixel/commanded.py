@@ -45,6 +45,11 @@ class CommandedJoints(Enabling, ABC):
         self._clamping = Clamping(self.name, joints, self._report)
 
     @property
+    def described(self) -> Mapping[str, Joint]:
+        """The joints with the servos behind them."""
+        return self._joints
+
+    @property
     def limits(self) -> Mapping[str, JointLimits]:
         """The joints by name, in the order of the robot file."""
         return self._limits

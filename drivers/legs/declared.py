@@ -146,6 +146,9 @@ class LegsKeys(BaseKeys):
     stride: StrideKeys = key(help="How it walks.")
     max_speed: float = key("speed", default=0.2, low=0.01, high=5.0, help="The highest speed.")
     max_turn: float = key("turn rate", default=0.6, low=0.01, high=12.0, help="The highest turn rate.")
+    model: str = key(
+        default="", help="A model of MuJoCo's for `--physics`, from this file's folder; else it is made of the body."
+    )
     at_fall: Literal["relax", "hold"] = key(default="relax", help="When it has fallen it goes limp, or stays stiff.")
 
 
@@ -173,6 +176,6 @@ LEGS = Driver(
     make="drivers.legs.make:make",
     twin="drivers.sim.twins.making:legs",
     virtual="drivers.virtual.making:legs",
-    needs=("arm",),
+    needs=("arm", "imu"),
     check=on_its_joints,
 )

@@ -34,6 +34,7 @@ from drivers.errors import DeviceFault, NotConnected
 from drivers.kobuki.requests import check_light, tone
 from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.legs.approach import FAR, NEAR, Approach
+from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 
 LONGEST_STEP = 0.03
@@ -62,12 +63,14 @@ class LegsBase(SteeredBase):
         engine: Engine,
         *,
         felt: Callable[[], Felt | None] = lambda: None,
+        compensation: Compensation | None = None,
         at_fall: Literal["relax", "hold"] = "relax",
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(clock, **settings)
         self._joints, self._engine, self._felt_now = joints, engine, felt
         self._at_fall = at_fall
+        self._compensation = compensation
         self._legs = engine.body.walking
         self._open = self._there = self._fallen = False
         self._ready = False  # the legs are where the engine has them
@@ -218,19 +221,20 @@ class LegsBase(SteeredBase):
                 return
         self.stands.clear()
         self._engine.command(wanted.linear, 0.0, wanted.angular)
-        self._send(self._engine.step(dt, felt))
+        self._send(self._engine.step(dt, felt), dt)
         self._set_stands()
 
     def _set_stands(self) -> None:
         if not self.walking:
             self.stands.set()
 
-    def _send(self, posture: Posture) -> None:
+    def _send(self, posture: Posture, dt: float) -> None:
         if posture.refused and posture.refused != self._told_refusal:
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {posture.refused}", "take shorter steps"))
             self._engine.halt()
         self._told_refusal = posture.refused
-        self._joints.move(dict(zip(self._legs, posture.angles.tolist(), strict=True)))
+        sent = posture.angles if self._compensation is None else self._compensation.goals(posture, dt)
+        self._joints.move(dict(zip(self._legs, sent.tolist(), strict=True)))
 
     def _begin_way(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
         """Begin to bring the legs to where a walk begins, from where they are."""
@@ -238,6 +242,8 @@ class LegsBase(SteeredBase):
         if np.abs(here - self._engine.ready).max() <= FAR:  # else ``drive`` has said so
             self._engine.rest()
             self._way = Approach.begun(here, self._engine.ready, now)
+            if self._compensation is not None:
+                self._compensation.rest()
 
     def _get_ready(self, way: Approach, now: float, *, going: bool) -> None:
         """Go on to where a walk begins; end where the joints are when nobody wants it any more."""
@@ -261,6 +267,8 @@ class LegsBase(SteeredBase):
 
     def _forget(self) -> None:
         """Forget the walk: the legs are not where it has them."""
+        if self._compensation is not None:
+            self._compensation.rest()
         self._engine.rest()
         self._way, self._ready = None, False
         self.stands.set()

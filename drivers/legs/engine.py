@@ -21,7 +21,7 @@ PERIOD = 0.01
 _, Y, Z = np.eye(3)
 
 PASSES = 2
-"""How often a whole plan is moved until the true centre of mass goes where the pendulum does."""
+"""How often a stand is moved until its centre of mass is over the middle of the soles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,15 +148,16 @@ def whole(body: Body, angles: Floats, rest: Floats | None = None) -> Floats:
 class Engine:
     """Walks: ``step`` after ``step`` of time it says where the legs are to be.
 
-    The trunk goes so that the true centre of mass of the whole body follows the pendulum. ``balance`` is asked with
-    what is felt, if it is. Raises BadRequest for strides that the legs cannot make.
+    The trunk goes so that the centre of mass would follow the pendulum if both legs stood: what a swinging leg shifts,
+    it gives back by its momentum, and servos follow a steady trunk better. ``balance`` is asked with what is felt, if
+    it is. Raises BadRequest for strides that the legs cannot make.
     """
 
     def __init__(self, body: Body, stride: StrideKeys, balance: Balance | None = None) -> None:
         self.body, self.stride = body, stride
         self.walker = Walker(manner_of(body, stride))
         self.ready = standing(body, stride, self.walker.manner.feet)
-        self._balance = balance
+        self.balance = balance
         self._angles = self.ready
         self._off = self._centre(self.ready, (0.0, 0.0))
         self._correction = Correction()
@@ -201,11 +202,10 @@ class Engine:
                 half = slice(6 * number, 6 * number + 6)
                 angles[half] = self._angles[half]
                 refused = f"{side} leg: {REASONS[int(reason[number])]}"
-        self._off = self._centre(angles, added.hip)
         self._angles = angles
         posture = Posture(self._ankled(angles, added), pattern, refused)
-        if felt is not None and self._balance is not None:
-            self._correction = self._balance(felt, posture)
+        if felt is not None and self.balance is not None:
+            self._correction = self.balance(felt, posture)
             self.walker.nudge = self._correction.step
         return posture
 
@@ -250,18 +250,15 @@ def plan(body: Body, stride: StrideKeys, command: tuple[float, float, float], se
 
 
 def laid_out(body: Body, stride: StrideKeys, patterns: list[Pattern]) -> Plan:
-    """Return the angles of a stretch of a pattern, whose true centre of mass follows the pendulum's."""
+    """Return the angles of a stretch of a pattern, as the engine has them."""
     heading = np.array([each.heading for each in patterns])
     feet = np.array([[each.feet[side][:3] for side in SIDES] for each in patterns])
     headings = np.array([[each.feet[side][3] for side in SIDES] for each in patterns])
     centre = np.array([each.centre for each in patterns])
     turned = turning(Z, heading) @ turning(Y, np.array(stride.lean))
-    trunk = np.column_stack((centre, np.full(len(centre), stride.height)))
-    for left in range(PASSES, -1, -1):
-        angles, reason = legs(body, trunk, turned, feet, headings)
-        if left and not reason.any():
-            mass = centre_over_legs(body, angles.reshape(-1, 2, 6))
-            there = trunk + (turned @ mass[..., None])[..., 0]
-            trunk[:, :2] += centre - there[:, :2]
+    ready = standing(body, stride, manner_of(body, stride).feet)
+    off = (turned @ centre_over_legs(body, ready.reshape(2, 6))[:, None])[..., :2, 0]
+    trunk = np.column_stack((centre - off, np.full(len(centre), stride.height)))
+    angles, reason = legs(body, trunk, turned, feet, headings)
     times = np.array([each.time for each in patterns])
     return Plan(times, tuple(patterns), angles, trunk, heading, reason)

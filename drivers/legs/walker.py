@@ -23,9 +23,6 @@ SHIFT = 0.7
 LED = 4.0
 """1/s: how fast the pressure brings the capture point back to its plan."""
 
-RAMP = 0.25
-"""The share of a motion in which a foot speeds up, and slows down: it is 4/3 as fast at most as in the mean."""
-
 KEPT = 0.01
 """Metres that the pressure stays inside of the edges of the soles."""
 
@@ -108,29 +105,29 @@ class Walker:
         self.time += dt
         if self._step is None and self.wanted != (0.0, 0.0, 0.0):
             self._step, self._in_step = self._first(), 0.0
+        pressure, kept = self._sway(dt)
         if self._step is not None:
             self._in_step += dt
             while self._step is not None and self._in_step >= self._step.duration - 1e-9:
                 self._in_step -= self._step.duration
                 self._step = self._next(self._step)
-        return self._sway(dt)
+        pose, speed = self.pose
+        return Pattern(self.time, self._on(), self._soles(), self.centre, pose.heading, pressure, kept, pose, speed)
 
-    def _sway(self, dt: float) -> Pattern:
+    def _sway(self, dt: float) -> tuple[Point, float]:
+        """Sway for ``dt`` seconds over one point of pressure; return that, and its margin (m)."""
         step = self._step
         if step is None:
             pressure, support = self._middle.point, self._support(*(self.feet[side] for side in SIDES))
             plan = pressure
         else:
             support = step.wide if self._in_step < step.both else step.narrow
-            plan, pressure = self._plan(step)
+            plan, pressure = self._plan(step, self._in_step), self._pressed(step, self._in_step + dt / 2)
         gain = 1.0 + LED / self.w
         asked = tuple(pressure[axis] + gain * (self.capture[axis] - plan[axis]) for axis in (0, 1))
         pressure = within(support, pressure, (asked[0], asked[1]), KEPT)
         self.centre, self.capture = swayed(self.centre, self.capture, pressure, self.w, dt)
-        pose, speed = self.pose
-        feet, heading = self._soles(), pose.heading
-        kept = margin(support, pressure)
-        return Pattern(self.time, self._on(), feet, self.centre, heading, pressure, kept, pose, speed)
+        return pressure, margin(support, pressure)
 
     # --- steps --------------------------------------------------------------------------------------------------------
 
@@ -207,15 +204,18 @@ class Walker:
 
     # --- within a step ------------------------------------------------------------------------------------------------
 
-    def _plan(self, step: _Step) -> tuple[Point, Point]:
-        """Return where capture point and pressure are to be now."""
-        if self._in_step >= step.both:
-            return standing(step.end, step.p1, self.w, step.duration - self._in_step), step.p1
-        done = self._in_step / step.both
-        pressure = tuple(a + (b - a) * done for a, b in zip(step.p0, step.p1, strict=True))
+    def _plan(self, step: _Step, at: float) -> Point:
+        """Return where the capture point is to be ``at`` seconds into a step."""
+        if at >= step.both:
+            return standing(step.end, step.p1, self.w, step.duration - at)
         over = standing(step.end, step.p1, self.w, step.alone)
-        plan = shifting(over, step.p0, step.p1, self.w, step.both, step.both - self._in_step)
-        return plan, (pressure[0], pressure[1])
+        return shifting(over, step.p0, step.p1, self.w, step.both, step.both - at)
+
+    @staticmethod
+    def _pressed(step: _Step, at: float) -> Point:
+        """Return where the pressure is to be ``at`` seconds into a step."""
+        done = min(at / step.both, 1.0)
+        return step.p0[0] + (step.p1[0] - step.p0[0]) * done, step.p0[1] + (step.p1[1] - step.p0[1]) * done
 
     def _on(self) -> Literal["left", "right", "both"]:
         step = self._step
@@ -226,7 +226,8 @@ class Walker:
         step = self._step
         if step is not None and step.swing is not None and self._in_step > step.both:
             share = (self._in_step - step.both) / step.alone
-            way, up = smooth(share), smooth(min(2 * share, 2 - 2 * share))
+            # What servos can follow: no leap in how a motion gathers speed, but at its ends.
+            way, up = (1.0 - cos(pi * share)) / 2, sin(pi * share) ** 2
             a, b = step.origin, step.to
             found[step.swing] = (
                 a.x + way * (b.x - a.x),
@@ -252,12 +253,3 @@ class Walker:
         """Return the polygon that soles at some spots make."""
         long, wide = self.manner.length / 2, self.manner.width / 2
         return edges([spot.beside(u * long, v * wide).point for spot in spots for u in (-1, 1) for v in (-1, 1)])
-
-
-def smooth(share: float) -> float:
-    """Return how far a motion is after a share of its time: it speeds up and slows down by a cosine, evenly between."""
-    if share > 0.5:
-        return 1.0 - smooth(1.0 - share)
-    if share >= RAMP:
-        return (share - RAMP / 2) / (1.0 - RAMP)
-    return (share - RAMP / pi * sin(pi * share / RAMP)) / 2 / (1.0 - RAMP)

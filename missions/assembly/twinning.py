@@ -54,14 +54,20 @@ def twin_robot(
     interests: Interests,
     seed: int,
     truth: bool,
+    physics: bool = False,
 ) -> tuple[Twins, Assembled]:
     """Put together twins for the ``chosen`` parts of a robot, stepped by ``timeline``, and the robot that they make.
 
-    With ``truth``, faces are known from the world instead of being searched for in pictures. Raises BadRequest for a
-    part whose driver has no twin.
+    With ``truth``, faces are known from the world instead of being searched for in pictures. With ``physics`` the
+    robot is a body with masses. Raises BadRequest for a part whose driver has no twin, and where there is no physics.
     """
     chosen = with_carriers(config, chosen)
     twins = Twins(timeline, build_world(world))
+    if physics:
+        # MuJoCo is 60 MB, which few runs need.
+        from missions.assembly.physics import scene_of  # noqa: PLC0415
+
+        twins.scene = scene_of(config, world, twins.world.start, seed)
     place = _Place(twins, config, world, audience, interests, seed, truth=truth)
     robot, devices = put_together(config, chosen, place)
     place.conversation.begin()
@@ -106,6 +112,7 @@ class _Place:
             audience.steered,
             twins.parts,
             {kind: section.keys for kind, section in config.sections.items()},
+            scene=twins.scene,
         )
 
     def make(self, kind: str, section: Section, made: Mapping[str, Any]) -> tuple[Device, object]:  # noqa: ARG002

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from drivers.api import Device, Pose2D
+from drivers.sim.rigid.scene import Scene
 from drivers.sim.stage import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
@@ -26,7 +27,8 @@ T = TypeVar("T")
 class Twins:
     """The twins of a robot's parts, by kind, in their world; those that it lacks or the mission does not use are not.
 
-    ``place`` is where the camera sits on the base, ``lens`` what it sees through. The properties are the twins to
+    ``place`` is where the camera sits on the base, ``lens`` what it sees through. ``scene`` is the robot's body in
+    physics, where these were asked for. The properties are the twins to
     which more can be done than a driver is told, None where a robot has others.
     """
 
@@ -35,6 +37,7 @@ class Twins:
     parts: dict[str, Any] = field(default_factory=dict)
     place: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lens: Lens = field(default_factory=lambda: Lens(640, 480, 1.047))
+    scene: Scene | None = None
 
     @property
     def devices(self) -> Mapping[str, Device]:
@@ -82,7 +85,10 @@ class Twins:
         return self.parts.get("head")
 
     def pose(self) -> Pose2D:
-        """Return where the base truly is now, in the world's frame."""
+        """Return where the base truly is now, in the world's frame; in physics, the trunk."""
+        if self.scene is not None:
+            self.scene.advance(self.timeline.clock.now())
+            return self.scene.pose()
         base: TrueBase | None = self.parts.get("base")
         return self.world.start if base is None else base.true_pose(self.timeline.clock.now())
 
@@ -92,6 +98,8 @@ class Twins:
         if self.head is not None:
             looks = self.head.true_pose(self.timeline.clock.now())
             pan, tilt = looks.pan, looks.tilt
+        if self.scene is not None:
+            tilt += self.scene.lean()[1]
         return mounted(self.pose(), pan, tilt, self.place)
 
     def _of(self, kind: str, cls: type[T]) -> T | None:

@@ -89,6 +89,12 @@ class RunCommand(MissionCommand):
     metavar="TIME",
     help="In simulated time: end the run then, if it has not ended; else after 1 h, unless there is a --speed.",
 )
+@click.option(
+    "--physics",
+    is_flag=True,
+    help="In simulated time: a robot with a body (a humanoid) stands, walks and falls by MuJoCo. It needs the extra "
+    "`physics`.",
+)
 @click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
 @click.option("--camera", metavar="SOURCE", help="A video, folder, URL, device or index instead of the robot's camera.")
 @click.option(
@@ -137,6 +143,7 @@ def command(
     speed: float | None,
     eyes: Literal["pixels", "truth"],
     until: float | None,
+    physics: bool,
     world: str | None,
     camera: str | None,
     ports: dict[str, str],
@@ -163,7 +170,12 @@ def command(
     """
     if speed is not None and not isfinite(speed):
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
-    if simulate is None and robot is None and not on_robot and (speed is not None or eyes == "truth" or film or until):
+    if (
+        simulate is None
+        and robot is None
+        and not on_robot
+        and (speed is not None or eyes == "truth" or film or until or physics)
+    ):
         simulate = "fast"
     if view and as_json:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
@@ -183,6 +195,7 @@ def command(
         eyes=eyes,
         speed=inf if speed is None else speed,
         pad=pad,
+        physics=physics,
     )
     if no_record and record is not None:
         raise click.UsageError("--record keeps it, --no-record does not: one of them")

@@ -67,6 +67,11 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     help="Know from the world who is in view, which is quick, or draw pictures and search them, as the robot does.",
 )
 @click.option(
+    "--physics",
+    is_flag=True,
+    help="Let a robot with a body (a humanoid) stand, walk and fall by MuJoCo. It needs the extra `physics`.",
+)
+@click.option(
     "--seed",
     type=Whole(min=0),
     default=0,
@@ -113,6 +118,7 @@ def command(
     robot: str | None,
     world: str | None,
     eyes: Literal["pixels", "truth"],
+    physics: bool,
     seed: int,
     limit: float,
     jobs: int | None,
@@ -136,7 +142,7 @@ def command(
     if dask is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; a Dask cluster has the workers that it has")
     try:
-        sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit))
+        sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit, physics))
     except VariationError as error:
         raise click.BadParameter(str(error), param_hint="--vary") from error
     if only is not None:

@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -31,6 +32,7 @@ from missions.testing.suite import Case, load_suite
 @click.command(epilog="Example: mission test greet --coverage")
 @click.argument("names", type=TESTED, nargs=-1, metavar="[PATH]...")
 @click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
+@click.option("--physics", is_flag=True, help="Play all cases in physics, as a case does with `physics: true`.")
 @click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes at a time; one for each core.")
 @click.option(
     "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
@@ -49,6 +51,7 @@ from missions.testing.suite import Case, load_suite
 def command(
     names: tuple[str, ...],
     words: str,
+    physics: bool,
     jobs: int | None,
     junit_file: Path | None,
     tell_coverage: bool,
@@ -63,6 +66,8 @@ def command(
     Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
     """
     cases = _chosen(names, words, files)
+    if physics:
+        cases = [replace(case, physics=True) for case in cases]
     clock = SystemClock()
     with _progress(len(cases)) as told:
         verdicts = _played(cases, jobs or cores(), fail_fast, told)

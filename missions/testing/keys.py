@@ -106,6 +106,9 @@ class CommonKeys:
     eyes: Eyes = key(
         default="pixels", help="With `pixels`, pictures are drawn and searched; with `truth`, faces are known: quicker."
     )
+    physics: bool = key(
+        default=False, help="Whether the robot is a body with masses, by MuJoCo: `mission test --physics` for all."
+    )
     seed: int = key(default=0, low=0, help="For what is drawn by chance.")
     timeout: float = key(
         "duration", default=TIMEOUT, low=0.1, help="Simulated time after which a run that goes on has failed."

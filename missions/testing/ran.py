@@ -56,6 +56,7 @@ def run_mission(
     world: str | Path | None = None,
     seed: int = 0,
     eyes: Eyes = "pixels",
+    physics: bool = False,
     timeout: str = "120 s",
     given: Iterable[Given] = (),
     behaviours: Iterable[str | Path] = (),
@@ -70,6 +71,7 @@ def run_mission(
         "params": {name: _text(value) for name, value in (params or {}).items()},
         "seed": seed,
         "eyes": eyes,
+        "physics": physics,
         "timeout": timeout,
         "given": list(given),
     }

@@ -23,6 +23,11 @@ REST_TIME = 1.0
 STILL = 0.1
 """Seconds over which nothing may move then."""
 
+SWAY = 0.01
+"""Metres, and radians, by which a body that stands in physics may sway meanwhile."""
+
+Posture = tuple[Pose2D, HeadPose | None, dict[str, float]]
+
 IN_PROCESS = Limits(slow=math.inf, stall=math.inf, fail=10.0, lost=math.inf)
 """For a run in a process that has more to do: a behaviour that hangs is waited for, instead of ending the process."""
 
@@ -54,6 +59,7 @@ class Stage:
             seed=case.seed,
             behaviours=case.behaviours,
             eyes=case.eyes,
+            physics=case.physics,
         )
         runner = Runner(order, listeners=[history], limits=self._limits, substitute=Cast(case.mocks))
         twins = runner.twins
@@ -86,7 +92,7 @@ class Stage:
         history.joints = _joints(twins)
         before = _posture(twins)
         timeline.run(timeline.clock.now() + STILL)
-        if before != _posture(twins):
+        if not _still(before, _posture(twins), SWAY if twins.scene is not None else 0.0):
             self.wrong.append(f"the robot was not at rest {REST_TIME:g} s after the end")
         if history.claimed:
             self.wrong.append(history.claimed)
@@ -99,10 +105,21 @@ def _velocity(twins: Twins) -> Callable[[], Velocity] | None:
     return None if base is None else lambda: base.body.velocity
 
 
-def _posture(twins: Twins) -> tuple[Pose2D, HeadPose | None, dict[str, float]]:
+def _posture(twins: Twins) -> Posture:
     """Return where base, head and joints truly are now."""
     head = None if twins.head is None else twins.head.true_pose(twins.timeline.clock.now())
     return twins.pose(), head, _joints(twins)
+
+
+def _still(before: Posture, after: Posture, sway: float) -> bool:
+    """Whether nothing moved farther than ``sway``, in metres and radians."""
+    if not sway:
+        return before == after
+    (there, looked, were), (here, looks, are) = before, after
+    moved = [abs(here.x - there.x), abs(here.y - there.y), *(abs(are[joint] - were[joint]) for joint in are)]
+    if looked is not None and looks is not None:
+        moved += [abs(looks.pan - looked.pan), abs(looks.tilt - looked.tilt)]
+    return max(moved) <= sway
 
 
 def _joints(twins: Twins) -> dict[str, float]:

@@ -35,6 +35,7 @@ class Case:
     world: str | None
     seed: int
     eyes: Eyes
+    physics: bool
     timeout: float
     behaviours: Sequence[Path]
     mocks: tuple[MockSpec, ...]
@@ -101,6 +102,7 @@ def _case(suite: Fields, node: Node, told: CommonKeys, wrong: list[Place], conte
         setting.world,
         told.seed,
         told.eyes,
+        told.physics,
         told.timeout,
         context.behaviours,
         mocks,

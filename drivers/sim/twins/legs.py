@@ -1,13 +1,15 @@
 """The twin of a base that walks: the real driver's rules and engine on the twins of the joints, in one thread."""
 
+from collections.abc import Callable
 from math import cos, sin
 from typing import Literal, Unpack
 
 from drivers.api import Joints, Pose2D, Velocity
 from drivers.clock import Clock
 from drivers.kobuki.steered import Settings
+from drivers.legs.compensation import Compensation
 from drivers.legs.driver import LegsBase
-from drivers.legs.engine import Engine
+from drivers.legs.engine import Engine, Felt
 
 
 class LegsTwin(LegsBase):
@@ -20,10 +22,12 @@ class LegsTwin(LegsBase):
         engine: Engine,
         *,
         start: Pose2D,
+        felt: Callable[[], Felt | None] = lambda: None,
+        compensation: Compensation | None = None,
         at_fall: Literal["relax", "hold"] = "relax",
         **settings: Unpack[Settings],
     ) -> None:
-        super().__init__(joints, clock, engine, at_fall=at_fall, **settings)
+        super().__init__(joints, clock, engine, felt=felt, compensation=compensation, at_fall=at_fall, **settings)
         self._start = start
 
     def true_pose(self, now: float) -> Pose2D:

@@ -9,6 +9,7 @@ from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
 from drivers.kobuki.steered import settings_of
 from drivers.legs.declared import LegsKeys
+from drivers.legs.make import compensation, feeling
 from drivers.legs.make import engine as walking
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.reckoning import TwoWheels
@@ -68,10 +69,13 @@ def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, ga
 def legs(keys: LegsKeys, stage: Stage) -> LegsTwin:
     """Return the twin of a base that walks on the arm's twin."""
     start = Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start
+    joints, walks = stage.parts["arm"], walking(keys)
     return LegsTwin(
-        stage.parts["arm"],
+        joints,
         stage.clock,
-        walking(keys),
+        walks,
+        felt=feeling(stage.parts.get("imu")),
+        compensation=None if stage.scene is None else compensation(walks, joints),
         start=start,
         at_fall=keys.at_fall,
         **settings_of(keys, stage),

@@ -46,6 +46,7 @@ class Wish:
     behaviours: tuple[Path, ...] = ()
     eyes: Literal["pixels", "truth"] = "truth"
     limit: float = 300.0
+    physics: bool = False
 
 
 def design(wish: Wish) -> tuple[Sweep, Plan]:
@@ -68,6 +69,7 @@ def design(wish: Wish) -> tuple[Sweep, Plan]:
         variations=tuple(_variation(name, values, declared) for name, values in wish.vary.items()),
         eyes=wish.eyes,
         limit=wish.limit,
+        physics=wish.physics,
     )
     _try_corners(sweep)
     first = tuple(each.values.ends()[0] for each in sweep.variations)

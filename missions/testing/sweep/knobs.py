@@ -15,6 +15,9 @@ from missions.testing.sweep.variation import Drawn
 NEAR_DISTANCE, FAR_DISTANCE, ASIDE = 1.2, 3.0, 50.0
 """Metres between which they stand from the robot, and degrees to each side of it."""
 
+PUSHED = 3.0, 7.0
+"""Seconds from the beginning between which a robot is pushed."""
+
 Turn = Callable[[Plain, Drawn, Random], None]
 """Sets a value in a world's plain data; what else is drawn by chance, from this run's own. Raises ValueError."""
 
@@ -66,6 +69,11 @@ def _world_knobs() -> dict[str, Knob]:
         "noise": _plain("number", "noise of the camera, in grey levels of 255", "noise", "camera"),
         "slip": _plain("share", "how much of its way a wheel slips", "slip", "physics"),
         "lag": _plain("duration", "how late the wheels follow", "lag", "physics"),
+        "friction": _plain("number", "the friction of the floor, in physics", "friction", "physics"),
+        "masses": _plain("share", "how far each mass of the robot is off at most, in physics", "masses", "physics"),
+        "servo_delay": _plain("duration", "how late servos hear of their goals, in physics", "servo_delay", "physics"),
+        "slope": Knob("angle", "how steep the floor is, whichever way, in physics", _slope, (2,)),
+        "push": Knob("speed", "a push at the robot, whenever and whichever way, in physics", _push, (2,)),
         "dropouts": _plain("share", "how many of the base's reports are lost", "dropouts", "physics"),
     }
 
@@ -81,6 +89,19 @@ def _plain(kind: str, words: str, key: str, section: str = "") -> Knob:
         mapping[key] = f"{value} {unit}" if unit else value
 
     return Knob(kind, words, turn, (2,))
+
+
+def _slope(world: Plain, value: Drawn, random: Random) -> None:
+    """Have the floor rise by so much (degrees), whichever way."""
+    way = radians(360 * random.random())
+    world.setdefault("physics", {})["slope"] = [f"{float(value) * part(way):.4f} deg" for part in (cos, sin)]
+
+
+def _push(world: Plain, value: Drawn, random: Random) -> None:
+    """Push the robot so hard (m/s), once within ``PUSHED`` seconds, whichever way."""
+    at, way = PUSHED[0] + (PUSHED[1] - PUSHED[0]) * random.random(), 360 * random.random()
+    push = {"at": f"{at:.3f} s", "speed": f"{value} m/s", "towards": f"{way:.2f} deg"}
+    world.setdefault("physics", {})["pushes"] = [push]
 
 
 def _people(world: Plain, value: Drawn, random: Random) -> None:

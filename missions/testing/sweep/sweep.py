@@ -34,6 +34,7 @@ class Sweep:
     variations: tuple[Variation, ...] = ()
     eyes: Literal["pixels", "truth"] = "truth"
     limit: float = 300.0
+    physics: bool = False
 
     def draw(self, seed: int) -> tuple[Drawn, ...]:
         """Return what the run with this seed has, in the order of ``variations``."""
@@ -65,6 +66,7 @@ class Sweep:
             seed=seed,
             behaviours=self.behaviours,
             eyes=self.eyes,
+            physics=self.physics,
         )
 
     def world_config(self, values: tuple[Drawn, ...], seed: int) -> WorldConfig:
@@ -75,6 +77,7 @@ class Sweep:
         """Return the command that runs one seed again, in ``world`` where that is given: the file of its own world."""
         words = ["mission", "run", self.mission, "--simulate", "fast", "--eyes", self.eyes, "--seed", str(seed)]
         words += [] if self.robot is None else ["--robot", self.robot]
+        words += ["--physics"] if self.physics else []
         words += ["--world", self.file if world is None else str(world)]
         for name, text in self.params_of(self.draw(seed)).items():
             words += ["--param", f"{name}={text}"]

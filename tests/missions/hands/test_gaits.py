@@ -117,7 +117,7 @@ def test_commands_blend_mirror_and_put_in_a_row(tmp_path: Path) -> None:
     assert "within its soles at least" in ran.output
     times = np.loadtxt(row, delimiter=",", skiprows=1)[:, 0]
     assert (np.diff(times) > 0).all()
-    assert times[-1] == pytest.approx(4.5)
+    assert times[-1] == pytest.approx(3.7)
 
 
 def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path) -> None:

@@ -1,0 +1,53 @@
+"""From the body of a robot file to the links that physics know."""
+
+from collections.abc import Mapping
+from math import sqrt
+
+import numpy as np
+
+from drivers.dynamixel.motor import Motor
+from drivers.legs.body import SIDES, Body, Floats
+from drivers.sim.rigid.links import Figure, Link, Shape, Vector
+
+LEAST = 0.015
+"""Metres: the least radius of gyration of a link."""
+
+
+def figure_of(body: Body, motors: Mapping[str, Motor], limits: Mapping[str, tuple[float, float]]) -> Figure:
+    """Return a body with its servos and their limits (rad), by joint, as physics know it."""
+    feet = {body.legs[side].joints[-1]: _sole(body, place) for place, side in enumerate(SIDES)}
+    links = []
+    for place, name in enumerate(body.joints):
+        parent, end, radius = body.parent[place], body.end[place], float(body.radius[place])
+        reach = max(float(np.linalg.norm(end)) / sqrt(12), radius / sqrt(2), LEAST)
+        capsule = (Shape((0.0, 0.0, 0.0), to=_v(end), radius=radius),) if radius and end.any() else ()
+        links.append(
+            Link(
+                name,
+                "" if parent < 0 else body.joints[parent],
+                _v(body.offset[place]),
+                _v(body.axis[place]),
+                float(body.mass[place]),
+                _v(body.centre[place]),
+                motors[name],
+                limits[name],
+                (feet[place],) if place in feet else capsule,
+                (reach, reach, reach),
+            )
+        )
+    trunk = body.trunk
+    x, y, z = trunk.box**2 / 12
+    spread = (sqrt(y + z), sqrt(x + z), sqrt(x + y))
+    box = Shape(_v(trunk.middle), size=_v(trunk.box))
+    return Figure(trunk.mass, _v(trunk.centre), links, (box,), spread)
+
+
+def _sole(body: Body, place: int) -> Shape:
+    leg = body.legs[SIDES[place]]
+    middle = leg.sole + np.array([0.0, 0.0, leg.thickness / 2])
+    return Shape(_v(middle), size=(leg.length, leg.width, leg.thickness))
+
+
+def _v(values: Floats) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

@@ -1,0 +1,56 @@
+"""From a robot file to a body in physics: links and servos of the file, or a model of the user's own."""
+
+from pathlib import Path
+
+from config.robot import RobotConfig
+from config.world import WorldConfig
+from drivers.api import Pose2D
+from drivers.dynamixel.declared import DynamixelKeys
+from drivers.dynamixel.motor import motor_of
+from drivers.errors import BadRequest
+from drivers.legs.body import body_of
+from drivers.legs.declared import LegsKeys
+from drivers.sim.rigid.links import Floor, Push
+from drivers.sim.rigid.mjcf import mjcf
+from drivers.sim.rigid.robot import figure_of
+from drivers.sim.rigid.scene import Scene
+
+
+def scene_of(config: RobotConfig, world: WorldConfig, start: Pose2D, seed: int) -> Scene:
+    """Return a robot's body on the floor of a world.
+
+    Raises BadRequest for a robot without one, without MuJoCo, and for a model that is none.
+    """
+    legs, arm = config.keys(LegsKeys), config.keys(DynamixelKeys)
+    if legs is None or arm is None:
+        raise BadRequest(
+            f"physics: the robot '{config.name}' has no body that could fall",
+            hint="physics are for robots whose base has `driver: legs`, such as --robot humanoid",
+        )
+    motors = {name: motor_of(joint.kind, joint.torque) for name, joint in arm.servos.items()}
+    body = body_of(legs.body)
+    model = own_model(legs, config) or mjcf(figure_of(body, motors, arm.reaches))
+    backlashes = {name: motors[name].backlash for name in body.joints}
+    return Scene(model, backlashes, floor_of(world), start=start, seed=seed)
+
+
+def own_model(legs: LegsKeys, config: RobotConfig) -> Path | None:
+    """Return the model that a robot file names, from its own folder; None where it names none. Raises BadRequest."""
+    if not legs.model:
+        return None
+    path = (Path() if config.path is None else config.path.parent) / legs.model
+    if not path.is_file():
+        raise BadRequest(f"base: 'model': {path}: no such file", hint="give a model of MuJoCo's, such as op3.xml")
+    return path
+
+
+def floor_of(world: WorldConfig) -> Floor:
+    """Return the floor of a world, and what disturbs who stands on it."""
+    physics = world.physics
+    return Floor(
+        friction=physics.friction,
+        slope=physics.slope,
+        masses=physics.masses,
+        delay=physics.servo_delay,
+        pushes=tuple(Push(each.at, each.speed, each.towards, each.over) for each in physics.pushes),
+    )

@@ -1,0 +1,64 @@
+"""Missions in physics: a humanoid walks, whatever pushes it falls, and who has no body is told so."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from drivers.errors import BadRequest
+from missions.cli.root import mission
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.testing.ran import Ran, run_mission
+
+WALK = "mission: stroll\ntree:\n  walk: {distance: 0.2 m, velocity: 0.2 m/s}\n"
+PUSHED = "world: rough\nphysics: {friction: 0.7, pushes: [{at: 2 s, speed: 1.5 m/s, towards: 90 deg}]}\n"
+
+
+def walked(folder: Path, *, world: str | None = None, seed: int = 0) -> Ran:
+    (folder / "stroll.yaml").write_text(WALK)
+    if world is not None:
+        (folder / "rough.yaml").write_text(world)
+        world = str(folder / "rough.yaml")
+    mission = str(folder / "stroll.yaml")
+    return run_mission(mission, robot="humanoid", world=world, seed=seed, eyes="truth", physics=True, timeout="15 s")
+
+
+def test_a_humanoid_walks_in_physics_as_far_as_it_is_told_the_same_each_time(tmp_path: Path) -> None:
+    ran = walked(tmp_path)
+    assert ran.result == "success", ran.reason
+    assert ran.pose is not None
+    assert ran.pose.x == pytest.approx(0.2, abs=0.07)
+    assert abs(ran.pose.y) < 0.1
+    assert walked(tmp_path).pose == ran.pose
+
+
+def test_a_hard_push_throws_it_over(tmp_path: Path) -> None:
+    (tmp_path / "stroll.yaml").write_text(WALK)
+    (tmp_path / "rough.yaml").write_text(PUSHED)
+    order = RunRequest(
+        str(tmp_path / "stroll.yaml"),
+        robot="humanoid",
+        simulate="fast",
+        world=str(tmp_path / "rough.yaml"),
+        eyes="truth",
+        physics=True,
+    )
+    runner = Runner(order)
+    assert runner.twins is not None
+    runner.twins.timeline.at(4.0, lambda: runner.executive.stop("enough"))
+    runner.run()
+    assert runner.twins.scene is not None
+    assert runner.twins.scene.fallen
+
+
+def test_a_robot_without_a_body_has_no_physics(tmp_path: Path) -> None:
+    (tmp_path / "stroll.yaml").write_text("mission: stroll\ntree:\n  drive: 10 cm\n")
+    with pytest.raises(BadRequest, match="no body that could fall"):
+        Runner(RunRequest(str(tmp_path / "stroll.yaml"), robot="turtlebot2", simulate="fast", physics=True))
+
+
+def test_physics_are_for_simulated_time() -> None:
+    said = CliRunner().invoke(mission, ["run", "walk_square", "--robot", "op3", "--physics"])
+    assert said.exit_code == 2
+    assert "--simulate fast" in said.output
