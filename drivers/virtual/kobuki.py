@@ -19,7 +19,7 @@ from drivers.kobuki.commands import (
     Sound,
     SoundSequence,
 )
-from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, frame, subpayload
+from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, frame, subpayload
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body, either
 from drivers.sim.ground import Ground
@@ -173,7 +173,7 @@ class VirtualKobuki:
             yield feedback.UniqueId(0x4B6F6275, 0x6B690000, 0x00000001)
 
     def _report(self, now: float) -> bytes:
-        """Return one frame with all that it feels at ``now``, and the answers that are due."""
+        """Return one frame with all that it feels at ``now``, and as many of the answers that are due as it holds."""
         if self.frozen:
             return b""
         parts = [
@@ -184,11 +184,13 @@ class VirtualKobuki:
             self._currents(),
             self._gyro(),
             self.sockets,
-            *self._answers,
         ]
-        self._answers = []
         payload = b"".join(self._subpayload(part) for part in parts)
-        return frame(payload + (subpayload(UNKNOWN_ID, b"\x01\x02") if self.chatty else b""))
+        payload += subpayload(UNKNOWN_ID, b"\x01\x02") if self.chatty else b""
+        while self._answers and len(payload + (answer := self._subpayload(self._answers[0]))) <= MAX_PAYLOAD:
+            payload += answer
+            del self._answers[0]
+        return frame(payload)
 
     def _subpayload(self, part: Part) -> bytes:
         data = part.pack()

@@ -220,6 +220,23 @@ def test_a_short_part_or_an_unknown_one_is_all_that_is_wrong_with_its_frame(iden
     assert (decoded.malformed, decoded.unknown, len(decoded.parts)) == (1, 1, 6)
 
 
+def test_what_was_asked_of_it_while_it_was_frozen_is_answered_in_as_many_reports_as_it_takes() -> None:
+    kobuki = VirtualKobuki()
+    kobuki.poll(0.0)
+    kobuki.frozen = True
+    for _ in range(20):
+        kobuki.feed(encode(GetGains()), 0.01)
+    kobuki.frozen = False
+    said = kobuki.poll(1.0)
+    gains = [
+        part
+        for payload in FrameFinder().feed(said)
+        for part in decode(payload, FEEDBACK).parts
+        if isinstance(part, Gains)
+    ]
+    assert len(gains) == 20
+
+
 def test_frozen_it_says_nothing_and_stops_like_one_that_is_told_nothing() -> None:
     bench = Bench()
     bench.run(1.0, Velocity(0.3, 0.0))

@@ -23,7 +23,7 @@ SECONDS = 8.0
 TICK, LOOK = 0.05, 0.02
 
 RESTS = 0.7
-"""Seconds from the last command that was taken, or from the end, to rest."""
+"""Seconds from the last command that was taken, or the last that came over a wire that is cut, or the end, to rest."""
 
 MISHAPS = ("bytes lost", "bytes bent", "bytes doubled", "silence", "unplugged", "frozen", "stalled", "bumped")
 GOALS = (0.2, -0.2, 0.4, 99.0, -99.0, nan, inf)
@@ -35,13 +35,16 @@ class Bent:
 
     device: VirtualKobuki
     bend: Callable[[bytes], bytes] = bytes
+    heard_at: float = 0.0
 
     @property
     def baud(self) -> int:
         return self.device.baud
 
     def feed(self, data: bytes, now: float) -> bytes:
-        return self.device.feed(self.bend(data), now)
+        if heard := self.bend(data):
+            self.heard_at = now
+        return self.device.feed(heard, now)
 
     def poll(self, now: float) -> bytes:
         return self.device.poll(now)
@@ -121,7 +124,8 @@ class Storm:
         cut = self.wire.holder is None or self.happening["silence"] > 0
         if self.base.steering().source == "safety" and not cut and now < self.ended:
             self.taken_at = now  # it backs off, by itself
-        since = now - min(self.taken_at, self.ended)
+        # The driver renews a command for as long as that lives: of a wire that is cut, what came last counts.
+        since = now - min(max(self.taken_at, self.bent.heard_at if cut else 0.0), self.ended)
         if velocity != STILL and since > RESTS:
             self.wrong.append(f"at {now:.2f} s it moves at {velocity}, {since:.2f} s after it was last commanded")
 

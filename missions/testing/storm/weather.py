@@ -60,6 +60,9 @@ lidar_mast:
 """
 """A second pan/tilt, for a robot with an Arduino."""
 
+WALKERS = ("humanoid",)
+"""Robots whose base walks on the joints of their arm: they stand here."""
+
 PLAIN = ("wave_rover",)
 """Robots whose base feels nothing."""
 
@@ -111,6 +114,8 @@ class Weather:
         text = re.sub(r"max_speed: ([\d.]+) m/s", lambda it: f"max_speed: {float(it[1]) * self.pace:.3f} m/s", text)
         text = re.sub(r"max_turn: ([\d.]+) deg/s", lambda it: f"max_turn: {float(it[1]) * self.pace:.1f} deg/s", text)
         text = re.sub(r"^rate: \d+ Hz", f"rate: {self.rate} Hz", text, flags=re.MULTILINE)
+        if self.robot in WALKERS:
+            text = re.sub(r"^base:\n(?:[ \t#].*\n|\n)*", "", text, flags=re.MULTILINE)
         text += MAST if self.mast else ""
         return re.sub(r"\bspeed: ([\d.]+) deg/s", lambda it: f"speed: {float(it[1]) * self.limbs:.1f} deg/s", text)
 
