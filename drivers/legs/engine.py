@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import cos, sin
 
 import numpy as np
@@ -78,6 +79,7 @@ class Plan:
 Balance = Callable[[Felt, Posture], Correction]
 
 
+@lru_cache(maxsize=16)
 def manner_of(body: Body, stride: StrideKeys) -> Manner:
     """Return how a body walks with such strides. Raises BadRequest where its legs do not reach the floor."""
     rest = forward(body, np.zeros(len(body.joints)))
