@@ -1,0 +1,53 @@
+"""What a walk is helped by: goals that are set ahead of soft servos, and corrections for what is felt of the trunk."""
+
+import numpy as np
+import pytest
+
+from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.motor import motor_of
+from drivers.legs.balance import Balance, Gains
+from drivers.legs.body import body_of
+from drivers.legs.compensation import Compensation, static_torques
+from drivers.legs.declared import LegsKeys
+from drivers.legs.engine import Engine, Felt, Posture
+from missions.order import RunRequest
+
+
+@pytest.fixture(scope="module")
+def engine() -> Engine:
+    keys = RunRequest("greet", robot="humanoid").robot_file().keys(LegsKeys)
+    assert keys is not None
+    return Engine(body_of(keys.body), keys.stride)
+
+
+def posture(engine: Engine) -> Posture:
+    engine.rest()
+    return engine.step()
+
+
+def test_bent_knees_carry_the_body_and_all_torques_are_mirror_images(engine: Engine) -> None:
+    held = static_torques(engine.body, posture(engine))[engine.body.leg_places].reshape(2, 6)
+    thigh = 0.2 * np.sin(engine.ready[3] / 2)
+    above = engine.body.total - 2 * (0.25 + 0.25 + 0.3)  # kg that both knees carry, without shanks and feet
+    assert -held[0, 3] == pytest.approx(above * 9.81 / 2 * thigh, rel=0.25)
+    assert np.abs(held[0] - held[1]).max() < 1e-6
+
+
+def test_goals_are_set_ahead_by_what_servos_are_soft_and_no_more_while_nothing_moves(engine: Engine) -> None:
+    body, still = engine.body, posture(engine)
+    motor = motor_of(MODELS["EX-106+"])
+    ahead = Compensation(body, dict.fromkeys(body.walking, motor)).goals(still) - still.angles
+    held = static_torques(body, still)[body.leg_places]
+    assert ahead == pytest.approx(held / motor.stiffness)
+
+
+def test_a_lean_ahead_is_pushed_back_by_the_ankles_and_caught_by_a_longer_step(engine: Engine) -> None:
+    balance = Balance(engine.stride, engine.walker.manner.com_height, Gains(step=0.8))
+    upright = balance(Felt(0.0, 0.0), posture(engine))
+    assert (upright.ankle, upright.step) == ((0.0, 0.0), (0.0, 0.0))
+    ahead = balance(Felt(0.0, 0.1, 0.0, 0.5), posture(engine))
+    assert ahead.ankle[1] > 0
+    assert ahead.step[0] > 0
+    right = balance(Felt(0.2, 0.0), posture(engine))
+    assert right.step[1] < 0
+    assert abs(right.ankle[0]) <= 0.1
