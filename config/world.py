@@ -91,10 +91,15 @@ class PhysicsConfig:
     )
     friction: float = key(default=1.0, low=0.05, high=3.0, help="How much friction the floor has (Coulomb's number).")
     slope: tuple[float, float] = key(
-        "angle", default=(0.0, 0.0), low=-0.35, high=0.35, help="How far the floor rises: [along x, along y]."
+        "angle",
+        default=(0.0, 0.0),
+        low=-0.35,
+        high=0.35,
+        wrong="'{}' needs two angles, such as [2 deg, 0 deg]",
+        help="How far the floor rises: [along x, along y].",
     )
     masses: float = key("share", default=0.0, low=0.0, high=0.5, help="How far each mass of the robot is off at most.")
-    servo_delay: float = key("duration", default=0.0, low=0.0, high=0.5, help="From a goal to the servo that hears it.")
+    servo_delay: float = key("duration", default=0.0, low=0.0, high=1.0, help="From a goal to the servo that hears it.")
     pushes: tuple[PushConfig, ...] = key(default=(), each="a push", help="Pushes at the robot.")
 
 

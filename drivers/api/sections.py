@@ -178,7 +178,10 @@ class ImuKeys:
     """The keys of every IMU."""
 
     level: tuple[float, float] = key(
-        "angle", default=(0.0, 0.0), help="What it tells with the robot upright: [roll, pitch]."
+        "angle",
+        default=(0.0, 0.0),
+        wrong="'{}' needs two angles, such as [0.5 deg, -1 deg]",
+        help="What it tells with the robot upright: [roll, pitch].",
     )
 
 

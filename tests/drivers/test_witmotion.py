@@ -5,6 +5,8 @@ from math import radians
 
 import pytest
 
+from config.faults import Source
+from config.robot import robot_of
 from drivers.api import Pose2D, Quality
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
@@ -13,6 +15,7 @@ from drivers.virtual.witmotion import TOLD, VirtualWitMotion
 from drivers.witmotion import wire
 from drivers.witmotion.driver import STALE_AFTER, WitMotionImu
 from drivers.witmotion.probe import probe
+from missions.library.drivers import Table
 from tests.drivers.cranked import HandWire, pass_until
 
 LEANING = wire.Report((0.5, 0.0, 9.7), (0.0, 1.5, 0.0), (radians(3), radians(-8), radians(170)))
@@ -119,3 +122,9 @@ def test_its_twin_feels_a_base_that_stands_upright_and_turns() -> None:
     twin.plug.unplug()
     assert twin.attitude() == replace(twin.attitude(), quality=Quality.STALE)
     twin.close()
+
+
+def test_what_it_tells_upright_may_be_any_two_angles() -> None:
+    text = "robot: r\nimu: {driver: witmotion, port: /dev/imu, level: [2 deg, -1 deg]}\n"
+    keys = robot_of(Source("r.yaml", text), Table())
+    assert keys.sections["imu"].keys.level == pytest.approx((radians(2), radians(-1)))

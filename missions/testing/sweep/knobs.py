@@ -69,12 +69,12 @@ def _world_knobs() -> dict[str, Knob]:
         "noise": _plain("number", "noise of the camera, in grey levels of 255", "noise", "camera"),
         "slip": _plain("share", "how much of its way a wheel slips", "slip", "physics"),
         "lag": _plain("duration", "how late the wheels follow", "lag", "physics"),
+        "dropouts": _plain("share", "how many of the base's reports are lost", "dropouts", "physics"),
         "friction": _plain("number", "the friction of the floor, in physics", "friction", "physics"),
         "masses": _plain("share", "how far each mass of the robot is off at most, in physics", "masses", "physics"),
         "servo_delay": _plain("duration", "how late servos hear of their goals, in physics", "servo_delay", "physics"),
         "slope": Knob("angle", "how steep the floor is, whichever way, in physics", _slope, (2,)),
         "push": Knob("speed", "a push at the robot, whenever and whichever way, in physics", _push, (2,)),
-        "dropouts": _plain("share", "how many of the base's reports are lost", "dropouts", "physics"),
     }
 
 

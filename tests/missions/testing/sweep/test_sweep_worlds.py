@@ -123,7 +123,10 @@ def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
         ("person.distanse", "did you mean 'person.distance'?"),
         ("lihgt", "did you mean 'light'?"),
         ("person0.distance", "did you mean 'person.distance'?"),
-        ("weather", "known are: people, light, noise, slip, lag, dropouts, person.distance, "),
+        (
+            "weather",
+            "known are: people, light, noise, slip, lag, dropouts, friction, masses, servo_delay, slope, push, ",
+        ),
     ],
 )
 def test_an_unknown_name_is_told_with_what_is_near_it(name: str, hint: str) -> None:
