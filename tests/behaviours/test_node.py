@@ -150,7 +150,7 @@ def test_py_trees_stop_does_not_ask_again_so_what_takes_time_is_brought_to_rest(
     root = sequence(bench, leaf)
     root.tick_once()
     root.stop(INVALID)
-    assert bench.settled == [{"base"}]
+    assert set(bench.settled) == {frozenset({"base"})}
     assert statuses(root) == [INVALID, INVALID]
     root.tick_once()
     assert leaf.reason == ""
