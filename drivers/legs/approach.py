@@ -1,10 +1,12 @@
 """The way of legs from where they are found to where a walk begins: slow, and smooth at both ends."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import radians
 
 import numpy as np
 
+from drivers.api import JointState, Reading
 from drivers.legs.body import Floats
 
 NEAR = radians(6)
@@ -44,3 +46,14 @@ class Approach:
         share = self.share(now)
         goals: Floats = self.start + share * share * (3 - 2 * share) * (self.end - self.start)
         return goals
+
+
+def away_from(ready: Floats, names: Iterable[str], states: Mapping[str, Reading[JointState]]) -> dict[str, float]:
+    """Return how far joints that were heard of are from where a walk begins, rad; ``ready`` is that, as ``names``."""
+    places = zip(names, ready.tolist(), strict=True)
+    return {name: value.position - angle for name, angle in places if (value := states[name].value) is not None}
+
+
+def is_near(ready: Floats, names: Iterable[str], states: Mapping[str, Reading[JointState]]) -> bool:
+    """Whether a walk can begin at once from where joints are; see ``away_from``."""
+    return max(map(abs, away_from(ready, names, states).values())) < NEAR

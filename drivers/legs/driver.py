@@ -33,7 +33,7 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault, NotConnected
 from drivers.kobuki.requests import check_light, tone
 from drivers.kobuki.steered import Settings, SteeredBase
-from drivers.legs.approach import FAR, NEAR, Approach
+from drivers.legs.approach import FAR, Approach, away_from, is_near
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 
@@ -181,8 +181,7 @@ class LegsBase(SteeredBase):
         if felt is not None:
             self._lean = float(np.arccos(np.clip(cos(felt.roll) * cos(felt.pitch), -1.0, 1.0)))
             self._fall(self._lean > FALLEN)
-        pose, (ahead, left, turn) = self._engine.pose
-        del left
+        pose, (ahead, _, turn) = self._engine.pose
         state = BaseState(
             Pose2D(pose.x, pose.y, pose.heading),
             Velocity(ahead, turn),
@@ -212,7 +211,8 @@ class LegsBase(SteeredBase):
         dt, self._stepped_at = min(max(now - self._stepped_at, 0.0), LONGEST_STEP), now
         moving = wanted != STILL
         if self._engine.standing:
-            if moving and not (self._ready and self._near(states)) and self._way is None:
+            ready = self._ready and is_near(self._engine.ready, self._legs, states)
+            if moving and not ready and self._way is None:
                 self._begin_way(states, now)
             if self._way is not None:
                 self._get_ready(self._way, now, going=moving)
@@ -251,15 +251,8 @@ class LegsBase(SteeredBase):
             self._way, self._ready = None, way.share(now) == 1.0
         self._joints.move(dict(zip(self._legs, way.at(now).tolist(), strict=True)))
 
-    def _near(self, states: Mapping[str, Reading[JointState]]) -> bool:
-        return max(map(abs, self._off(states).values())) < NEAR
-
-    def _off(self, states: Mapping[str, Reading[JointState]]) -> dict[str, float]:
-        ready = zip(self._legs, self._engine.ready.tolist(), strict=True)
-        return {name: value.position - angle for name, angle in ready if (value := states[name].value) is not None}
-
     def _refuse_far(self) -> None:
-        off = self._off(self._joints.states())
+        off = away_from(self._engine.ready, self._legs, self._joints.states())
         name = max(off, key=lambda joint: abs(off[joint]), default="")
         if name and abs(off[name]) > FAR:
             told = f"{self.name}: {name} is {degrees(abs(off[name])):.0f} deg from where a walk begins"
@@ -289,16 +282,14 @@ class LegsBase(SteeredBase):
     def _newest(self) -> BaseState | None:
         return self._latest.value
 
-    def _unheard(self, now: float) -> NotConnected | None:
-        del now
+    def _unheard(self, now: float) -> NotConnected | None:  # noqa: ARG002 - it knows by itself
         if self._there:
             return None
         health = self.health()
         return NotConnected(health.detail, hint=health.hint)
 
     def _require(self) -> None:
-        absent = self._unheard(self._clock.now())
-        if absent is not None:
+        if (absent := self._unheard(self._clock.now())) is not None:
             raise absent
 
     def _stand(self) -> None:
