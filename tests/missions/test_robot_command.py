@@ -78,7 +78,7 @@ def test_on_robot_runs_on_it_and_on_no_other(mission: Mission) -> None:
 
 
 def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Mission) -> None:
-    mission("robot", "use", "humanoid")
+    mission("robot", "use", "so101")
     told = mission("run", "square_3m", "--simulate", "fast")
     assert told.code == 2
     assert "base" in told.err
