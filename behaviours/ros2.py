@@ -152,8 +152,8 @@ class Topic(Leaf):
     stores = "what the field says"
     topic: str = argument("text", "the topic", principal=True)
     field: str = argument("text", "the field, `pose.pose.position.x` or `ranges[0]`; else all of it", default="")
-    above: float = argument("number", "it is above that", default=-math.inf)
-    below: float = argument("number", "it is below that", default=math.inf)
+    above: float | None = argument("number", "it is above that", default=None)
+    below: float | None = argument("number", "it is below that", default=None)
     equals: Any = argument("value", "it is that", default=None)
     within: Duration = argument("duration", "how new the message is to be", default=Duration(2.0), low=0.0)
 
@@ -176,9 +176,13 @@ class Topic(Leaf):
     def _holds(self, value: Any) -> bool:
         if self.equals is not None:
             return bool(value == self.equals)
-        if math.isfinite(self.above) or math.isfinite(self.below):
-            return isinstance(value, int | float) and self.above < value < self.below
-        return bool(value)
+        if self.above is None and self.below is None:
+            return bool(value)
+        above, below = (
+            (-math.inf if self.above is None else self.above),
+            (math.inf if self.below is None else self.below),
+        )
+        return isinstance(value, int | float) and above < value < below
 
 
 def picked(value: Any, path: str) -> Any:

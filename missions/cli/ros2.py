@@ -16,7 +16,7 @@ from config.library import find
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.numbers import Real
+from missions.cli.numbers import Real, Whole
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 
@@ -32,7 +32,7 @@ def command() -> None:
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options that say where to look."""
     for option in (
-        click.option("--domain", type=click.IntRange(0, 232), help="The domain; else as the robot file says."),
+        click.option("--domain", type=Whole(0, 232), help="The domain; else as the robot file says."),
         click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
         click.option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file."),
     ):

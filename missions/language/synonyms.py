@@ -22,7 +22,7 @@ WORDS: Mapping[str, str] = {
     "turn_anticlockwise turn_counterclockwise",
     "turn: 180 deg": "turn_around turn_back",
     "turn: -90 deg": "turn_right rotate_right turn_clockwise",
-    "go_to": "goto navigate navigate_to move_to drive_to nav_to navigate_to_pose goto_pose go_to_pose move_base",
+    "go_to": "goto navigate_to move_to drive_to nav_to navigate_to_pose goto_pose go_to_pose move_base",
     "velocity": "cmd_vel twist set_velocity set_speed",
     "stop": "halt brake freeze stop_base stop_robot stop_moving emergency_stop",
     "look": "move_head turn_head set_head point_head look_forward",

@@ -243,7 +243,7 @@ BROUGHT = {
 }
 """Words of BehaviorTree.CPP, py_trees, Nav2, ROS, Scratch and of plain English, by what is to be written for them."""
 
-NOTHING_LIKE_IT = "cancel ConsumeQueue pan_tilt servo publish subscribe service TickCounter glide home exit dance grip"
+NOTHING_LIKE_IT = "cancel ConsumeQueue pan_tilt servo subscribe TickCounter glide home exit dance grip"
 """Words for which nothing is proposed: what is here means something else, however it is spelt."""
 
 
@@ -293,7 +293,7 @@ def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
         "sleep steep sweet loop lock book cook hook took burn torn tune tan clay pray slay "
         "drove dark duck deck knock nodding canned skin error scam scar spoon gestures_off mirage tour plan "
         "rover wonder wounded shake head center_on seek hunt chase approach dance spring swim hop jump sit "
-        "stand up down left right step walk wave hello blink smile react alarm "
+        "stand up down left right step wave hello blink smile react alarm "
         "light "
     )
     assert not [(word, meant(word)) for word in strange.split() for moves in moving if f"'{moves}'" in meant(word)]
