@@ -56,13 +56,29 @@ class Walk(Paces):
     distance: float | None = argument("length", "how far; else until it is halted", default=None, principal=True)
     velocity: float = argument("speed", "how fast; without a distance, negative is backwards", default=0.15)
     turn: float = argument("turn rate", "how fast it turns on the way; positive is to the left", default=0.0)
+    _at: Pose2D | None = None
+    _gone = 0.0
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._at, self._gone = None, 0.0
+
+    def resume(self, state: BaseState) -> None:
+        super().resume(state)
+        self._at = None  # what a person drives is not of this walk
 
     @property
     def way(self) -> Way:
         return Way.AHEAD if (self.velocity if self.distance is None else self.distance) > 0.0 else Way.BACK
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
-        gone = self.result = along(start, state.pose)
+        del start
+        if self._at is not None:  # piece by piece, for it may be a curve
+            self._gone += along(self._at, state.pose)
+        self._at = state.pose
+        gone = self.result = self._gone
+        if self.distance is not None and self.velocity == 0.0:
+            return self.fail("with a velocity of 0 it gets nowhere")
         if self.distance is None:
             return self.steer(Velocity(self.velocity, self.turn), f"{gone:.2f} m")
         way = math.copysign(1.0, self.distance)

@@ -86,6 +86,9 @@ class BodyKeys:
                 message = f"link '{name}' hangs from '{link.parent}', which is none of those before it"
                 yield Mistake(message, at, ("links", name), seen=link.parent, known=before, about=(at,))
             before.append(name)
+            if (image := self.mirror(name)) != name and image in self.links:
+                message = f"link '{image}' is the mirror image of '{name}': write that one alone"
+                yield Mistake(message, ("links", image), about=(("links", image),))
         yield from self._chain("leg", self.leg, 6)
         if self.arm:
             yield from self._chain("arm", self.arm, None)

@@ -79,15 +79,16 @@ class LegsBase(SteeredBase):
         self._stiff = False
         self._lean: float | None = None
         self._latest: Reading[BaseState] = Reading(None, 0.0, Quality.NONE)
-        self._told_refusal = ""
         self.stands = Event()
         self.stands.set()
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Walk so; see ``SteeredBase``. Raises DeviceFault too while a leg is too far from where a walk begins."""
-        if velocity != STILL and self._there and not self._ready and self._way is None:
+        """Walk so; see ``SteeredBase``. Raises DeviceFault too when it has fallen, or a leg is far from a stand."""
+        if velocity != STILL and self._fallen:
+            raise DeviceFault(f"{self.name}: it has fallen", hint="put it up by hand")
+        if velocity != STILL and self._there and not self.walking:
             self._refuse_far()
         return super().drive(velocity, source=source)
 
@@ -150,7 +151,8 @@ class LegsBase(SteeredBase):
         with self._lock:
             self._take(states, felt, now)
             try:
-                self._go(self._mux.velocity(now, self._newest), states, felt, now)
+                wanted = self._mux.velocity(now, self._newest)
+                self._go(STILL if self._fallen else wanted, states, felt, now)
             except NotConnected:
                 self._lose()
             except DeviceFault as fault:  # latched: somebody has to enable the arm
@@ -178,7 +180,9 @@ class LegsBase(SteeredBase):
         elif limp:
             self._forget()
         self._stiff = not limp
-        if felt is not None:
+        if felt is None:
+            self._lean = None
+        else:
             self._lean = float(np.arccos(np.clip(cos(felt.roll) * cos(felt.pitch), -1.0, 1.0)))
             self._fall(self._lean > FALLEN)
         pose, (ahead, _, turn) = self._engine.pose
@@ -211,8 +215,8 @@ class LegsBase(SteeredBase):
         dt, self._stepped_at = min(max(now - self._stepped_at, 0.0), LONGEST_STEP), now
         moving = wanted != STILL
         if self._engine.standing:
-            ready = self._ready and is_near(self._engine.ready, self._legs, states)
-            if moving and not ready and self._way is None:
+            self._ready = self._ready and is_near(self._engine.ready, self._legs, states)  # others move them too
+            if moving and not self._ready and self._way is None:
                 self._begin_way(states, now)
             if self._way is not None:
                 self._get_ready(self._way, now, going=moving)
@@ -229,10 +233,9 @@ class LegsBase(SteeredBase):
             self.stands.set()
 
     def _send(self, posture: Posture, dt: float) -> None:
-        if posture.refused and posture.refused != self._told_refusal:
+        if posture.refused and not self._mux.latched:
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {posture.refused}", "take shorter steps"))
-            self._engine.halt()
-        self._told_refusal = posture.refused
+            self._mux.latch(posture.refused)  # it ends in a stand, whoever goes on commanding
         sent = posture.angles if self._compensation is None else self._compensation.goals(posture, dt)
         self._joints.move(dict(zip(self._legs, sent.tolist(), strict=True)))
 

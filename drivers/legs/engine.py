@@ -19,6 +19,12 @@ from drivers.legs.walker import Walker
 PERIOD = 0.01
 """Seconds from one posture to the next."""
 
+FADES = 0.5
+"""Seconds in which what the balance has added fades, once nothing measures how the trunk leans."""
+
+LOWEST = 0.05
+"""Metres above the soles below which no centre of mass of a body that stands can be."""
+
 _, Y, Z = np.eye(3)
 
 PASSES = 2
@@ -51,6 +57,12 @@ class Correction:
     step: tuple[float, float] = (0.0, 0.0)
     down: float = 0.0
 
+    def faded(self, dt: float) -> "Correction":
+        """Return what is left of it after ``dt`` seconds without a measurement."""
+        left = max(0.0, 1.0 - dt / FADES)
+        (roll, pitch), (one, other) = self.hip, self.ankle
+        return Correction((left * roll, left * pitch), (left * one, left * other), (0.0, 0.0), left * self.down)
+
 
 @dataclass(frozen=True, slots=True)
 class Posture:
@@ -81,7 +93,7 @@ Balance = Callable[[Felt, Posture], Correction]
 
 @lru_cache(maxsize=16)
 def manner_of(body: Body, stride: StrideKeys) -> Manner:
-    """Return how a body walks with such strides. Raises BadRequest where its legs do not reach the floor."""
+    """Return how a body walks with such strides. Raises BadRequest where legs or masses are none."""
     rest = forward(body, np.zeros(len(body.joints)))
     left, right = (sole(body, rest, side)[0] for side in SIDES)
     feet = float(left[1] - right[1]) if stride.feet is None else stride.feet
@@ -93,6 +105,9 @@ def manner_of(body: Body, stride: StrideKeys) -> Manner:
     ready = standing(body, stride, feet)
     centre = centre_over_legs(body, ready.reshape(2, 6))
     height = stride.height + float((turning(Y, np.array(stride.lean)) @ centre)[2])
+    if not height > LOWEST:
+        hint = "z is up: look at `centre` of trunk and links, and at stride.height"
+        raise BadRequest(f"base: the body's centre of mass would be {height:.2f} m above its soles", hint=hint)
     return Manner(
         step=stride.period / 2,
         double_support=stride.double_support,
@@ -208,7 +223,9 @@ class Engine:
         posture = Posture(self._ankled(angles, added), pattern, refused)
         if felt is not None and self.balance is not None:
             self._correction = self.balance(felt, posture)
-            self.walker.nudge = self._correction.step
+        else:  # nothing measures it any more: what was added fades, for a leap in both ankles would throw it
+            self._correction = self._correction.faded(dt)
+        self.walker.nudge = self._correction.step
         return posture
 
     def _placed(self, pattern: Pattern, added: Correction) -> tuple[Floats, Floats, Floats]:

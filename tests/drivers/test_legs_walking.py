@@ -12,7 +12,7 @@ from drivers.dynamixel.declared import DynamixelKeys
 from drivers.errors import DeviceFault, NotConnected
 from drivers.legs.body import SIDES, Body, Floats, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
-from drivers.legs.engine import PERIOD, Engine, Felt, Plan, manner_of, plan, whole
+from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, plan, whole
 from drivers.legs.kinematics import centre_of_mass, centre_over_legs, centres, forward, turning
 from drivers.legs.odometry import FootOdometry
 from drivers.legs.pattern import Spot
@@ -259,6 +259,37 @@ def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
     assert np.array_equal(legs.angles(), before)
 
 
+def test_legs_that_were_brought_to_a_sit_after_a_walk_are_not_flung_up_by_the_next_one(legs: Legs) -> None:
+    legs.pass_(3.0, Velocity(0.1, 0.0))
+    legs.pass_(3.0)
+    assert not legs.base.walking
+    legs.arm.move({"left_hip_pitch": 1.56, "right_hip_pitch": 1.56, "left_knee": 1.9, "right_knee": 1.9})
+    legs.pass_(3.0)
+    before = legs.angles()
+    with pytest.raises(DeviceFault, match="from where a walk begins"):
+        legs.base.drive(Velocity(0.1, 0.0))
+    legs.pass_(0.5)
+    assert np.array_equal(legs.angles(), before)
+
+
+def test_a_foot_out_of_reach_ends_the_walk_though_somebody_goes_on_commanding(legs: Legs) -> None:
+    legs.pass_(4.0, Velocity(0.1, 0.0))
+    engine = legs.base._engine
+    step = engine.step
+
+    def short(dt: float, felt: Felt | None) -> Posture:
+        return replace(step(dt, felt), refused="left leg: too far")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "step", short)
+        legs.pass_(0.05)
+    assert legs.base.latched == "left leg: too far"
+    with pytest.raises(DeviceFault, match="too far"):
+        legs.base.drive(Velocity(0.1, 0.0))
+    legs.pass_(3.0)
+    assert not legs.base.walking
+
+
 def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs: Legs) -> None:
     legs.pass_(6.0, Velocity(0.2, 0.0))
     legs.arm.overload("left_knee")
@@ -283,3 +314,11 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
         reading.value.torque for name, reading in legs.arm.states().items() if reading.value and name in legs.legs
     ]
     assert not any(torque)
+    legs.base.enable()  # as the release of a stop does
+    with pytest.raises(DeviceFault, match="it has fallen"):
+        legs.base.drive(Velocity(0.1, 0.0))
+    legs.base._felt_now = lambda: None
+    legs.pass_(0.1)
+    state = legs.base.state().value
+    assert state is not None
+    assert state.lean is None  # nothing measures it any more

@@ -1,0 +1,23 @@
+"""Leaves that walk, on the twin of a humanoid in simulated time."""
+
+from pathlib import Path
+
+from missions.order import RunRequest
+from missions.runner import Runner
+
+
+def walked(tmp_path: Path, step: str) -> tuple[str, str]:
+    mission = tmp_path / "m.yaml"
+    mission.write_text(f"mission: m\ntree:\n  sequence:\n    - {step}\n")
+    result = Runner(RunRequest(str(mission), robot="humanoid", simulate="fast", world="empty", eyes="truth")).run()
+    return result.result, result.reason
+
+
+def test_a_walk_in_a_curve_ends_when_its_steps_have_covered_the_way(tmp_path: Path) -> None:
+    assert walked(tmp_path, "walk: {distance: 1 m, turn: 20 deg/s}\n      timeout: 20 s") == ("success", "")
+
+
+def test_a_walk_with_no_velocity_fails_and_says_so(tmp_path: Path) -> None:
+    result, reason = walked(tmp_path, "walk: {distance: 1 m, velocity: 0 m/s}")
+    assert result == "failure"
+    assert "a velocity of 0" in reason
