@@ -192,9 +192,9 @@ class _Ways:
     # --- modifiers ------------------------------------------------------------------------------------------------
 
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
-        if step.kind == UNKNOWN:  # it may make one end of another
-            after = self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
-            return After(*(_without(step.own_names, each or {}) for each in after))
+        if step.kind == UNKNOWN:  # it may make one end of another, or let one never be: nobody after it is blamed
+            self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
+            return After({}, {})
         kind = MODIFIERS[step.kind]
         guarded = here.guarded or (bool(kind.cut_when) and _asks_variables(step))
         caught = here.caught or catches(step, step.children[0])

@@ -21,6 +21,7 @@ REGISTRY: Any = pint.UnitRegistry(None)
 for line in (
     *("m = [length]", "cm = 0.01 m", "mm = 0.001 m", "rad = [angle]", f"deg = {math.pi / 180!r} rad", "s = [time]"),
     *("ms = 0.001 s", "min = 60 s", "h = 3600 s", "Hz = 1 / s", "V = [voltage]", "degC = [temperature]"),
+    *("kg = [mass]", "g = 0.001 kg"),
 ):
     REGISTRY.define(line)
 
