@@ -7,6 +7,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from drivers.clock import Clock, since_1970
+from drivers.errors import NotConnected
 from drivers.ros2 import wire
 from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
@@ -97,21 +98,27 @@ class Node:
         return sieves
 
     def call(self, server: Entity, payload: bytes, replied: Replied, *, patience: float) -> None:
-        """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most."""
+        """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most.
+
+        Raises NotConnected where the session has gone.
+        """
         with self._lock:
             self._numbers += 1
             attached = Attachment(self._numbers, since_1970(), _gid()).pack()
         once = _Once(replied)
         handler = self._zenoh.handlers.Callback(once.reply, once.end)
-        self._session.get(
-            server.key,
-            handler,
-            target=self._zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=self._zenoh.ConsolidationMode.NONE,
-            timeout=patience,
-            payload=payload,
-            attachment=attached,
-        )
+        try:
+            self._session.get(
+                server.key,
+                handler,
+                target=self._zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=self._zenoh.ConsolidationMode.NONE,
+                timeout=patience,
+                payload=payload,
+                attachment=attached,
+            )
+        except self._zenoh.ZError as error:
+            raise NotConnected(f"ros2: {server.name}: the session of Zenoh has gone: {error}") from error
 
     def serve(self, name: str, kind: str, asked: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
         """Answer requests: ``asked`` is told each, on a thread of Zenoh's, and given what sends the answer, once."""

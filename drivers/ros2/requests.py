@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
+from math import inf
 from threading import RLock
 from typing import Any
 from uuid import uuid4
@@ -24,6 +25,9 @@ ANSWER_TIME = 2.0
 RESULT_TIME = 3600.0
 """Seconds in which the result of an action comes; a service has as long."""
 
+AGAIN = 1.0
+"""Seconds after which a goal that may still go on is cancelled once more."""
+
 SILENCE = 1.0
 """Seconds without its server's token after which a goal is said to be unknown."""
 
@@ -37,13 +41,17 @@ _NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
 class _Request:
-    """A request: to a service, or a goal of an action."""
+    """A request: to a service, or a goal of an action.
+
+    ``loose``: its end is unknown, so that it may go on, until its server has heard that it is to be cancelled.
+    """
 
     def __init__(self, name: str, kind: str, *, goal: bool) -> None:
         self.name, self.kind, self.goal = name, kind, goal
         self.uuid = list(uuid4().bytes)
         self.progress = Progress(GoalState.SENT)
-        self.accepted = self.cancel = self.cancelling = False
+        self.accepted = self.cancel = self.cancelling = self.loose = False
+        self.asked = -inf  # when it was last sent a cancel
         self.lost_since: float | None = None
 
 
@@ -81,15 +89,15 @@ class Requests:
         return number
 
     def cancel(self, number: int) -> None:
-        """Cancel an action; one that is not accepted yet, as soon as it is."""
+        """Cancel an action; one that is not accepted yet, as soon as it is. Asked again, it is sent again."""
         with self._lock:
             request = self._all.get(number)
-            if request is None or not request.goal or request.progress.over or request.cancel:
+            if request is None or not request.goal or (request.progress.over and not request.loose):
                 return
-            request.cancel = True
-            accepted = request.accepted
+            request.cancel, request.cancelling = True, False
+            begun = request.accepted or request.loose
             self._tell(request, GoalState.CANCELLING)
-        if accepted:
+        if begun:
             self._send_cancel(request)
 
     def cancel_all(self) -> None:
@@ -105,9 +113,13 @@ class Requests:
         return request.progress
 
     def look(self, node: Node | None) -> None:
-        """Notice servers that have gone: called now and then, with the node that there is."""
+        """Notice servers that have gone, and cancel goals that may go on once theirs is back.
+
+        Called now and then, with the node that there is.
+        """
         now = self._clock.now()
         for request in list(self._all.values()):
+            self._cancel_again(request, node, now)
             if request.progress.over:
                 continue
             name = f"{request.name}/{SEND}" if request.goal else request.name
@@ -138,7 +150,7 @@ class Requests:
         with self._lock:
             number = next(self._numbers)
             self._all[number] = request
-            over = [each for each, it in self._all.items() if it.progress.over]
+            over = [each for each, it in self._all.items() if it.progress.over and not it.loose]
             for each in over[:-KEPT]:
                 del self._all[each]
         return number, request
@@ -150,6 +162,7 @@ class Requests:
             if request.progress.over:
                 return
             request.progress = Progress(state, reason, feedback or request.progress.feedback, result)
+            request.loose = request.goal and state is GoalState.UNKNOWN
         self._changed()
 
     def _answered(self, request: _Request, payload: bytes | None) -> None:
@@ -203,12 +216,27 @@ class Requests:
 
     def _send_cancel(self, request: _Request) -> None:
         with self._lock:
-            if request.cancelling:
-                return
-            request.cancelling = True
+            request.cancelling, request.asked = True, self._clock.now()
         service = "action_msgs/srv/CancelGoal"
         asked = types().encode(f"{service}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
-        self._ask(request, CANCEL, service, asked, lambda payload: None, ANSWER_TIME)  # noqa: ARG005 - its end is told
+        self._ask(request, CANCEL, service, asked, partial(self._cancel_heard, request), ANSWER_TIME)
+
+    def _cancel_heard(self, request: _Request, payload: bytes | None) -> None:
+        """Take that the server has heard of a cancel, or has not; the end of the goal is told otherwise."""
+        with self._lock:
+            if payload is None:
+                request.cancelling = False
+            else:
+                request.loose = False
+
+    def _cancel_again(self, request: _Request, node: Node | None, now: float) -> None:
+        """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
+        with self._lock:
+            lost = request.cancel and request.accepted and not request.cancelling and not request.progress.over
+            if not (lost or request.loose) or node is None or now - request.asked <= AGAIN:
+                return
+        if node.kind_of(wire.SERVER, f"{request.name}/{CANCEL}") is not None:
+            self._send_cancel(request)
 
     def _ask(self, request: _Request, part: str, kind: str, payload: bytes, replied: Replied, patience: float) -> None:
         try:
