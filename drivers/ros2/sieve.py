@@ -8,6 +8,9 @@ LATE = 0.5
 JUMPED = 1.0
 """Seconds of nothing but late messages after which the sender's clock is taken to have been set."""
 
+DRIFT = 2e-4
+"""Seconds a second by which two clocks drift apart at most."""
+
 _SENDERS = 16
 """Senders on one topic that are told apart at most."""
 
@@ -15,8 +18,8 @@ _SENDERS = 16
 class _Sender:
     """What is known of a sender."""
 
-    def __init__(self, number: int, shift: float) -> None:
-        self.number, self.shift = number, shift
+    def __init__(self, number: int, shift: float, now: float) -> None:
+        self.number, self.shift, self.heard_at = number, shift, now
         self.late_since: float | None = None
 
 
@@ -37,12 +40,14 @@ class Sieve:
         if known is None:
             if len(self._senders) >= _SENDERS:
                 self._senders.pop(next(iter(self._senders)))
-            self._senders[told.gid] = _Sender(told.number, shift)
+            self._senders[told.gid] = _Sender(told.number, shift, now)
             return True
         if told.number <= known.number:
             self.doubled += 1
             return False
-        known.number = told.number
+        # Its clock may be slower than ours: then the quickest of long ago is no measure any more.
+        known.shift += DRIFT * max(now - known.heard_at, 0.0)
+        known.number, known.heard_at = told.number, now
         if shift - known.shift > LATE:
             if known.late_since is None:
                 known.late_since = now

@@ -157,3 +157,9 @@ def test_another_sender_has_its_own_numbers() -> None:
     sieve = Sieve()
     assert sieve.passes(Attachment(900, 10**9, GID), 1.0)
     assert sieve.passes(Attachment(1, 10**9, b"x" * 16), 1.0)
+
+
+def test_a_senders_clock_that_is_slow_makes_nothing_late() -> None:
+    sieve = Sieve()
+    for number in range(20_000):
+        assert sieve.passes(Attachment(number, round(number * 0.99995 * 10**9), GID), float(number))
