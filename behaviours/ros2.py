@@ -100,6 +100,9 @@ class CallService(Requesting):
     type: str = argument("text", "its type, `std_srvs/srv/Trigger`; else that of who offers it", default="")
     values: Any = argument("value", "what it is asked, by field", default=None)
 
+    def halting(self) -> bool:
+        return False  # a service cannot be cancelled: nothing would come of waiting
+
     def begin(self) -> int:
         return self.robot.ros2.call(self.service, self.type, as_json(self.values))
 
