@@ -41,6 +41,9 @@ UNFELT = 1.0
 JUMP = 0.3
 """Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
 
+FAR = 1e6
+"""Metres, and metres and radians a second, that no odometry of a robot reaches."""
+
 CHARGING = 1
 """The status of a battery that charges, as sensor_msgs numbers it."""
 
@@ -98,7 +101,7 @@ class Ros2Base(PlainBase):
                     self._kinds[word] = kind
                 else:
                     self._hear(self._words[channel], payload, now)
-            except (Malformed, ValueError, LookupError):
+            except (Malformed, ValueError, LookupError, ArithmeticError):
                 self._counters["malformed"] += 1
 
     def play(self, tune: Tune) -> None:
@@ -191,8 +194,8 @@ class Ros2Base(PlainBase):
     def _odometry(self, told: Any, now: float) -> None:
         at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
         figures = (at.x, at.y, turned.x, turned.y, turned.z, turned.w, moves.linear.x, moves.angular.z)
-        if not all(map(isfinite, figures)):
-            raise ValueError("odometry that is no number")
+        if not all(abs(figure) < FAR for figure in figures):  # nor is one that is no number
+            raise ValueError("odometry of no robot")
         yaw = atan2(2 * (turned.w * turned.z + turned.x * turned.y), 1 - 2 * (turned.y**2 + turned.z**2))
         raw = Pose2D(at.x, at.y, yaw)
         pose = self._placed(raw, now, told.header.frame_id)

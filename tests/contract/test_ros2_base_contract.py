@@ -1,12 +1,13 @@
 """What ``drivers.api.Base`` promises, kept by a base of ROS 2 over its topics: with Twist, and with TwistStamped."""
 
 from collections.abc import Iterator
-from math import radians
+from math import inf, nan, radians
 
 import pytest
 
 from drivers.api import STILL, Lamp, Pose2D, Sides
 from drivers.ros2.base import Ros2Base
+from drivers.ros2.types import types
 from drivers.ros2.wire import frame
 from drivers.sim.body import NOTHING, Body
 from drivers.virtual.topics import VirtualBase
@@ -189,3 +190,13 @@ def test_a_base_that_nobody_listens_for_says_which_topic_that_is() -> None:
     assert "nobody listens to /cmd_vel (geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped)" in health.detail
     assert "mission ros2 topics" in health.hint
     rig.close()
+
+
+def test_odometry_of_no_robot_is_counted_and_nothing_follows(base: Topics) -> None:
+    before, counted = base.state().pose, base.device.health().counters["malformed"]
+    for x in (1e200, 1e6, inf, nan):
+        told = {"pose": {"pose": {"position": {"x": x}, "orientation": {"w": 1.0}}}}
+        base.wire.take(frame(list(TOPICS).index("odom"), types().encode("nav_msgs/msg/Odometry", told)))
+    base.wait(0.1)
+    assert base.state().pose == before
+    assert base.device.health().counters["malformed"] >= counted + 4
