@@ -106,13 +106,13 @@ def joined(wanted: Joining, folder: Path, latch: FleetLatch) -> Iterator[Member]
         queue, kept = ErrandQueue(connection, channels_of, local_zone()), Kept(connection)
         employ(
             member, address, line, roster, body, latch, queue, kept, clock,
-            robot=wanted.robot, options=wanted.options, knows=_is_there,
+            robot=wanted.robot, options=wanted.options, knows=is_there,
         )  # fmt: skip
         line.follow()
         yield closed.enter_context(member)
 
 
-def _is_there(mission: str) -> bool:
+def is_there(mission: str) -> bool:
     """Say whether there is a mission of this name in a library: no path is looked at that came over a network."""
     try:
         return bool(MISSION.fullmatch(mission) and find_mission(mission, Path(os.devnull)))

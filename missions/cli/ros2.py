@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from config.fleet import refusal
 from config.library import find
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
@@ -182,6 +183,7 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
     """
     from missions.cli.offering import MissionServer  # noqa: PLC0415
 
+    _check_open(robot, router)
     chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
     given = [word for option, value in chosen if value is not None for word in (option, value)]
     ending = Event()
@@ -196,3 +198,21 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
         finally:
             server.close()
     return SUCCESS
+
+
+def _check_open(robot: str, router: str | None) -> None:
+    """Refuse to have missions run by who comes over a network without keys. Raises click.UsageError."""
+    from drivers.ros2.session import access_of  # noqa: PLC0415 - an extra
+
+    config = load_robot(find("robots", robot))
+    if "ros2" not in config.sections:
+        return  # which is told by who looks for its nodes
+    access = access_of(config.sections["ros2"].keys, router or "")
+    certified = bool(access.ca and ((access.certificate and access.private_key) or access.user))
+    for endpoint in (*access.endpoints, *access.listen):
+        if why := refusal(endpoint, certified=certified):
+            raise click.UsageError(
+                f"{why}, and who reaches it could start missions\n  try: router: tls/HOST:PORT in the ros2 section, "
+                "with `ca`, and `certificate` and `private_key`, or `user` and `password_file` (docs/ros2.md); "
+                "or --router tcp/127.0.0.1:7447"
+            )

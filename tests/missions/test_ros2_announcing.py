@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from math import radians
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from drivers.clock import SystemClock
+from drivers.ros2.actions import ActionServer, Goal
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
@@ -122,7 +124,7 @@ def test_a_node_of_ros_starts_missions_hears_of_them_and_cancels_them(
         Path(files[name]).write_text(text)
     robot = tmp_path / "bare.yaml"
     robot.write_text("robot: bare\nvoice: {driver: print}\n")
-    server = MissionServer(node, ["--simulate", "wire", "--robot", str(robot)])
+    server = MissionServer(node, ["--simulate", "wire", "--robot", str(robot)], knows=set(files.values()).__contains__)
     digest = types().digest(f"{RUN_MISSION}_FeedbackMessage")
     order = [files["short"], files["long"] + "!", "--help"]
     command = [sys.executable, str(CLIENT), router.path.split(":")[-1], digest, *order]
@@ -134,3 +136,23 @@ def test_a_node_of_ros_starts_missions_hears_of_them_and_cancels_them(
     assert (short["status"], short["result"], short["reason"]) == (6, "failure", "the kettle is empty")
     assert (long["cancelled"], long["status"]) == (1, 5)
     assert not option["accepted"]
+
+
+class _Silent:
+    """A node that nobody hears."""
+
+    def publisher(self, *_: object) -> None:
+        return None
+
+    def serve(self, *_: object) -> None:
+        return None
+
+
+def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "short.yaml"
+    path.write_text(MISSIONS["short"])
+    server = MissionServer(cast(Node, _Silent()), ["--simulate", "nonsense"])
+    deep, escape = "[" * 100_000, json.dumps({"who": "\x1b[2J"})
+    for name, params in ((str(path), ""), ("../x", ""), ("greet", deep), ("greet", escape), ("--help", "")):
+        values = SimpleNamespace(mission=name, parameters=params)
+        assert not server._begin(Goal(cast(ActionServer, None), [], values))
