@@ -62,6 +62,11 @@ def looking(robot: str, router: str | None, domain: int | None) -> Iterator[Any]
         session.close()  # type: ignore[no-untyped-call]
 
 
+def _line(text: str) -> None:
+    """Print a line with names of others, which must not make several of it; all else is cleaned as it is printed."""
+    click.echo(text.replace("\r", "\\r").replace("\n", "\\n"))
+
+
 def _wait(seconds: float) -> None:
     Event().wait(seconds)  # of a command that only looks
 
@@ -81,7 +86,7 @@ def topics(robot: str, router: str | None, domain: int | None, every: bool) -> i
         for (name, kind), roles in sorted(found.items()):
             words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "listens", wire.SERVER: "serves", wire.CLIENT: "asks"}
             told = ", ".join(f"{roles.count(role)} {words[role]}" for role in words if role in roles)
-            click.echo(f"{name}  {kind}  ({told})")
+            _line(f"{name}  {kind}  ({told})")
         if not found:
             click.echo("no topics: is the domain right, and are nodes started with rmw_zenoh?", err=True)
     return SUCCESS if found else FAILURE
@@ -99,10 +104,10 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
             nodes.setdefault((each.namespace, each.node, each.zid), []).append(each)
         words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "hears", wire.SERVER: "offers", wire.CLIENT: "asks"}
         for (namespace, name, _), entities in sorted(nodes.items()):
-            click.echo(wire.whole(name, namespace))
+            _line(wire.whole(name, namespace))
             for each in sorted(entities, key=lambda it: (it.role, it.name)):
                 if each.role != wire.NODE:
-                    click.echo(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")
+                    _line(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")
     return SUCCESS if nodes else FAILURE
 
 
