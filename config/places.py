@@ -1,5 +1,7 @@
 """Places by name: a file of them for each robot that finds its way on a map."""
 
+import json
+import re
 from collections.abc import Mapping
 from math import degrees
 from pathlib import Path
@@ -8,6 +10,9 @@ from config.declared import read_keys
 from config.faults import InvalidFileError
 from config.fields import read_fields
 from drivers.api.keys import key, keys
+
+NAME = re.compile(r"[\w-]([\w -]{0,38}[\w-])?")
+"""Names of places: letters, digits, `-`, `_`, and spaces between them."""
 
 
 @keys
@@ -43,6 +48,6 @@ def written_places(places: Mapping[str, PlaceKeys]) -> str:
     lines = ["places:" if places else "places: {}"]
     for name, it in sorted(places.items()):
         at = f"x: {it.x:.3f} m, y: {it.y:.3f} m, heading: {degrees(it.heading):.1f} deg"
-        frame = "" if it.frame == "map" else f", frame: {it.frame}"
-        lines.append(f"  {name}: {{{at}{frame}}}")
+        frame = "" if it.frame == "map" else f", frame: {json.dumps(it.frame)}"
+        lines.append(f"  {json.dumps(name, ensure_ascii=False)}: {{{at}{frame}}}")
     return "\n".join(lines) + "\n"

@@ -1,13 +1,14 @@
 """``mission place``: the places of a robot's map, by name."""
 
-from math import atan2, cos, degrees, sin
+from math import atan2, cos, degrees, isfinite, sin
 from threading import Event
 from typing import Any
 
 import click
 
+from config.editing import rewrite
 from config.library import find
-from config.places import PlaceKeys, written_places
+from config.places import NAME, PlaceKeys, written_places
 from config.robot import RobotConfig
 from config.units import in_dimension
 from drivers.errors import NotConnected
@@ -45,7 +46,13 @@ ON = click.option("--robot", type=ROBOT, default="turtlebot4", show_default=True
 def add(name: str, robot: str, router: str | None, at: str | None) -> int:
     """Name the place where the robot stands now, by what it says of its map (/tf)."""
     config = _robot(robot)
+    if "ros2" not in config.sections:
+        raise click.UsageError(f"{config.name} is no robot of ROS 2, and knows no map: --robot turtlebot4")
+    if not NAME.fullmatch(name):
+        raise click.UsageError(f"{name!a}: give letters, digits, '-', '_' and spaces between them, 40 at most")
     x, y, heading = _typed(at) if at is not None else _here(config, robot, router)
+    if not all(map(isfinite, (x, y, heading))):
+        raise click.UsageError(f"{name}: {x:g}, {y:g}, {heading:g} is nowhere: give --at '1.2 m, 0.4 m, 90 deg'")
     places = {**places_of(config), name: PlaceKeys(x=x, y=y, heading=heading)}
     _write(config, places)
     click.echo(f"{name}: {x:.2f} m, {y:.2f} m, {degrees(heading):.0f} deg  ({places_file(config)})")
@@ -79,7 +86,8 @@ def remove(name: str, robot: str) -> int:
 def _write(config: RobotConfig, places: Any) -> None:
     file = places_file(config)
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(written_places(places), encoding="utf-8")
+    file.touch()
+    rewrite(file, written_places(places))
 
 
 def _typed(text: str) -> Frame:

@@ -77,7 +77,7 @@ def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
     assert refused.code == 1
     assert "there is no place 'kitchen': there are none yet" in refused.out
     assert mission("place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
-    assert mission("place", "list").out == "places:\n  kitchen: {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n"
+    assert mission("place", "list").out == 'places:\n  "kitchen": {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n'
     assert mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast").code == 0
     assert mission("place", "remove", "kitchen").code == 0
     assert "no places yet" in mission("place", "list").out
@@ -101,3 +101,20 @@ def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
 
 def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:
     assert placed((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
+
+
+def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:
+    at = ("--at", "0.5 m, 0.4 m, 90 deg")
+    for name in ("yes", "17", "Anna Küche-2"):
+        assert mission("place", "add", name, *at).code == 0
+    for name in ("a: {b", "", " ", "a\nb", "x" * 41):
+        assert mission("place", "add", name, *at).code == 2, name
+    assert mission("place", "add", "nowhere", "--at", "nan m, 0 m, 0 deg").code == 2
+    listed = mission("place", "list")
+    assert (listed.code, listed.out.count("heading")) == (0, 3)
+    assert mission("place", "add", "kitchen", *at, "--robot", "turtlebot2").code == 2
+
+
+def test_missions_are_not_offered_to_a_network_without_keys(mission: Mission) -> None:
+    told = mission("ros2", "serve", "--router", "tcp/192.168.1.20:7447")
+    assert (told.code, "open to the network" in told.err) == (2, True)
