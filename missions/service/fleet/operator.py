@@ -30,7 +30,10 @@ from missions.service.fleet.words import (
 from missions.service.task import TaskError
 
 QUIET = 0.25
-"""Seconds without news of anybody after which all that are there were heard."""
+"""Seconds without anybody new after which all that are there were heard."""
+
+LONGEST = 5.0
+"""Seconds for which those who come are waited for, at most: a fleet may never be quiet."""
 
 FIRST = 2.0
 """Seconds for which somebody is waited for, where nobody is there yet."""
@@ -87,7 +90,7 @@ class Operator:
         """Stop all; return what each has confirmed, and the names of those that did not answer.
 
         All are asked at once, who comes meanwhile as soon as it is heard of, and who does not answer again.
-        Those that others have met are named.
+        Those that others have met are named. It ends, though robots come without end.
         """
         answers: dict[Address, Answer] = {}
         asked_at: dict[Address, list[float]] = {}
@@ -98,7 +101,7 @@ class Operator:
 
         stop = Stop(by=by or self.by, press=secrets.token_hex(8))
         pause, begun = Event(), self.clock.now()
-        version, quiet = -1, begun
+        known, quiet = set[Address](), begun
         if there := [each.address for each in self.members().values() if each.connection == "ONLINE"]:
             self.line.ask(stop, "*/*", heard, STOP_TIME)  # all by one question
             asked_at = {each: [begun] for each in there}
@@ -111,10 +114,10 @@ class Operator:
                 if not times or now - times[-1] >= STOP_AGAIN:
                     times.append(now)
                     self.line.ask(stop, str(each), heard, STOP_TIME)
-            if version != self.roster.version:
-                version, quiet = self.roster.version, now
+            if not known.issuperset(there):
+                known, quiet = known.union(there), now
             tried = all(now - asked_at[each][0] > STOP_TIME for each in silent)
-            if tried and now > (quiet + QUIET if there else begun + FIRST):
+            if now > begun + LONGEST or (tried and now > (quiet + QUIET if there else begun + FIRST)):
                 break
             pause.wait(0.01)
         self.meet()
@@ -187,12 +190,13 @@ class Operator:
 
 
 def wait_still(roster: Roster, clock: Clock) -> None:
-    """Wait until nobody new is heard of for a while."""
+    """Wait until nobody new is heard of for a while, or for as long as anybody is waited for."""
     pause, begun = Event(), clock.now()
-    known, since = -1, begun
-    while clock.now() < since + QUIET or (known == 0 and clock.now() < begun + FIRST):
-        if (count := sum(each.online for each in roster.members().values())) != known:
-            known, since = count, clock.now()
+    known, since = set[Address](), begun
+    while (now := clock.now()) < begun + LONGEST and (now < since + QUIET or (not known and now < begun + FIRST)):
+        there = {address for address, each in roster.members().items() if each.online}
+        if not there <= known:
+            known, since = known | there, now
         pause.wait(0.02)
 
 

@@ -1,0 +1,82 @@
+"""Somebody at a fleet whose robots never keep still, or say what they please; nothing is sent, and no time passes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import pytest
+
+from config.fleet import FleetKeys
+from drivers.clock import ManualClock
+from missions.service.fleet.form import as_bytes
+from missions.service.fleet.line import OnAnswer, OnAsk
+from missions.service.fleet.operator import LONGEST, Operator
+from missions.service.fleet.roster import Roster
+from missions.service.fleet.words import Address, Answer, Ask, RobotState, key
+
+ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
+STATE = RobotState(session="1", number=0, robot="note", stops=1)
+
+
+class Busy(ManualClock):
+    """A clock that goes on whenever it is looked at, and lets something happen meanwhile."""
+
+    def __init__(self, happens: Callable[[], None]) -> None:
+        super().__init__(100.0)
+        self.happens = happens
+
+    def now(self) -> float:
+        self.advance(0.05)
+        self.happens()
+        return super().now()
+
+
+class Fleet:
+    """Robots that answer at once with what is told here; it is the line to them, too."""
+
+    def __init__(self) -> None:
+        self.clock = Busy(lambda: None)
+        self.roster = Roster(ManualClock())
+        self.operator = Operator(FleetKeys(fleet="f"), self, self.roster, self.clock, "me")
+        self.answers: Mapping[str, Answer] = {}
+        self.asked: list[tuple[Ask, str]] = []
+        self.number = 0
+
+    def seen(self, *those: Address) -> None:
+        for each in those:
+            self.number += 1
+            self.roster.told(key("f", "state", str(each)), as_bytes(replace(STATE, number=self.number)))
+
+    def announce(self, address: Address, on_stop: OnAsk, on_ask: OnAsk, state: Callable[[], bytes]) -> None:
+        raise NotImplementedError
+
+    def tell(self, address: Address, state: bytes) -> None:
+        raise NotImplementedError
+
+    def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
+        self.asked.append((ask, where))
+        for address in self.roster.members():
+            if where in (str(address), "*/*"):
+                on_answer(address, self.answers.get(ask.word, Answer()))
+        on_answer(None, None)
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+
+def test_a_stop_ends_in_a_fleet_that_moves_all_the_time() -> None:
+    fleet = Fleet()
+    fleet.seen(ANNA, BOB)
+    fleet.clock.happens = lambda: fleet.seen(ANNA, BOB)
+    begun = fleet.clock.now()
+    answers, silent = fleet.operator.stop()
+    assert (set(answers), silent) == ({ANNA, BOB}, [])
+    assert fleet.clock.now() - begun < 1.5, "what they tell of themselves makes them nobody new"
+
+
+def test_a_stop_ends_though_robots_come_without_end() -> None:
+    fleet = Fleet()
+    fleet.clock.happens = lambda: fleet.seen(Address("new", f"{fleet.number:08x}"))
+    begun = fleet.clock.now()
+    answers, _ = fleet.operator.stop()
+    assert len(answers) > 50
+    assert LONGEST < fleet.clock.now() - begun < 2 * LONGEST + 1.0
