@@ -2,8 +2,8 @@
 
 import json
 import secrets
-from collections.abc import Mapping
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Literal
 
 import click
 
@@ -17,7 +17,7 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import load_mission
 from missions.service.fleet.operator import Operator
-from missions.service.fleet.words import MISSION, TASK, Address, Keep, Policy
+from missions.service.fleet.words import MISSION, TASK, Address, Keep, Policy, ToldTask
 from missions.service.task import TaskError
 from missions.views.columns import in_columns
 
@@ -107,9 +107,9 @@ def _policy(mission: str) -> Policy:
 def tasks(name: str | None, ended: bool, as_json: bool) -> int:
     """List the tasks that the robots keep that are there: who has each, and how it goes."""
     with at(name) as operator:
-        found = sorted(operator.tasks(ended=ended), key=lambda each: str(each["id"]))
+        found = sorted(operator.tasks(ended=ended), key=lambda each: each.id)
     if as_json:
-        click.echo(json.dumps(found))
+        click.echo(json.dumps([asdict(each) for each in found]))
     elif not found:
         click.echo("no tasks" if ended else "no tasks wait or run; --all shows those that have ended")
     else:
@@ -118,9 +118,8 @@ def tasks(name: str | None, ended: bool, as_json: bool) -> int:
     return SUCCESS
 
 
-def _row(task: Mapping[str, Any]) -> list[str]:
-    robot = str(task["robot"]).partition("/")[0] or "-"
-    return [*(str(task[name]) for name in ("id", "state", "mission", "on")), robot, str(task["reason"])]
+def _row(task: ToldTask) -> list[str]:
+    return [task.id, task.state, task.mission, task.on, task.robot.partition("/")[0] or "-", task.reason]
 
 
 @click.command(epilog="Example: mission fleet decide 3f9a hand-on")
@@ -142,7 +141,7 @@ def _whole(operator: Operator, number: str) -> str:
     """Return the ID that a piece of it means. Raises TaskError."""
     if TASK.fullmatch(number):
         return number
-    found = [str(each["id"]) for each in operator.tasks(ended=False) if number in str(each["id"]).rpartition("/")[2]]
+    found = [each.id for each in operator.tasks(ended=False) if number in each.id.rpartition("/")[2]]
     if len(found) != 1:
         raise TaskError(f"'{number}' is {len(found)} tasks that wait or run", hint="mission fleet tasks")
     return found[0]

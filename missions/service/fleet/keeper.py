@@ -3,10 +3,12 @@
 import hashlib
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 
 from config.units import Quantity
 from missions.language.expressions import ExpressionError, parse
 from missions.service.fleet.errands import Ready
+from missions.service.fleet.form import MAX_TEXT_LENGTH
 from missions.service.fleet.kept import Kept, KeptTask, after
 from missions.service.fleet.roster import Member, Roster
 from missions.service.fleet.times import Times
@@ -22,6 +24,7 @@ from missions.service.fleet.words import (
     Report,
     RobotState,
     Tasks,
+    ToldTask,
 )  # fmt: skip
 
 MOST_TASKS = 10_000
@@ -216,5 +219,6 @@ def fits(where: str, address: Address, state: RobotState) -> bool:
 
 
 def _told(task: KeptTask) -> Mapping[str, object]:
-    names = ("id", "mission", "params", "on", "where", "if_interrupted", "state", "robot", "attempt", "reason", "by")
-    return {name: getattr(task, name) for name in names}
+    """Return what is told of a task; its reason may have grown over what is read of a text."""
+    told = {each.name: getattr(task, each.name) for each in fields(ToldTask)}
+    return told | {"reason": task.reason[:MAX_TEXT_LENGTH]}

@@ -4,7 +4,7 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from threading import Event, Thread
 from types import TracebackType
@@ -17,7 +17,7 @@ from missions.service.fleet.form import as_bytes
 from missions.service.fleet.latch import FleetLatch
 from missions.service.fleet.line import Line, Reply
 from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import Address, Answer, Ask, Met, Release, RobotState, Stop, TaskState
+from missions.service.fleet.words import Address, Answer, Ask, Met, MetRobot, Release, RobotState, Stop, TaskState
 
 T = TypeVar("T")
 
@@ -185,7 +185,8 @@ class Member:
                 return self._release(ask)
             case Met():
                 met = self._roster.members().values()
-                return Answer(told=tuple({"robot": str(each.address), "connection": each.connection} for each in met))
+                told = (MetRobot(robot=str(each.address), connection=each.connection) for each in met)
+                return Answer(told=tuple(asdict(each) for each in told))
         for worker in self.workers:
             if (answer := worker.asked(ask)) is not None:
                 return answer

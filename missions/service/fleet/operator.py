@@ -4,30 +4,34 @@ import os
 import secrets
 import socket
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
-from missions.service.fleet.form import BadMessageError
+from missions.service.fleet.form import BadMessageError, of
 from missions.service.fleet.line import Line, ZenohLine, asked
 from missions.service.fleet.place import check_name, open_session
 from missions.service.fleet.roster import Member, Roster
 from missions.service.fleet.words import (
+    TASK,
     Address,
     Answer,
     Ask,
-    Connection,
     Decide,
     Keep,
     Met,
+    MetRobot,
     Release,
     Stop,
     Tasks,
+    ToldTask,
 )  # fmt: skip
 from missions.service.task import TaskError
+
+T = TypeVar("T")
 
 QUIET = 0.25
 """Seconds without anybody new after which all that are there were heard."""
@@ -69,17 +73,9 @@ class Operator:
         wait_still(self.roster, self.clock)
         there = [address for address, each in self.members().items() if each.online][:WITNESSES]
         for answer in (answer for each in there for answer in asked(self.line, Met(), str(each), 1.0).values()):
-            for told in answer.told:
-                self._heard(told)
-
-    def _heard(self, told: Mapping[str, object]) -> None:
-        connections: dict[object, Connection] = {"OFFLINE": "OFFLINE", "CONNECTIONBROKEN": "CONNECTIONBROKEN"}
-        try:
-            address = Address.read(str(told.get("robot")))
-        except BadMessageError:
-            return
-        if (connection := connections.get(told.get("connection"))) is not None:
-            self.roster.heard_of(address, connection)
+            for met in _read(MetRobot, answer):
+                with suppress(BadMessageError):
+                    self.roster.heard_of(Address.read(met.robot), met.connection)
 
     def missing(self) -> list[str]:
         """Return the robots that the file of the fleet names, and that nobody has met."""
@@ -156,12 +152,13 @@ class Operator:
             raise TaskError(f"nobody is in fleet '{self.fleet.fleet}'", hint="mission fleet list")
         return secrets.choice([each for each in there if each.name != on] or there)
 
-    def tasks(self, *, ended: bool) -> list[Mapping[str, Any]]:
+    def tasks(self, *, ended: bool) -> list[ToldTask]:
         """Return the tasks that the robots keep that are there, in no order."""
         self.meet()
         there = [address for address, each in self.members().items() if each.online]
         answers = self._each(there, lambda _: Tasks(by=self.by, ended=ended), 3.0)
-        return [told for answer in answers.values() for told in answer.told]
+        found = [told for answer in answers.values() for told in _read(ToldTask, answer)]
+        return [each for each in found if TASK.fullmatch(each.id)]
 
     def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> Answer:
         """Say what is to become of a task whose robot is lost. Raises TaskError where its keeper does not answer."""
@@ -187,6 +184,13 @@ class Operator:
         for done in over:
             done.wait(timeout + 1.0)
         return dict(found)
+
+
+def _read(kind: type[T], answer: Answer) -> Iterator[T]:
+    """Yield what an answer tells that is exactly of a class; the rest is left out."""
+    for told in answer.told:
+        with suppress(BadMessageError):
+            yield of(kind, told)
 
 
 def wait_still(roster: Roster, clock: Clock) -> None:

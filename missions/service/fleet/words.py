@@ -177,8 +177,33 @@ class Tasks(Ask):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MetRobot:
+    """What is told of a robot that was met: its address, and how it is connected."""
+
+    robot: str
+    connection: Connection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToldTask:
+    """What is told of a task: what was asked for, by whom, which robot has it, and what became of it."""
+
+    id: str
+    mission: str
+    params: Mapping[str, str]
+    on: str
+    where: str
+    if_interrupted: Policy
+    state: TaskState
+    robot: str
+    attempt: int
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not. ``told`` are JSON objects."""
+    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not. ``told`` are JSON objects, not checked yet."""
 
     ok: bool = True
     why: str = ""

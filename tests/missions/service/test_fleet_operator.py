@@ -1,7 +1,7 @@
 """Somebody at a fleet whose robots never keep still, or say what they please; nothing is sent, and no time passes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -11,7 +11,7 @@ from missions.service.fleet.form import as_bytes
 from missions.service.fleet.line import OnAnswer, OnAsk
 from missions.service.fleet.operator import LONGEST, Operator
 from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import Address, Answer, Ask, RobotState, key
+from missions.service.fleet.words import Address, Answer, Ask, RobotState, ToldTask, key
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
 STATE = RobotState(session="1", number=0, robot="note", stops=1)
@@ -80,3 +80,28 @@ def test_a_stop_ends_though_robots_come_without_end() -> None:
     answers, _ = fleet.operator.stop()
     assert len(answers) > 50
     assert LONGEST < fleet.clock.now() - begun < 2 * LONGEST + 1.0
+
+
+@pytest.mark.parametrize(
+    "told", [{"connection": []}, {}, {"robot": "\x1b[2J", "connection": "OFFLINE"}, {"robot": 1, "connection": "GONE"}]
+)
+def test_what_robots_tell_of_others_is_left_out_where_it_is_nothing(told: dict[str, object]) -> None:
+    fleet = Fleet()
+    fleet.seen(ANNA)
+    fleet.answers = {"met": Answer(told=(told, {"robot": str(BOB), "connection": "CONNECTIONBROKEN"}))}
+    answers, silent = fleet.operator.stop()
+    assert (list(answers), silent) == ([ANNA], [str(BOB)])
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"id": "x"}, {"id": []}, {"reason": "\x1b[2J"}, {"state": "DREAMING"}, {"attempt": "1"}, {"more": 1}]
+)
+def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
+    fleet = Fleet()
+    fleet.seen(ANNA)
+    task = ToldTask(
+        id=f"{ANNA}/0123456789ab", mission="greet", params={}, on="any", where="", if_interrupted="retry",
+        state="RUNNING", robot=str(ANNA), attempt=1, reason="", by="me",
+    )  # fmt: skip
+    fleet.answers = {"tasks": Answer(told=({}, asdict(task) | wrong, asdict(task)))}
+    assert fleet.operator.tasks(ended=False) == [task]
