@@ -30,6 +30,9 @@ from missions.service.fleet.words import (
 MOST_TASKS = 10_000
 """Tasks that wait, at most."""
 
+MOST_TOLD = 500
+"""Tasks that are told of, at most: of those that wait or run the oldest, of those that have ended the newest."""
+
 ALSO = "done, while it was lost, by"
 
 LOST = "its robot was not heard of"
@@ -68,7 +71,8 @@ class Keeper:
             case Decide():
                 return self._decide(ask)
             case Tasks():
-                tasks = self._kept.tasks(ended=ask.ended)[-500:]
+                ended = [each for each in self._kept.tasks(ended=True) if each.ended] if ask.ended else []
+                tasks = [*ended[-MOST_TOLD:], *self._kept.tasks(ended=False)[:MOST_TOLD]]
                 return Answer(told=tuple(_told(each) for each in tasks))
         return None
 

@@ -1,5 +1,6 @@
 """Tasks of a fleet, cranked by hand: who has one, what becomes of it when robots are lost, that none begins late."""
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
@@ -11,12 +12,12 @@ import pytest
 from drivers.clock import ManualClock
 from missions.service.fleet.body import Telemetry
 from missions.service.fleet.errands import ErrandQueue, Errands
-from missions.service.fleet.form import as_bytes
-from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
+from missions.service.fleet.form import as_bytes, of
+from missions.service.fleet.keeper import ALSO, LOST, MOST_TOLD, Keeper, fits
 from missions.service.fleet.kept import DOUBT, Kept, KeptTask
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.times import Times
-from missions.service.fleet.words import Accept, Address, Answer, Ask, Decide, Keep, Report, RobotState, Tasks, key
+from missions.service.fleet.words import Accept, Address, Answer, Ask, Decide, Keep, Report, RobotState, Tasks, ToldTask, key
 from missions.service.schema import open_db, queue_file
 from missions.service.task import Claim, Outcome
 from tests.missions.service.fleets import CountingBody
@@ -365,3 +366,16 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
         assert answer is not None
         assert not answer.ok
     assert fleet.task == before
+
+
+def test_of_many_tasks_the_oldest_open_and_the_newest_ended_are_told(fleet: Fleet) -> None:
+    numbers = [f"{DESK}/{each:012x}" for each in range(3 * MOST_TOLD)]
+    for number in numbers:
+        fleet.keeper.asked(Keep(task=number, mission="greet"))
+    for number in numbers[: MOST_TOLD + 2]:
+        fleet.kept.change(number, {"state": "FINISHED", "reason": "x" * 2000})
+    ended, still = numbers[2 : MOST_TOLD + 2], numbers[MOST_TOLD + 2 : 2 * MOST_TOLD + 2]
+    for asked, expected in ((False, still), (True, ended + still)):
+        answer = fleet.keeper.asked(Tasks(ended=asked))
+        assert answer is not None
+        assert [of(ToldTask, json.loads(json.dumps(each))).id for each in answer.told] == expected
