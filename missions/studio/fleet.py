@@ -32,12 +32,13 @@ class FleetDesk:
     def __init__(self) -> None:
         self._closed, self._lock = ExitStack(), Lock()
         self._operator: Operator | None = None
+        self._met = False
 
     async def do(self, command: Command, by: str) -> Json:
         """Do what is asked of the fleet. Raises BadMessage("no_fleet")."""
         match command:
             case Fleet():
-                return await self._there(_listed)
+                return await self._there(self._list)
             case StopFleet():
                 return await self._there(lambda operator: _stopped(*operator.stop(by)))
             case ReleaseFleet():
@@ -58,13 +59,19 @@ class FleetDesk:
                     hint = f"echo 'fleet: home' > {config_folder() / FILE}"
                     raise TaskError(f"there is no {FILE}, which says in which fleet this computer is", hint=hint)
                 self._operator = self._closed.enter_context(operating(load_fleet()))
-                self._operator.meet()
             return self._operator
+
+    def _list(self, operator: Operator) -> Json:
+        """Say who is there; waits for that, the first time, while others may stop the fleet."""
+        met, self._met = self._met, True
+        if not met:
+            operator.meet()
+        return _listed(operator)
 
     def close(self) -> None:
         """Leave the fleet."""
         with self._lock:
-            self._operator = None
+            self._operator, self._met = None, False
             self._closed.close()
 
 
