@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
+from missions.service.fleet import keeper
 from missions.service.fleet.body import Telemetry
 from missions.service.fleet.errands import ErrandQueue, Errands
 from missions.service.fleet.form import as_bytes, of
-from missions.service.fleet.keeper import ALSO, LOST, MOST_TOLD, Keeper, fits
+from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
 from missions.service.fleet.kept import DOUBT, Kept, KeptTask
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.times import Times
@@ -368,13 +369,17 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
     assert fleet.task == before
 
 
-def test_of_many_tasks_the_oldest_open_and_the_newest_ended_are_told(fleet: Fleet) -> None:
-    numbers = [f"{DESK}/{each:012x}" for each in range(3 * MOST_TOLD)]
+def test_of_many_tasks_the_oldest_open_and_the_newest_ended_are_told(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most = 5
+    monkeypatch.setattr(keeper, "MOST_TOLD", most)
+    numbers = [f"{DESK}/{each:012x}" for each in range(3 * most)]
     for number in numbers:
         fleet.keeper.asked(Keep(task=number, mission="greet"))
-    for number in numbers[: MOST_TOLD + 2]:
+    for number in numbers[: most + 2]:
         fleet.kept.change(number, {"state": "FINISHED", "reason": "x" * 2000})
-    ended, still = numbers[2 : MOST_TOLD + 2], numbers[MOST_TOLD + 2 : 2 * MOST_TOLD + 2]
+    ended, still = numbers[2 : most + 2], numbers[most + 2 : 2 * most + 2]
     for asked, expected in ((False, still), (True, ended + still)):
         answer = fleet.keeper.asked(Tasks(ended=asked))
         assert answer is not None
