@@ -101,12 +101,15 @@ def stop(name: str | None) -> int:
 @FLEET
 @click.option("--resume", is_flag=True, help="Let missions go on; else they stay paused.")
 def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
-    """Release the stop of all robots, or of those named. A stop that came meanwhile holds."""
+    """Release the stop of all robots, or of those named. A stop that came meanwhile holds.
+
+    NAME/NUMBER is one of two robots of one name, as the list shows them.
+    """
     with at(name) as operator:
         answers = operator.release(robots, resume=resume)
     for address, answer in sorted(answers.items()):
         click.echo(f"{address.name}: {answer.why}", err=not answer.ok)
-    missing = set(robots) - {each.name for each in answers}
+    missing = set(robots) - {each.name for each in answers} - {str(each) for each in answers}
     for each in sorted(missing):
         click.echo(f"{each}: did not answer\n  try: mission fleet list", err=True)
     return SUCCESS if answers and not missing and all(each.ok for each in answers.values()) else FAILURE

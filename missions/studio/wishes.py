@@ -148,7 +148,7 @@ class ReleaseFleet(Command):
     """Release that stop of one robot, or of all."""
 
     word: ClassVar[str] = "release_fleet"
-    robot: Annotated[str, "Its name; all where empty.", Bound(high=60)] = ""
+    robot: Annotated[str, "Its name, or name/number; all where empty.", Bound(high=60)] = ""
     resume: Annotated[bool, "Whether missions go on; else they stay paused."] = False
 
 

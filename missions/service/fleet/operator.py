@@ -121,12 +121,14 @@ class Operator:
         return dict(answers), [*sorted(str(each) for each in gone if each not in answers), *self.missing()]
 
     def release(self, names: Collection[str], by: str = "", *, resume: bool) -> Mapping[Address, Answer]:
-        """Release the last stop of those that are there, or of those of these names; return what each says."""
+        """Release the last stop of those that are there, or of those of these names or addresses; return what each says."""
         self.meet()
         stops = {
             each.address: each.state.stops
             for each in self.members().values()
-            if each.online and each.state is not None and (not names or each.address.name in names)
+            if each.online
+            and each.state is not None
+            and (not names or each.address.name in names or str(each.address) in names)
         }
         return self._each(stops, lambda each: Release(by=by or self.by, stop=stops[each], resume=resume), 3.0)
 

@@ -41,9 +41,9 @@ export class Fleet {
       const { fleet, robots, missing } = await this.#link.ask({ do: "fleet" });
       const text = JSON.stringify([robots.map((each) => ({ ...each, age: 0 })), missing]);
       if (text === this.#told) return; // what has the keyboard keeps it
-      this.#told = text;
       put(this.#said, robots.length ? `Fleet ${fleet}: ${robots.length} robots` : `Nobody is in fleet ${fleet}: mission serve --fleet ${fleet}`);
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
+      this.#told = text; // once it is shown: what failed is tried again
     } catch (error) {
       put(this.#said, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join(" "));
     }
@@ -57,7 +57,7 @@ export class Fleet {
       robot.mission && plain(robot.mission),
       robot.task_state,
       typeof robot.battery === "number" && `battery ${Math.round(robot.battery * 100)} %`,
-      typeof robot.x === "number" && `at ${robot.x.toFixed(1)} m, ${robot.y.toFixed(1)} m`,
+      typeof robot.x === "number" && typeof robot.y === "number" && `at ${robot.x.toFixed(1)} m, ${robot.y.toFixed(1)} m`,
       robot.free && "free",
     ];
     return el("li", { class: `task ${robot.connection === "ONLINE" ? "running" : "failed"}` },
@@ -65,7 +65,7 @@ export class Fleet {
         el("span", { class: "facts" }, facts.filter(Boolean).join(" · ")), robot.stopped && el("span", { class: "reason" }, `stopped by ${robot.stopped}`)),
       el("div", { class: "actions" },
         robot.mission && button("Plan", () => this.#show(robot), { "aria-label": `Plan of ${robot.name}` }),
-        may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: robot.name }), { "aria-label": `Release ${robot.name}` })));
+        may && robot.stopped && button("Release", () => this.#do("release_fleet", { robot: `${robot.name}/${robot.number}` }), { "aria-label": `Release ${robot.name}` })));
   }
 
   /** Draw the mission of a robot, as this computer's library has it. */

@@ -105,3 +105,12 @@ def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
     )  # fmt: skip
     fleet.answers = {"tasks": Answer(told=({}, asdict(task) | wrong, asdict(task)))}
     assert fleet.operator.tasks(ended=False) == [task]
+
+
+@pytest.mark.parametrize(
+    ("names", "released"), [([], {ANNA, ANNA_TOO, BOB}), (["anna"], {ANNA, ANNA_TOO}), ([str(ANNA_TOO)], {ANNA_TOO})]
+)
+def test_of_two_robots_of_one_name_one_is_released_by_its_number(names: list[str], released: set[Address]) -> None:
+    fleet = Fleet()
+    fleet.seen(ANNA, ANNA_TOO, BOB)
+    assert set(fleet.operator.release(names, resume=False)) == released
