@@ -41,7 +41,7 @@ class FleetLatch:
     def _kept(self) -> str:
         try:
             with self._disk:  # which may take its time: who stops again does not wait for it
-                self._keep()
+                self._keep(self.by)
         except OSError as error:
             return f"; it is not kept over a restart: {error.strerror}"
         return ""
@@ -51,20 +51,16 @@ class FleetLatch:
         with self._lock:
             if number != self.number or not self.by:
                 return False
-            by, self.by = self.by, ""
-            try:
-                with self._disk:
-                    self._keep()
-            except OSError:
-                self.by = by
-                raise
+            with self._disk:
+                self._keep("")
+                self.by = ""  # not before that is on the disk
             return True
 
-    def _keep(self) -> None:
+    def _keep(self, by: str) -> None:
         new = self._path.with_suffix(".new")
         new.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with new.open("w", encoding="utf-8") as file:
-            json.dump({"by": self.by, "number": self.number}, file)
+            json.dump({"by": by, "number": self.number}, file)
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._path)

@@ -81,7 +81,7 @@ class ZenohLine:
 
     def announce(self, address: Address, on_stop: OnAsk, on_ask: OnAsk, state: Callable[[], bytes]) -> None:
         """See Line. A stop has a thread of its own: nothing else that is asked holds it up."""
-        where = str(address)
+        where = self._own = str(address)
 
         def told(query: Any) -> None:
             query.reply(key(self._fleet, "state", where), state())
@@ -93,7 +93,6 @@ class ZenohLine:
         for kind, answer in (("state", told), ("stop", self._answering(on_stop)), ("ask", self._answering(on_ask))):
             self._kept.append(self._session.declare_queryable(key(self._fleet, kind, where), answer))
         self._kept.append(self._session.liveliness().declare_token(key(self._fleet, "here", where)))
-        self._own = where
 
     def _answering(self, on_ask: OnAsk) -> Callable[[Any], None]:
         """Return what reads a question, and answers one that is none of ours with what is wrong with it."""

@@ -163,7 +163,8 @@ class Member:
         """Answer what was asked, do what is due, and tell what has changed."""
         while self._waiting:
             ask, reply = self._waiting.popleft()
-            reply(self._guarded(partial(self._answer, ask)) or Answer(ok=False, why="a fault of this robot's"))
+            answer = self._guarded(partial(self._answer, ask)) or Answer(ok=False, why="a fault of this robot's")
+            self._guarded(partial(reply, answer))  # who asks may be gone
         for worker in self.workers:
             self._guarded(partial(worker.step, self._clock.now()))
         state = self._guarded(self._now) or self._state
