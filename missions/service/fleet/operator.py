@@ -121,7 +121,7 @@ class Operator:
         return dict(answers), [*sorted(str(each) for each in gone if each not in answers), *self.missing()]
 
     def release(self, names: Collection[str], by: str = "", *, resume: bool) -> Mapping[Address, Answer]:
-        """Release the last stop of those that are there, or of those of these names or addresses; return what each says."""
+        """Release the last stop of those that are there, or that are named so; return what each says."""
         self.meet()
         stops = {
             each.address: each.state.stops

@@ -203,7 +203,10 @@ class ToldTask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not. ``told`` are JSON objects, not checked yet."""
+    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not.
+
+    ``told`` are JSON objects, for who asked to check.
+    """
 
     ok: bool = True
     why: str = ""

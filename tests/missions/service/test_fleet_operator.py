@@ -38,7 +38,7 @@ class Fleet:
         self.roster = Roster(ManualClock())
         self.operator = Operator(FleetKeys(fleet="f"), self, self.roster, self.clock, "me")
         self.answers: Mapping[str, Answer] = {}
-        self.asked: list[tuple[Ask, str]] = []
+        self.asked: list[tuple[Ask, str, float]] = []
         self.number = 0
 
     def seen(self, *those: Address) -> None:
@@ -53,7 +53,7 @@ class Fleet:
         raise NotImplementedError
 
     def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
-        self.asked.append((ask, where))
+        self.asked.append((ask, where, timeout))
         for address in self.roster.members():
             if where in (str(address), "*/*"):
                 on_answer(address, self.answers.get(ask.word, Answer()))

@@ -18,7 +18,19 @@ from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
 from missions.service.fleet.kept import DOUBT, Kept, KeptTask
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.times import Times
-from missions.service.fleet.words import Accept, Address, Answer, Ask, Decide, Keep, Report, RobotState, Tasks, ToldTask, key
+from missions.service.fleet.words import (
+    Accept,
+    Address,
+    Answer,
+    Ask,
+    Decide,
+    Keep,
+    Report,
+    RobotState,
+    Tasks,
+    ToldTask,
+    key,
+)
 from missions.service.schema import open_db, queue_file
 from missions.service.task import Claim, Outcome
 from tests.missions.service.fleets import CountingBody

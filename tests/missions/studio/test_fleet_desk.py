@@ -2,12 +2,16 @@
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import pytest
 
 from config.defaults import config_folder
+from config.fleet import FleetKeys
+from missions.studio import fleet
 from missions.studio.commands import Command
 from missions.studio.fleet import FleetDesk
 from missions.studio.form import BadMessage
@@ -60,3 +64,36 @@ def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
             assert released["answers"] == {"anna/0000000a": {"ok": True, "why": "released"}}
         finally:
             desk.close()
+
+
+def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks, met, in_time = Event(), Event(), list[bool]()
+
+    class Slow:
+        fleet = FleetKeys(fleet="trial")
+
+        def meet(self) -> None:
+            looks.set()
+            in_time.append(met.wait(5.0))
+
+        def members(self) -> Mapping[Any, Any]:
+            return {}
+
+        def missing(self) -> list[str]:
+            return []
+
+        def stop(self, by: str) -> tuple[Mapping[Any, Any], list[str]]:
+            return {}, [by]
+
+    write(1)
+    monkeypatch.setattr(fleet, "operating", lambda _: nullcontext(Slow()))
+    desk = FleetDesk()
+    look = Thread(target=asked, args=(desk, Fleet()))
+    look.start()
+    try:
+        assert looks.wait(10.0)
+        assert asked(desk, StopFleet())["silent"] == ["viewer 1"]
+    finally:
+        met.set()
+        look.join()
+    assert in_time == [True]
