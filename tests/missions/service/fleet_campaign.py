@@ -247,28 +247,38 @@ class Campaign:
         while self.clock.now() < begun + seconds:
             self.strike_if_due()
             whole = all(each.process is not None and not each.proxy.cut.is_set() for each in self.robots)
-            if not self.planned and whole and self.open() == 0:
+            if not self.planned and whole and self.open() == 0 and not self.untold():
                 break
             self.pause.wait(0.1)
         self.figures.seconds = self.clock.now()
         for robot in self.robots:
             robot.kill()
         done: Counter[str] = Counter()
-        told: set[str] = set()
         for robot in self.robots:
             journal = robot.folder / "done"
             lines = journal.read_text(encoding="utf-8").splitlines() if journal.exists() else []
             self.figures.acts.update(lines)
             with closing(open_db(queue_file(robot.folder))) as connection:
                 done.update(row["id"] for row in connection.execute(_DONE))
-                for row in connection.execute("SELECT id, state, reason FROM kept"):
-                    told |= {row["id"]} if ALSO in row["reason"] else set()
+                for row in connection.execute("SELECT id, state FROM kept"):
                     self.figures.states[row["state"]] += 1
                     if row["state"] not in ("FINISHED", "FAILED"):
                         self.figures.waiting.append(row["id"])
         self.figures.twice = [number for number, count in done.items() if count > 1]
-        self.figures.untold = [number for number in self.figures.twice if number not in told]
+        self.figures.untold = self.untold()
         self.figures.waiting += sorted(set(self.given) - self.kept())
+
+    def untold(self) -> list[str]:
+        """Return tasks that two robots have done, of which no keeper says so: it may be about to hear of it."""
+        done: Counter[str] = Counter()
+        told: set[str] = set()
+        for robot in self.robots:
+            with closing(open_db(queue_file(robot.folder))) as connection:
+                done.update(row["id"] for row in connection.execute(_DONE))
+                told |= {
+                    row["id"] for row in connection.execute("SELECT id, reason FROM kept") if ALSO in row["reason"]
+                }
+        return [number for number, count in done.items() if count > 1 and number not in told]
 
     def kept(self) -> set[str]:
         """Return all tasks that are kept by anybody."""
