@@ -5,8 +5,9 @@ that is busy: it would seem to have been silent, or without power. On this clock
 that a simulation on a busy machine becomes slow, and not wrong.
 """
 
-import time
 from threading import Lock
+
+from drivers.clock import Clock, SystemClock
 
 PATIENCE = 0.03
 """Seconds that a device may be late before time stands still: less than any driver waits for an answer on a wire."""
@@ -15,9 +16,10 @@ PATIENCE = 0.03
 class PatientClock:
     """Seconds since it was made, but for those in which somebody whom it waits for was held up; thread-safe."""
 
-    def __init__(self) -> None:
+    def __init__(self, machine: Clock | None = None) -> None:
+        self._machine = SystemClock() if machine is None else machine
         self._lock = Lock()
-        self._zero = time.monotonic()
+        self._lost = 0.0  # seconds in which somebody was held up
         self._last = 0.0
         self._seen: dict[object, float] = {}  # when each whom it waits for was last there
 
@@ -37,9 +39,9 @@ class PatientClock:
             self._seen.pop(who, None)
 
     def _now(self) -> float:
-        now = time.monotonic() - self._zero
+        now = self._machine.now() - self._lost
         if self._seen and (late := now - min(self._seen.values()) - PATIENCE) > 0:
-            self._zero += late
+            self._lost += late
             now -= late
         self._last = max(self._last, now)
         return self._last
