@@ -1,6 +1,7 @@
 """Asking the nodes of ROS 2 for something that takes its time: begun, watched, cancelled, and waited for."""
 
 import json
+from abc import abstractmethod
 from typing import Any
 
 from py_trees.common import Status
@@ -24,9 +25,9 @@ class Requesting(Leaf):
         self._number = None
         self._number = self.begin()
 
+    @abstractmethod
     def begin(self) -> int:
         """Send the request; return its number."""
-        raise NotImplementedError
 
     def update(self) -> Status:
         if self._number is None:

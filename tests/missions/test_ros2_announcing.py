@@ -76,8 +76,9 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
     announcer.open()
 
     def found() -> bool:
-        announcer(RUN[4])  # the first are lost: nobody knew yet who listens
-        return {"/mission/detections", "/mission/events", "/mission/tree"} <= heard.keys()
+        for event in (RUN[1], RUN[4]):  # the first are lost: nobody knew yet who listens
+            announcer(event)
+        return {"/mission/detections", "/mission/events", "/mission/tree", "/mission/variables"} <= heard.keys()
 
     wait_until(found)
     for event in RUN:
