@@ -73,15 +73,16 @@ class _Talks:
 
 
 class PageServer:
-    """Serves ``site`` and, at ``/events``, what ``news`` returns, whenever it has changed; news are one line each.
+    """Serves ``site`` and, at ``events``, what ``news`` returns, whenever it has changed; news are one line each.
 
     ``news`` and the site are asked from the server's own threads. A listener that is slow misses what was replaced
     meanwhile. Opens nothing before ``open``.
     """
 
-    def __init__(self, site: Site, news: Callable[[], str]) -> None:
+    def __init__(self, site: Site, news: Callable[[], str], events: str = EVENTS) -> None:
         self._site = site
         self._news = news
+        self._events = events
         self._server: _Server | None = None
         self._thread: Thread | None = None
 
@@ -100,7 +101,7 @@ class PageServer:
 
     def open(self, host: str, port: int) -> None:
         """Serve at this port, 0 for any that is free. Raises OSError where that is not possible."""
-        self._server = _Server((host, port), self._site, self._news)
+        self._server = _Server((host, port), self._site, self._news, self._events)
         self._thread = Thread(target=self._server.serve_forever, args=(0.1,), name="page server", daemon=True)
         self._thread.start()
 
@@ -122,8 +123,8 @@ class _Server(ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(self, at: tuple[str, int], site: Site, news: Callable[[], str]) -> None:
-        self.site, self.news = site, news
+    def __init__(self, at: tuple[str, int], site: Site, news: Callable[[], str], events: str) -> None:
+        self.site, self.news, self.events = site, news, events
         self.clock = SystemClock()
         self.ending = Event()
         self.talks = _Talks()
@@ -198,9 +199,9 @@ class _Talk(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.FORBIDDEN, "ask for localhost, or for an address in figures")
             return
         path = urlsplit(self.path).path
-        if path == EVENTS and self._from_elsewhere():
+        if path == self.server.events and self._from_elsewhere():
             self.send_error(HTTPStatus.FORBIDDEN, "only the page that is served here may listen")
-        elif path == EVENTS:
+        elif path == self.server.events:
             self._tell()
         elif path in self.server.site:
             document = self.server.site[path]()

@@ -1,15 +1,18 @@
 """``mission see``: what perception finds in pictures, videos and cameras, as text, as JSON, and drawn."""
 
 import json
+import sys
 from collections.abc import Iterable, Iterator
-from contextlib import nullcontext, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from math import degrees, inf, isfinite
 from pathlib import Path
 
 import click
 
 from config.library import find
+from config.robot import RobotConfig
 from drivers.api.senses import CameraKeys
+from drivers.camera.declared import OPENCV
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
@@ -21,10 +24,11 @@ from missions.cli.movie import CODECS, Movie, check_place
 from missions.cli.names import ROBOT
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
-from missions.cli.through import tell, through
+from missions.cli.through import tell, through, through_own
 from missions.library.drivers import load_robot
 from missions.library.things import wanted
 from missions.records.replay.frames import steady
+from missions.views.camera.served import CameraPage
 from perception.annotate import annotate
 from perception.api import Box, Image, Marker, Thing
 from perception.faults import BadModel
@@ -68,6 +72,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 @click.option(
     "--seconds", type=Real(min=0.1), metavar="N", help="Look through a camera for so long; else until Ctrl-C."
 )
+@click.option("--view/--no-view", default=None, help="Serve a page that shows it live; the default on a terminal.")
 def command(
     files: tuple[str, ...],
     things: tuple[Wanted, ...],
@@ -77,26 +82,33 @@ def command(
     as_json: bool,
     folder: Path | None,
     seconds: float | None,
+    view: bool | None,
 ) -> int:
     """Look for faces, and for more, in pictures, videos and folders of them, or through a camera.
 
     A camera is a number, a device or an address (0, /dev/video2, http://...); with --robot and nothing else, it is that
-    of the robot. It tells of one picture a second, with --json of each. While a mission runs, its camera is taken: the
-    page of `mission studio` shows it.
+    of the robot. It tells of one picture a second, with --json of each, and prints the link of a page that shows what
+    it sees, for browsers of this computer. While a mission runs, its camera is taken: the page of `mission studio`
+    shows it.
     """
-    camera = None if robot is None else load_robot(find("robots", robot)).camera
+    config = None if robot is None else load_robot(find("robots", robot))
+    camera = None if config is None else config.camera
     if robot is not None and camera is None:
         raise click.UsageError(f"{robot} has no camera")
     if not files and camera is None:
         raise click.UsageError("which pictures, or which camera?\n  try: mission see 0")
-    files = files or (str(camera.source) if camera else "0",)
+    own = None if files or config is None or config.sections["camera"].driver == OPENCV else config
+    files = files or (str(camera.source) if camera and own is None else "camera",)
+    live = own is not None or (len(files) == 1 and kind_of(files[0]) in {Kind.DEVICE, Kind.URL})
+    if view and not live:
+        raise click.UsageError("--view is for a camera\n  try: mission see 0 --view")
     known = gallery(camera or IDEAL, tell) if people else None
     looker = Looker(camera or IDEAL, things, markers, known)
-    live = len(files) == 1 and kind_of(files[0]) in {Kind.DEVICE, Kind.URL}
     try:
-        shots = _live(files[0], camera, inf if seconds is None else seconds) if live else _stills(files)
-        with interruptible():
-            written = _draw(_looked(shots, looker, as_json=as_json, live=live), folder, files)
+        shots = _live(own or files[0], camera, inf if seconds is None else seconds) if live else _stills(files)
+        asked = sys.stdout.isatty() and not as_json if view is None else view
+        with interruptible(), _served() if live and asked else nullcontext() as page:
+            written = _draw(_looked(shots, looker, page, as_json=as_json, live=live), folder, files)
     except BadRequest as error:
         raise click.UsageError(f"{error}" + (f"\n  try: {error.hint}" if error.hint else "")) from error
     except (FileNotFoundError, BadModel) as error:  # of a detector
@@ -110,13 +122,30 @@ def _stills(files: tuple[str, ...]) -> Iterator[Shot]:
     return ((str(path), number, number * PERIOD, image) for path, number, image in pictures(files))
 
 
-def _live(source: str, camera: CameraKeys | None, seconds: float) -> Iterator[Shot]:
+def _live(source: str | RobotConfig, camera: CameraKeys | None, seconds: float) -> Iterator[Shot]:
+    """Yield what a source shows, or the camera of a robot that has none of OpenCV's sources."""
+    if not isinstance(source, str):
+        return ((source.name, number, *seen) for number, seen in enumerate(through_own(source, seconds)))
     size = None if camera is None else (camera.width, camera.height)
     return ((source, number, *seen) for number, seen in enumerate(through(source, seconds, size)))
 
 
-def _looked(shots: Iterable[Shot], looker: Looker, *, as_json: bool, live: bool) -> Iterator[tuple[Shot, Seen]]:
-    """Look at pictures as they come, and say what each shows; of a camera, one a second in words. Ctrl-C ends that."""
+@contextmanager
+def _served() -> Iterator[CameraPage]:
+    """Serve a page, and say where."""
+    with closing(CameraPage()) as page:
+        page.open()
+        click.echo(f"live: {page.link}", err=True)
+        yield page
+
+
+def _looked(
+    shots: Iterable[Shot], looker: Looker, page: CameraPage | None, *, as_json: bool, live: bool
+) -> Iterator[tuple[Shot, Seen]]:
+    """Look at pictures as they come, and say what each shows; of a camera, one a second in words. Ctrl-C ends that.
+
+    A ``page`` shows each while somebody looks at it.
+    """
     due = 0.0
     with suppress(KeyboardInterrupt) if live else nullcontext():
         for shot in shots:
@@ -127,6 +156,8 @@ def _looked(shots: Iterable[Shot], looker: Looker, *, as_json: bool, live: bool)
                 click.echo(
                     json.dumps(_data(name, number, seen)) if as_json else f"{name} frame {number}: {_words(seen)}"
                 )
+            if page is not None and page.watched:
+                page.show(annotate(image, _marks(seen)), _words(seen))
             yield shot, seen
 
 

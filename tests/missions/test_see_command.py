@@ -1,13 +1,19 @@
 """The ``mission see`` command: faces with their eyes, things, markers, and the picture as a whole."""
 
-from collections.abc import Callable
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 import pytest
 import skimage.data
 
+from drivers.api import Image
+from missions.views.camera.served import CameraPage
 from tests.missions.command import Outcome, command, events_of
 from tests.perception.people_drawn import pictures
 
@@ -146,3 +152,50 @@ def test_a_camera_that_is_not_there_is_told(mission: Mission) -> None:
     outcome = mission("see", "/dev/video987", "--seconds", "0.5")
     assert outcome.code == 3
     assert "/dev/video987: no such device" in outcome.err
+
+
+def test_a_page_shows_a_camera_live_while_somebody_looks(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    pages: list[CameraPage] = []
+    begun = CameraPage.open
+
+    def opened(page: CameraPage) -> None:
+        begun(page)
+        pages.append(page)
+
+    def through(*_: object) -> Iterator[tuple[float, Image]]:
+        """Show the astronaut, to nobody at first, until a page has got the picture."""
+        image = skimage.data.astronaut()
+        yield 0.0, image
+        for page in pages:
+            with closing(HTTPConnection("127.0.0.1", urlsplit(page.link).port, timeout=30)) as connection:
+                connection.request("GET", urlsplit(page.link).path + "events")
+                for line in iter(connection.getresponse().readline, b""):
+                    if "jpeg" in line.decode():
+                        told.append(line.decode())
+                        return
+                    yield 0.1, image
+
+    told: list[str] = []
+    monkeypatch.setattr(CameraPage, "open", opened)
+    monkeypatch.setattr("missions.cli.see.through", through)
+    assert mission("see", "0").err == "", "no page where nobody sits at the terminal"
+    outcome = mission("see", "0", "--view")
+    assert outcome.code == 0
+    assert outcome.err.startswith("live: http://127.0.0.1:")
+    assert "1 face: " in told[-1]
+    assert len(pages) == 1
+
+
+def test_a_robot_s_camera_is_that_of_its_driver(mission: Mission) -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+    Path("far.yaml").write_text(f"robot: far\nros2: {{router: 'tcp/127.0.0.1:{port}'}}\ncamera: {{driver: ros2}}\n")
+    outcome = mission("see", "--robot", "far.yaml", "--seconds", "1")
+    assert outcome.code == 3
+    assert "/dev/video" not in outcome.err, "it does not look through another camera"
+
+
+def test_the_page_is_for_cameras(mission: Mission) -> None:
+    outcome = mission("see", "astronaut.png", "--view")
+    assert outcome.code == 2
+    assert "--view is for a camera" in outcome.err

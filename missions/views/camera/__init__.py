@@ -1,0 +1,1 @@
+"""What a camera sees, live, as a page for a browser."""
