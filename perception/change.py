@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Frame, Image, Scene
-from perception.light import Grey, grey
+from perception.light import Grey, averaged, grey
 from perception.scene import measure
 
 WIDTH = 160
@@ -98,5 +98,4 @@ def small(image: Image) -> Grey:
     height, width = image.shape[:2]
     if width <= WIDTH:
         return grey(image)
-    size = WIDTH, max(1, round(height * WIDTH / width))
-    return grey(cast(Image, cv2.resize(image, size, interpolation=cv2.INTER_AREA)))
+    return averaged(image, WIDTH, max(1, round(height * WIDTH / width)))

@@ -1,16 +1,10 @@
 """Whether a picture shows what was searched before: a camera that stands in an empty room sees the same for hours."""
 
-from typing import cast
-
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from perception.api import Image
-from perception.light import Grey, grey
-
-SHARE = 8
-"""Pixels of the picture's side that make one spot: over so many, little is left of a camera's noise."""
+from perception.light import Grey, cells
 
 DIFFERENT = 3.0
 """Grey levels by which a spot must differ: five times the noise that a webcam leaves in the mean of a spot."""
@@ -46,6 +40,4 @@ def alike(before: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> bool
 
 def spots(image: Image | Grey) -> npt.NDArray[np.float32]:
     """Return the mean brightness of each spot of a picture; its shape is (height, width) in spots."""
-    height, width = image.shape[:2]
-    size = max(1, width // SHARE), max(1, height // SHARE)
-    return grey(cast(Image, cv2.resize(image, size, interpolation=cv2.INTER_AREA))).astype(np.float32)
+    return cells(image).astype(np.float32)

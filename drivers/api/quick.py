@@ -8,6 +8,7 @@ library, and a class of one make may inherit from one of the other.
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING, Any, cast
@@ -150,12 +151,20 @@ def _frozen(made: type, names: frozenset[str], what: str) -> Callable[..., None]
     return refused
 
 
+@cache
+def _names(made: Any) -> tuple[str, ...]:
+    """Return the names of the fields of a class; asked for each value that is packed."""
+    return tuple(field.name for field in dataclasses.fields(made))
+
+
 def _state(self: object) -> list[object]:
     """Return the values of all fields, for copies and pickles: they cannot be set one by one."""
-    return [getattr(self, field.name) for field in dataclasses.fields(cast(Any, self))]
+    made: Any = type(self)
+    return [getattr(self, name) for name in _names(made)]
 
 
 def _restore(self: object, state: list[object]) -> None:
     """Set the values of all fields."""
-    for field, value in zip(dataclasses.fields(cast(Any, self)), state, strict=True):
-        object.__setattr__(self, field.name, value)
+    made: Any = type(self)
+    for name, value in zip(_names(made), state, strict=True):
+        object.__setattr__(self, name, value)

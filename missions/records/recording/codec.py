@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from math import isfinite
 from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -64,27 +64,32 @@ def from_json(data: object, kind: type[T]) -> T:
 
 def tagged(value: object) -> object:
     """Return a value of any type as ``untagged`` reads it; of what is not known here, only the words remain."""
-    match value:
-        case None | bool():
-            return value
-        case Enum() if NAMED.get(type(value).__name__) is type(value):
-            return {TAG: type(value).__name__, "of": value.value}
-        case Enum():
-            return _tag("text", str(value))
-        case str() | int():
-            return value
-        case float():
-            return value if isfinite(value) else _tag("float", number(value))
-        case list():
-            return [tagged(each) for each in value]
-        case tuple():
-            return _tag("tuple", [tagged(each) for each in value])
-        case Mapping():
-            return _tag_mapping(value)
-        case DriverError():
-            return _tag_error(value)
-        case _:
-            return _tag_other(value)
+    kind: Any = type(value)
+    return _tagger(kind)(value)
+
+
+@cache
+def _tagger(kind: Any) -> Callable[[Any], object]:
+    """Return how values of a type are written where anything may stand; asked once a type, for it is asked often."""
+    name: str = kind.__name__
+    known = NAMED.get(name) is kind
+    if issubclass(kind, Enum):
+        return (lambda value: {TAG: name, "of": value.value}) if known else _tag_text
+    if issubclass(kind, bool | int | str | types.NoneType):
+        return _same
+    ways: Sequence[tuple[type[Any], Callable[[Any], object]]] = (
+        (float, lambda value: value if isfinite(value) else _tag("float", number(value))),
+        (list, lambda value: [tagged(each) for each in value]),
+        (tuple, lambda value: _tag("tuple", [tagged(each) for each in value])),
+        (Mapping, _tag_mapping),
+        (DriverError, _tag_error),
+        (np.generic, lambda value: tagged(value.item())),
+        (np.ndarray, lambda value: _tag("array", _array(value))),
+        (AbstractSet, lambda value: _tag("set", [tagged(each) for each in value])),
+    )
+    if known:
+        return partial(_tag_known, name, _coder(kind).encode)
+    return next((way for made, way in ways if issubclass(kind, made)), _tag_text)
 
 
 def untagged(data: object) -> Any:
@@ -111,7 +116,7 @@ def number(value: Any) -> object:
 
 def dumps(data: object) -> bytes:
     """Return JSON as the bytes of a message."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False, default=_plain).encode()
+    return _JSON.encode(data).encode()
 
 
 def _plain(value: object) -> object:
@@ -119,6 +124,9 @@ def _plain(value: object) -> object:
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"cannot be written: {value!r:.80}")
+
+
+_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_plain)
 
 
 class _Coder(NamedTuple):
@@ -246,7 +254,7 @@ def _tag(name: str, data: object) -> object:
 
 
 def _tag_mapping(value: Mapping[Any, Any]) -> object:
-    if all(isinstance(key, str) and key != TAG for key in value):
+    if TAG not in value and all(isinstance(key, str) for key in value):
         return {str(key): tagged(each) for key, each in value.items()}
     return _tag("mapping", [[tagged(key), tagged(each)] for key, each in value.items()])
 
@@ -256,17 +264,12 @@ def _tag_error(error: DriverError) -> object:
     return {TAG: name, "of": str(error), "hint": error.hint}
 
 
-def _tag_other(value: object) -> object:
-    name = type(value).__name__
-    if NAMED.get(name) is type(value):
-        written = to_json(value)
-        return {TAG: name, **written} if isinstance(written, dict) else _tag("text", str(value))
-    if isinstance(value, np.generic):
-        return tagged(value.item())
-    if isinstance(value, np.ndarray):
-        return _tag("array", _array(value))
-    if isinstance(value, AbstractSet):
-        return _tag("set", [tagged(each) for each in value])
+def _tag_known(name: str, encode: Callable[[Any], object], value: object) -> object:
+    written = encode(value)
+    return {TAG: name, **written} if isinstance(written, dict) else _tag_text(value)
+
+
+def _tag_text(value: object) -> object:
     return _tag("text", str(value))
 
 
