@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.metadata import EntryPoint
 from math import degrees
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,14 +30,16 @@ from drivers.dynamixel import wire
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.wire import Instruction
 from drivers.keeper import wire as lines
+from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.rodney import ATTACHED, VirtualRodney
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
+from drivers.virtual.waveshare import VirtualWaveshare
 from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.new import dialogue, new
-from missions.library.drivers import load_robot
+from missions.library.drivers import GROUP, load_robot
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import command
 
@@ -377,3 +380,80 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
     assert len(looked) == 5
     pan = load_robot(find("robots", "beep")).sections["head"].keys.pan
     assert (pan.flip, round(degrees(pan.trim))) == (True, 3)
+
+
+@pytest.mark.real_time
+def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
+    bench.plug("ttyUSB1", VirtualWaveshare(Body(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
+    person = Person(
+        {"robot called": "kit", r"like\?": "none", "which is it": "waveshare at /dev/serial/by-id/usb-rover_1"}
+    )
+    bench.session(person)
+    config = load_robot(find("robots", "kit"))
+    assert config.sections["base"].driver.name == "waveshare"
+    assert config.sections["base"].keys.port == "/dev/serial/by-id/usb-rover_1"
+    out = capsys.readouterr().out
+    assert "a robot has one base: " in out
+    assert bench.written["ttyUSB0"] == []
+
+
+@pytest.mark.real_time
+def test_one_more_head_gets_a_name_of_its_own(bench: Workbench) -> None:
+    nano, mast = VirtualRodney(starts=ATTACHED), VirtualRodney(starts=ATTACHED)
+    bench.plug("ttyUSB0", nano, "1a86:7523", "one")
+    bench.plug("ttyUSB1", mast, "1a86:7523", "two")
+    servos = {"pan servo": "0", "tilt servo": "1"}
+    names = {"one more head": "lidar_mast", "ask /dev": "y"}
+    bench.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos}))
+    config = load_robot(find("robots", "kit"))
+    assert config.sections["head"].keys.port == "/dev/serial/by-id/usb-one"
+    assert config.sections["lidar_mast"].driver.kind == "head"
+    assert config.sections["lidar_mast"].keys.port == "/dev/serial/by-id/usb-two"
+    assert nano.commands == mast.commands == []
+    assert "kit_lidar_mast" in (config_folder() / "robots/kit.rules").read_text()
+
+
+def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = "head.arduino, head.arduino_second, voice.print"
+    person = Person(
+        {"robot called": "kit", r"like\?": "none", "what else": parts, "one more head": "lidar_mast",
+         r"head\.pan servo": "0", r"head\.tilt servo": "1", r"mast\.pan servo": "2", r"mast\.tilt servo": "3"}
+    )  # fmt: skip
+    bench.session(person)
+    config = load_robot(find("robots", "kit"))
+    drivers = {part: section.driver.name for part, section in config.sections.items()}
+    assert drivers == {"head": "arduino", "lidar_mast": "arduino_second", "voice": "print"}
+    assert "  voice: voice.auto, voice.espeak," in capsys.readouterr().out
+
+
+def test_a_driver_of_another_distribution_is_offered(
+    bench: Workbench, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "sample_distribution"))
+    points = [
+        EntryPoint("base.rover", "sample_robot.declared:ROVER", GROUP),
+        EntryPoint("head.lame", "sample_robot.nowhere:LAME", GROUP),
+    ]
+    monkeypatch.setattr("missions.library.drivers.offered", lambda group: points if group == GROUP else [])
+
+    class Slow(Person):
+        def __call__(self, question: str, **told: object) -> str:
+            answer = super().__call__(question, **told)
+            tries = sum("what else" in each for each in self.asked)
+            return ("head.lame", "base.rover")[tries - 1] if "what else" in question else answer
+
+    person = Slow({"robot called": "kit", r"like\?": "none", "base port": "/dev/ttyUSB7", "base other": "n"})
+    bench.session(person)
+    config = load_robot(find("robots", "kit"))
+    assert config.sections["base"].driver.name == "rover"
+    out = capsys.readouterr().out
+    assert "  base: base.kobuki, base.waveshare, base.pi_car, base.ros2, base.legs, base.rover" in out
+    assert "'head.lame' cannot be used: head.lame = sample_robot.nowhere:LAME cannot be imported" in out
+
+
+def test_a_neck_without_an_arm_is_left_out(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    answers = {"robot called": "kit", r"like\?": "none", "what else": "head.dynamixel", "joint": "neck"}
+    bench.session(Person(answers, stays=MOST))
+    assert load_robot(find("robots", "kit")).parts == {"voice"}
+    assert "this robot has no arm" in capsys.readouterr().out

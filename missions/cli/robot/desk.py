@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.api.driver import Driver
+from drivers.api.sections import Wired
 from drivers.clock import SystemClock
 from drivers.finding.asking import PATIENCE, Heard, certain, drivers_that_probe, look
 from drivers.finding.machine import Machine
@@ -86,7 +87,8 @@ def _kept(heard: Heard) -> list[Any]:
 def _told(talk: Dialogue, table: Table, port: SerialPort, probing: Sequence[Driver]) -> Found | None:
     """Return what the user says is on a port that does not answer."""
     sure = certain(port, probing)
-    names = [f"{driver.kind}.{driver.name}" for driver in probing]
+    wired = (it for _, _, it in table.all() if isinstance(it, Driver) and issubclass(it.keys, Wired))
+    names = list(dict.fromkeys(f"{driver.kind}.{driver.name}" for driver in (*probing, *wired)))
     default = NOTHING if sure is None else f"{sure.kind}.{sure.name}"
     said = talk.choice(f"on {port.call}", f"what of the robot is on {port.path}?", [NOTHING, *names], default)
     kind, _, name = said.partition(".")

@@ -21,9 +21,10 @@ from drivers.finding.machine import Machine
 from missions.assembly.target import target_of
 from missions.cli.keys import interruptible
 from missions.cli.ports import root_option
+from missions.cli.robot.choosing import choose, like
 from missions.cli.robot.desk import plugged_in
 from missions.cli.robot.dialogue import Dialogue
-from missions.cli.robot.parts import Part, choose, figures, like
+from missions.cli.robot.parts import Part, figures
 from missions.cli.robot.servos import find_limits, name_joints, part_ids
 from missions.cli.robot.trying import photograph, try_head
 from missions.cli.robot.writing import robot_text, udev_rules
@@ -118,29 +119,36 @@ def _sections(parts: Mapping[str, Part]) -> dict[str, tuple[Driver, dict[str, An
 def _filled(
     talk: Dialogue, machine: Machine, name: str, summary: str, parts: dict[str, Part], patience: float
 ) -> RobotConfig:
-    """Ask for what the sections say, part by part, until the checker likes it."""
+    """Ask for what the sections say, part by part, until the checker likes it.
+
+    A part that it does not like whatever is answered, as a neck without an arm, can be left out of the ``parts``.
+    """
     whole: dict[str, Part] = {}
     for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
-        part, before = parts[kind], dict(parts[kind].section)
+        part, before, told = parts[kind], dict(parts[kind].section), ""
         while True:
             if issubclass(part.driver.keys, DynamixelKeys):
                 if part.port is not None:
                     part_ids(talk, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
                 name_joints(talk, part)
             figures(talk, kind, part)
-            whole[kind] = part
             try:
-                config = robot_of(Source(name, robot_text(name, summary, _sections(whole))))
+                robot_of(Source(name, robot_text(name, summary, _sections({**whole, kind: part}))))
+                whole[kind] = part
                 break
             except InvalidFileError as error:
                 if talk.yes:
                     raise
-                talk.tell(str(error), f"so the questions about the {kind} come again")
-                talk.forget(f"{kind}.")
-                talk.forget(f"{kind} ")
-                talk.forget(f"{kind}?")
-                part.section = dict(before)
-    return config if parts else robot_of(Source(name, robot_text(name, summary, {})))
+                talk.tell(str(error))
+                again, told = told == str(error), str(error)
+            if again and talk.confirm(f"{kind}?out", f"the same again: leave the {kind} out?", default=True):
+                del parts[kind]
+                break
+            talk.tell(f"so the questions about the {kind} come again")
+            for ending in ". ?":
+                talk.forget(f"{kind}{ending}")
+            part.section = dict(before)
+    return robot_of(Source(name, robot_text(name, summary, _sections(parts))))
 
 
 def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: RobotConfig, patience: float) -> None:

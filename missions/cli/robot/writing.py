@@ -19,14 +19,15 @@ LONGEST = 70
 
 
 def robot_text(name: str, summary: str, parts: Mapping[str, tuple[Driver, Mapping[str, Any]]]) -> str:
-    """Return the text of a robot file."""
+    """Return the text of a robot file, of its parts by name."""
     lines = [
         "# Written by `mission robot new`, to be changed as you like; docs/robot_files.md has every key.",
         f"robot: {_plain(name)}",
         f"summary: {_plain(summary, '{}')}",
     ]
-    for kind, (driver, section) in parts.items():
-        lines += ["", f"{kind}:", f"  driver: {driver.name}  # {driver.about}"]
+    for part, (driver, section) in parts.items():
+        lines += ["", f"{part}:"] + ([f"  kind: {driver.kind}"] if part != driver.kind else [])
+        lines += [f"  driver: {driver.name}  # {driver.about}"]
         helps = {key.word: key.help for key in declared(driver.keys)}
         for word, value in section.items():
             lines += _entry(word, value, helps.get(word, ""))

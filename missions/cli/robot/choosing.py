@@ -1,0 +1,216 @@
+"""Which parts a new robot has: what was found, what a robot that it is like has, and all that there is a driver of."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import count
+from typing import Any
+
+import yaml
+
+from config.defaults import own_files
+from config.faults import InvalidFileError
+from config.library import find, shipped
+from config.robot import NAME, RobotKeys
+from drivers.api.driver import BrokenDriver, Driver
+from drivers.api.keys import declared
+from drivers.api.kinds import KINDS
+from drivers.finding.survey import Desk
+from missions.cli.robot.desk import Found
+from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.parts import Part
+from missions.library.drivers import Table, load_robot
+
+NONE = "none"
+
+Parts = dict[str, Part]
+"""The parts of the new robot by their names: their kinds, or names of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A robot that the new one is like: the drivers of its parts, and what its file says of each."""
+
+    name: str
+    drivers: Mapping[str, Driver]
+    sections: Mapping[str, dict[str, Any]]
+
+    def ids(self) -> set[int]:
+        """The IDs of its servos."""
+        joints = self.sections.get("arm", {}).get("joints", {})
+        return {joint["id"] for joint in joints.values() if isinstance(joint, dict) and "id" in joint}
+
+    def section(self, part: str) -> dict[str, Any]:
+        """Return what its file says of a part, but for the driver."""
+        return {key: it for key, it in self.sections[part].items() if key not in {"driver", "kind"}}
+
+
+def like(talk: Dialogue, found: Sequence[Found]) -> Model | None:
+    """Ask which known robot the new one is like; the one that shares most with what is plugged in is proposed."""
+    models = [model for name in (shipped("robots") | own_files("robots")) if (model := _model(name)) is not None]
+    fitting = sorted(models, key=partial(_likeness, found), reverse=True)
+    best = fitting[0].name if fitting and _likeness(found, fitting[0]) > 0 else NONE
+    question = "which of these is it like? its names, limits and figures are taken over"
+    chosen = talk.choice("like", question, [NONE, *(model.name for model in fitting)], best)
+    return next((model for model in fitting if model.name == chosen), None)
+
+
+def _model(name: str) -> Model | None:
+    path = find("robots", name)
+    try:
+        config = load_robot(path)
+    except InvalidFileError:
+        return None
+    raw = yaml.safe_load(path.read_text(encoding="utf-8"))
+    drivers = {part: section.driver for part, section in config.sections.items()}
+    return Model(name, drivers, {part: {**raw[part]} for part in drivers})
+
+
+def _likeness(found: Sequence[Found], model: Model) -> float:
+    """Return how much a robot has of what is plugged in; servos count where their IDs are the same."""
+    score = 0.0
+    for each in found:
+        if model.drivers.get(each.driver.kind) == each.driver:
+            score += 1.0
+            if each.units:
+                score += 2.0 if {unit[0] for unit in each.units} == model.ids() else -1.0
+    return score - 0.01 * len(model.drivers)
+
+
+def choose(talk: Dialogue, table: Table, desk: Desk, found: Sequence[Found], model: Model | None) -> Parts:
+    """Ask which parts the robot has; return them in the order in which files have them."""
+    parts: Parts = {}
+    for kind in KINDS:
+        _answered(talk, parts, kind, [each for each in found if each.driver.kind == kind], model)
+    for part in (*KINDS, *(() if model is None else model.drivers)):
+        if part not in parts and (supposed := _supposed(talk, table, desk, part, model)) is not None:
+            parts[part] = supposed
+    _others(talk, table, parts)
+    if "camera" in parts and desk.cameras:
+        parts["camera"].section["source"] = int(desk.cameras[0].path.removeprefix("/dev/video"))
+    return {part: parts[part] for part in (*KINDS, *parts) if part in parts}
+
+
+def _answered(talk: Dialogue, parts: Parts, kind: str, found: Sequence[Found], model: Model | None) -> None:
+    """Ask for those of a kind that have answered: which is the robot's, and how one more is called."""
+    chosen = _which(talk, kind, found, model)
+    if chosen is None:
+        return
+    parts[kind] = _found_part(chosen, model)
+    for each in found:
+        if each is chosen:
+            continue
+        if KINDS[kind].several:
+            _add(
+                talk, parts, f"name {each.port.call}", each.driver, _found_part(each, None), at=f" at {each.port.call}"
+            )
+        else:
+            talk.tell(f"a robot has one {kind}: {_title(each)} can be in a robot file of its own (mission robot new)")
+
+
+def _which(talk: Dialogue, kind: str, found: Sequence[Found], model: Model | None) -> Found | None:
+    """Ask which of those that have answered is the robot's; one that its model has, too, is proposed."""
+    if not found:
+        return None
+    if len(found) == 1:
+        key = f"take {found[0].port.call}"
+        return found[0] if talk.confirm(key, f"take {_title(found[0])} for its {kind}?", default=True) else None
+    named = {f"{each.driver.name} at {each.port.call}": each for each in found}
+    usual = [name for name, each in named.items() if model is not None and model.drivers.get(kind) == each.driver]
+    question = f"{len(found)} answer that could be its {kind}: which is it?"
+    chosen = talk.choice(f"which {kind}", question, [*named, NONE], [*usual, *named][0])
+    return named.get(chosen)
+
+
+def _add(talk: Dialogue, parts: Parts, key: str, driver: Driver, part: Part, at: str = "") -> None:
+    """Ask how one more part of a kind is called; missions say that name."""
+    kind = driver.kind
+    reserved = {each.word for each in declared(RobotKeys)} | set(KINDS)
+
+    def check(answer: str) -> None:
+        if answer == NONE:
+            return
+        if re.fullmatch(NAME, answer) is None:
+            raise ValueError(f"'{answer:.40}' is no name: small letters, digits and _, beginning with a letter")
+        if answer in parts or answer in reserved:
+            raise ValueError(f"'{answer}' is taken: give another name, such as lidar_mast")
+
+    usual = next(name for number in count(2) if (name := f"{kind}{number}") not in parts)
+    question = f"one more {kind}, {driver.name}{at}: what is it called, such as lidar_mast? '{NONE}' leaves it out"
+    name = talk.text(key, question, usual, check)
+    if name != NONE:
+        parts[name] = part
+
+
+def _supposed(talk: Dialogue, table: Table, desk: Desk, part: str, model: Model | None) -> Part | None:
+    """Ask for a part that was not found: one of the robot that it is like, or one that needs no port."""
+    driver = None if model is None else model.drivers.get(part)
+    if model is not None and driver is not None:
+        question = f"has it the {part} of {model.name} ({driver.name})?"
+        return Part(driver, model.section(part)) if talk.confirm(f"has {part}", question, default=True) else None
+    usual = _usual(part, desk)
+    if usual and talk.confirm(f"has {part}", f"has it a {part}?", default=usual != "page"):
+        return Part(table.find(part, usual))
+    return None
+
+
+def _others(talk: Dialogue, table: Table, parts: Parts) -> None:
+    """Ask for parts that do not say that they are there: by any driver, also one of another distribution."""
+    free = [kind for kind, it in KINDS.items() if it.several or kind not in parts or parts[kind].port is None]
+    names = {f"{kind}.{name}": (kind, name) for kind in free for name in table.names(kind)}
+
+    def check(answer: str) -> None:
+        for word in _words(answer):
+            if word not in names:
+                raise ValueError(f"'{word}' is none of: {', '.join(names)}")
+            try:
+                table.find(*names[word])
+            except BrokenDriver as error:
+                raise ValueError(f"'{word}' cannot be used: {error}") from error
+
+    if not (talk.yes or talk.knows("others")):
+        talk.tell("what there is a driver of:")
+        for kind in free:
+            talk.tell(f"  {kind}: {', '.join(f'{kind}.{name}' for name in table.names(kind))}")
+    question = "what else has it? none, or some of these, with commas between them"
+    for place, word in enumerate(_words(talk.text("others", question, NONE, check))):
+        driver = table.find(*names[word])
+        if driver.kind in parts and KINDS[driver.kind].several:
+            _add(talk, parts, f"name {place} {word}", driver, Part(driver))
+        else:
+            parts[driver.kind] = Part(driver)
+
+
+def _words(answer: str) -> list[str]:
+    return [] if answer == NONE else [word.strip() for word in answer.split(",")]
+
+
+def _title(found: Found) -> str:
+    return f"{found.about or found.driver.about.rstrip('.')} at {found.port.path}"
+
+
+def _found_part(each: Found, model: Model | None) -> Part:
+    section: dict[str, Any] = {}
+    same_servos = model is not None and {unit[0] for unit in each.units} == model.ids()
+    if model is not None and model.drivers.get(each.driver.kind) == each.driver:
+        section = model.section(each.driver.kind)
+        if each.units and not same_servos:
+            section = {key: it for key, it in section.items() if key not in {"joints", "groups", "calibration"}}
+    return Part(
+        each.driver,
+        {**dict.fromkeys(("port", *section)), **section, **each.keys, "port": each.port.call},  # the port first
+        each.port,
+        each.units,
+    )
+
+
+def _usual(kind: str, desk: Desk) -> str:
+    """Return the driver of a part that a robot may have without a port; empty where nothing of it is plugged in."""
+    there = {
+        "camera": bool(desk.cameras),
+        "microphone": any(card.hears for card in desk.sounds),
+        "voice": True,
+        "screen": True,
+    }
+    return KINDS[kind].usual if there.get(kind, False) else ""
