@@ -1,8 +1,10 @@
 """``mission serve``: the server that does the tasks of ``mission task``, without a screen of its own."""
 
+import sqlite3
 from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
+from threading import Event
 
 import click
 
@@ -14,6 +16,7 @@ from missions.library.folders import state_folder
 from missions.order import Simulate
 from missions.service.channels import channels_of
 from missions.service.courier import Courier
+from missions.service.disk import DiskFull, in_a_line, trouble
 from missions.service.fleet.latch import FleetLatch
 from missions.service.lock import Taken, locked, run_lock, server_lock
 from missions.service.notices import channel_of
@@ -27,6 +30,9 @@ from missions.service.work import Child
 
 LEAVE = 60.0
 """Seconds that a run without a server has to come to rest; it needs a few."""
+
+FULL_PERIOD = 2.0
+"""Seconds from one look to the next whether a full disk has room again."""
 
 FLUSH = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
@@ -69,14 +75,16 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
     with in_words(path), ExitStack() as closed:
         try:
             closed.enter_context(locked(server_lock(where)))
+            held = _after_orphan(run_lock(where), closed)
         except Taken as error:
             raise TaskError(f"another `mission serve` does the tasks: {error}") from error
-        held = _after_orphan(run_lock(where), closed)
-        connection = closed.enter_context(closing(open_db(path)))
+        except OSError as error:
+            raise trouble(path, error) from error
+        connection = closed.enter_context(closing(_begun(path, patient=not once)))
         queue = Queue(connection, channels_of, local_zone())
-        queue.recover(wall_clock())  # before a fleet hears of what seems to run
         latch = FleetLatch(where)
-        server = Server(queue, Child([held], _tell), wall_clock, _tell, held=lambda: latch.stopped)
+        explain = partial(in_a_line, path)
+        server = Server(queue, Child([held], _tell), wall_clock, _tell, held=lambda: latch.stopped, explain=explain)
         closed.enter_context(Signals(server.stop))
         courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
         if member is not None:
@@ -88,6 +96,29 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
             courier.flush(FLUSH)
             if waiting := Outbox(connection).waiting():
                 _tell(f"{waiting} notices are not delivered yet: the next `mission serve` goes on with them")
+
+
+def _begun(path: Path, *, patient: bool) -> sqlite3.Connection:
+    """Open the queue, and end the attempts of the server before: a fleet shall not hear that they run.
+
+    Who is ``patient`` waits until the disk has room. Raises TaskError, and errors of sqlite3.
+    """
+    told = False
+    while True:
+        try:
+            with in_words(path), ExitStack() as undone:
+                connection = open_db(path)
+                undone.callback(connection.close)
+                Queue(connection, channels_of, local_zone()).recover(wall_clock())
+                undone.pop_all()
+                return connection
+        except DiskFull as error:
+            if not patient:
+                raise
+            if not told:
+                _tell(f"{error}; waiting for room\n  try: {error.hint}")
+            told = True
+        Event().wait(FULL_PERIOD)
 
 
 def _after_orphan(path: Path, closed: ExitStack) -> int:

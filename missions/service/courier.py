@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 from drivers.clock import SystemClock
+from missions.service.disk import in_a_line
 from missions.service.notice import Channel
 from missions.service.outbox import Letter, Outbox
 from missions.service.schema import open_db
@@ -105,7 +106,7 @@ class Courier:
         except sqlite3.OperationalError as error:  # a full disk, say
             if str(error) != self._trouble:
                 self._trouble = str(error)
-                self._tell(f"the outbox cannot be used: {error}; trying on")
+                self._tell(f"notices wait: {in_a_line(self._path, error)}")
         else:
             if not self._trials:
                 self._answer()

@@ -3,7 +3,7 @@
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event
 
@@ -42,8 +42,9 @@ def locked(path: Path, *, patience: float = MOMENT, clock: Clock | None = None) 
     number = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         _take(number, path, patience, SystemClock() if clock is None else clock)
-        os.ftruncate(number, 0)
-        os.write(number, b"%d\n" % os.getpid())
+        with suppress(OSError):  # on a full disk nobody reads who it is: it is held all the same
+            os.ftruncate(number, 0)
+            os.write(number, b"%d\n" % os.getpid())
         yield number
     finally:
         os.close(number)

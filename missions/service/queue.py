@@ -12,6 +12,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, tzinfo
 
 from missions.service import notice
+from missions.service.disk import use_what_there_is
 from missions.service.notice import Notice
 from missions.service.rows import as_new, check_texts, task_of
 from missions.service.schema import ORDER
@@ -271,9 +272,11 @@ class Queue:
         try:
             yield
             self._execute("COMMIT")
-        except BaseException:
+        except BaseException as error:
             if self._connection.in_transaction:
                 self._connection.rollback()
+            if isinstance(error, sqlite3.OperationalError):
+                use_what_there_is(self._connection)
             raise
 
     def _execute(self, sql: str, *values: object) -> sqlite3.Cursor:

@@ -12,15 +12,17 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from missions.service.disk import trouble
 from missions.service.task import TaskError
 
 LOCK_TIMEOUT = 30.0
 """Seconds to wait for another program that writes."""
 
+LOG = 64
+"""Pages (of 4 kB) that the log may have: what it has taken of a full disk, the file itself cannot have."""
+
 SMALLEST = 512
 """Bytes of the smallest database there is."""
-
-ELSEWHERE = "XDG_STATE_HOME says where the queue is kept"
 
 FIRST = """
 CREATE TABLE task (
@@ -140,6 +142,10 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not path.exists():
                 _make(path)
+            if not path.is_file():
+                raise TaskError(
+                    f"{path}: is no file, as a queue is", hint=f"mv {path} {path}.other  (a new queue begins)"
+                )
             if (size := path.stat().st_size) < SMALLEST:  # SQLite would begin anew
                 raise _damaged(path, f"it was emptied: {size} bytes are left")
             connection = sqlite3.connect(
@@ -153,7 +159,7 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
             undone.pop_all()
             return connection
     except OSError as error:
-        raise TaskError(f"{path}: {error}", hint=ELSEWHERE) from error
+        raise trouble(path, error) from error
 
 
 def _make(path: Path) -> None:
@@ -185,7 +191,7 @@ def in_words(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:
-        raise TaskError(f"{path}: {error}", hint=ELSEWHERE) from error
+        raise trouble(path, error) from error
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # one of its kinds, such as a constraint that is broken
             raise
@@ -205,6 +211,8 @@ def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) ->
     Raises TaskError, or an error of sqlite3.
     """
     connection.row_factory = sqlite3.Row
+    if not new and not (_version(connection, path) and _has_tables(connection)):  # before anything of it is changed
+        raise _damaged(path, "it has no tables of a queue")
     (journal,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
     if journal != "wal":
         raise TaskError(
@@ -212,12 +220,11 @@ def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) ->
             hint="XDG_STATE_HOME=... says where the queue is kept: a disk of this machine",
         )
     connection.execute("PRAGMA synchronous = FULL")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG}")
     connection.execute("PRAGMA foreign_keys = ON")
     faults = [str(fault) for (fault,) in connection.execute("PRAGMA quick_check (1)")]
     if faults != ["ok"]:
         raise _damaged(path, faults[0])
-    if not new and _version(connection, path) == 0:
-        raise _damaged(path, "it has no tables of a queue")
     if _version(connection, path) < VERSION:
         # Another program may be at the same: whoever comes second finds it done.
         connection.execute("BEGIN IMMEDIATE")
@@ -226,6 +233,11 @@ def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) ->
                 connection.execute(statement)
         connection.execute(f"PRAGMA user_version = {VERSION}")
         connection.execute("COMMIT")
+
+
+def _has_tables(connection: sqlite3.Connection) -> bool:
+    sql = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('task', 'attempt', 'outbox')"
+    return bool(connection.execute(sql).fetchone()[0] == 3)
 
 
 def _version(connection: sqlite3.Connection, path: Path) -> int:

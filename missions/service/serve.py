@@ -21,7 +21,7 @@ class Server:
     """Does what is due, in order, one task at a time; ``run`` it on one thread, ``stop`` it from any.
 
     Only while nobody else serves the same ``queue``. ``now`` is the wall clock (Unix), ``tell`` hears what people
-    should know. While ``held`` says so, nothing begins.
+    should know. While ``held`` says so, nothing begins. ``explain`` says of a queue that cannot be used what to do.
     """
 
     def __init__(
@@ -32,9 +32,10 @@ class Server:
         tell: Callable[[str], None],
         *,
         held: Callable[[], bool] = lambda: False,
+        explain: Callable[[sqlite3.OperationalError], str] = str,
     ) -> None:
         self._queue, self._work, self._now, self._tell = queue, work, now, tell
-        self._held = held
+        self._held, self._explain = held, explain
         self._pause = Event()  # nobody sets it: a signal handler, which stops the server, must take no lock
         self._stopping = False
         self._trouble = ""
@@ -86,10 +87,12 @@ class Server:
             except sqlite3.OperationalError as error:
                 if str(error) != self._trouble:
                     self._trouble = str(error)
-                    self._tell(f"the queue cannot be used: {error}; trying on")
+                    self._tell(f"the queue cannot be used: {self._explain(error)}")
                 if self._stopping:
                     return None
                 self._pause.wait(PERIOD)
             else:
+                if self._trouble:
+                    self._tell("the queue can be used again")
                 self._trouble = ""
                 return result

@@ -183,7 +183,7 @@ def test_a_disk_without_a_write_ahead_log_is_refused() -> None:
         closing(sqlite3.connect(":memory:", isolation_level=None)) as connection,
         pytest.raises(TaskError, match="cannot keep a queue safe"),
     ):
-        prepare(connection, Path("tasks.db"))
+        prepare(connection, Path("tasks.db"), new=True)
 
 
 def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:

@@ -1,0 +1,75 @@
+"""A queue and its server on a disk of one megabyte, which is filled: `python -m ...small_disk FOLDER`.
+
+It mounts that disk, so it runs in a name space of its own (`unshare -Umr`). What was told goes to stdout, as JSON.
+"""
+
+import json
+import subprocess
+import sys
+from contextlib import closing, suppress
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from missions.cli import serve as serving
+from missions.service.disk import DiskFull, in_a_line
+from missions.service.schema import open_db
+from missions.service.serve import Server
+from missions.service.task import Claim, Outcome
+from missions.service.work import Say, Stopping
+from tests.missions.service.small_queue import Shop, new, shop
+
+MOUNT = ("mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs")
+
+
+def fill(folder: Path) -> None:
+    """Leave no room at all."""
+    with suppress(OSError), (folder / "filling").open("wb", buffering=0) as file:
+        while True:
+            file.write(bytes(4096))
+
+
+def main(folder: Path) -> None:
+    subprocess.run([*MOUNT, str(folder)], check=True)
+    path, told = folder / "tasks.db", dict[str, object]()
+    with shop(path) as opened:
+        opened.add(new("first"))
+    fill(folder)
+    try:
+        open_db(path).close()
+    except DiskFull as error:
+        told["refused"] = [str(error), error.hint]
+    waited: list[str] = []
+
+    def make_room(text: str, to: list[str]) -> None:
+        to.append(text)
+        (folder / "filling").unlink(missing_ok=True)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(serving, "FULL_PERIOD", 0.0)
+        patch.setattr(serving, "_tell", partial(make_room, to=waited))
+        serving._begun(path, patient=True).close()
+    told["waited"] = waited
+    with closing(open_db(path)) as connection:
+        queue = Shop(connection)
+        told["served"] = served = list[str]()
+
+        def work(claim: Claim, stopping: Stopping, say: Say) -> Outcome:
+            del stopping
+            say(f"before {claim.task.name}")
+            fill(folder)
+            for number in range(200):  # more than the log has room for
+                say(f"{number} of {claim.task.name}")
+            return Outcome("success")
+
+        explain = partial(in_a_line, path)
+        now = queue.now
+        Server(queue.queue, work, lambda: now, partial(make_room, to=served), explain=explain).run(once=True)
+        told["states"] = [task.state for task in queue.queue.tasks()]
+        told["said"] = len(queue.told(1))
+    sys.stdout.write(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

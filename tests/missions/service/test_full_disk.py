@@ -1,0 +1,128 @@
+"""A disk that is full, can only be read, or fails: told in words, and nothing that the queue has taken is lost."""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from errno import EIO, ENOSPC, EROFS
+from pathlib import Path
+
+import pytest
+
+from missions.service.disk import DiskFull, trouble
+from missions.service.lock import is_locked, locked
+from missions.service.schema import open_db
+from missions.service.task import TaskError
+from tests.missions.service.small_disk import MOUNT
+
+ROOT = Path(__file__).parents[3]
+PATIENCE = 60.0
+
+
+def of_code(code: int, said: str) -> sqlite3.OperationalError:
+    error = sqlite3.OperationalError(said)
+    error.sqlite_errorcode = code
+    return error
+
+
+def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(open_db(path)) as connection:
+        connection.execute("PRAGMA max_page_count = 1")
+        with pytest.raises(sqlite3.OperationalError) as raised:
+            connection.execute("CREATE TABLE more AS SELECT zeroblob(100000)")
+    told = trouble(path, raised.value)
+    assert isinstance(told, DiskFull)
+    assert "tasks.db: its disk is full: what the queue has is safe" in str(told)
+    assert told.hint == f"df -h {tmp_path}, and make room there"
+
+
+@pytest.mark.parametrize(
+    ("error", "said", "hint"),
+    [
+        (OSError(ENOSPC, os.strerror(ENOSPC)), "its disk is full", "df -h "),
+        (OSError(EROFS, os.strerror(EROFS)), "can only be read (Read-only file system)", "findmnt -T "),
+        (OSError(EIO, os.strerror(EIO)), "does not do what it is told (Input/output error)", "dmesg | tail"),
+        (of_code(sqlite3.SQLITE_READONLY, "attempt to write"), "can only be read (attempt to write)", "findmnt -T "),
+        (of_code(sqlite3.SQLITE_IOERR_FSYNC, "disk I/O error"), "does not do what it is told", "dmesg | tail"),
+        (of_code(sqlite3.SQLITE_BUSY, "database is locked"), "another program writes", "fuser "),
+        (of_code(sqlite3.SQLITE_ERROR, "no such thing"), "no such thing", "XDG_STATE_HOME"),
+    ],
+)
+def test_what_is_wrong_with_a_disk_is_told_with_what_to_type(
+    tmp_path: Path, error: OSError | sqlite3.OperationalError, said: str, hint: str
+) -> None:
+    told = trouble(tmp_path / "tasks.db", error)
+    assert said in str(told)
+    assert told.hint.startswith(hint)
+
+
+def test_an_error_of_a_disk_without_room_is_that_it_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for blocks, files, full in ((0, 1000, True), (10**6, 0, True), (10**6, 1000, False)):
+        found = os.statvfs_result((4096, 4096, 10**6, blocks, blocks, 1000, files, files, 0, 255))
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "statvfs", lambda _, found=found: found)
+            told = trouble(tmp_path / "tasks.db", of_code(sqlite3.SQLITE_IOERR_SHMSIZE, "disk I/O error"))
+        assert isinstance(told, DiskFull) == full
+
+
+def test_who_holds_a_lock_need_not_be_written_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", full)
+        with locked(tmp_path / "serve.lock"):
+            patch.undo()
+            assert is_locked(tmp_path / "serve.lock")
+
+
+def test_a_folder_in_the_place_of_the_queue_is_no_emptied_queue(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    path.mkdir()
+    with pytest.raises(TaskError, match=r"tasks\.db: is no file, as a queue is") as raised:
+        open_db(path)
+    assert raised.value.hint.startswith(f"mv {path} ")
+    path.rmdir()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(TaskError, match="is no file"):
+        open_db(path)
+
+
+def test_a_database_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "tasks.db"
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("CREATE TABLE songs (name)")
+        other.execute("PRAGMA user_version = 5")
+    before = path.read_bytes()
+    with pytest.raises(TaskError, match="no queue of tasks: it has no tables of a queue"):
+        open_db(path)
+    assert path.read_bytes() == before
+
+
+def test_on_a_full_disk_nothing_is_lost_and_the_queue_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    apart = ["unshare", "-Umr"]
+    try:
+        subprocess.run([*apart, *MOUNT, str(tmp_path)], check=True, capture_output=True, timeout=PATIENCE)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("no disk can be mounted here, not even in a name space of its own (unshare -Umr)")
+    command = [*apart, sys.executable, "-m", "tests.missions.service.small_disk", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    refused, hint = told["refused"]
+    assert "its disk is full: what the queue has is safe" in refused
+    assert hint.startswith(f"df -h {tmp_path}")
+    (waited,) = told["waited"]
+    assert "its disk is full" in waited
+    assert "waiting for room" in waited
+    first, trouble_, again = told["served"]
+    assert first == "task 1: first begins"
+    assert "the queue cannot be used: " in trouble_
+    assert "its disk is full" in trouble_
+    assert "df -h" in trouble_
+    assert again == "the queue can be used again"
+    assert told["states"] == ["done"]
+    assert told["said"] == 202  # all that it said, and that it is done
