@@ -13,7 +13,6 @@ from config.marked import Mapping as Marked
 from config.marked import compose
 from config.reading import read_regular
 from config.robot import RobotConfig
-from config.world import WorldConfig
 from missions.assembly.models import YUNET, folder
 from missions.assembly.together import eye
 from missions.hands.moves.sheet import KINDS as SHEETS
@@ -109,10 +108,10 @@ def _world(order: RunRequest) -> str:
     match order.world:
         case _ if order.simulation is None:
             return ""
-        case WorldConfig() as world:
-            return world.name
-        case name:
+        case None | str() as name:
             return name or DEFAULT_WORLD
+        case world:
+            return world.name
 
 
 def _versions() -> dict[str, str]:

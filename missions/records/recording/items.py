@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 from drivers.api import Health
+from missions.executive.tick_record import TickRecord
 from perception.api import Gaze, View
 
 HEADER = struct.Struct("<Q")
@@ -84,6 +85,33 @@ class Number(float):
     def __new__(cls, value: float, *_more: object) -> Self:
         """Make one, whatever its own class would ask for."""
         return super().__new__(cls, value)
+
+
+EVENTS: Mapping[str, str] = {
+    "NodeChanged": "/nodes",
+    "VariableSet": "/variables",
+    "CommandSent": "/commands",
+    "FaultRaised": "/faults",
+    "ReflexFired": "/reflexes",
+    "Logged": "/log",
+    "Notified": "/notices",
+    "Ended": "/end",
+}
+"""The topic of each event that has one; the others are contained in the head, the moments and the views."""
+
+ITEMS: Mapping[type, str] = {
+    TickRecord: "/moments",
+    Seen: "/percepts",
+    Picture: "/camera",
+    Checked: "/state/devices",
+    Feedback: "/feedback",
+}
+"""The main topic of everything else."""
+
+
+def topic_of(item: object) -> str:
+    """Return the topic of an item, that under which it is counted where it is lost."""
+    return ITEMS.get(type(item)) or EVENTS[type(item).__name__]
 
 
 def packed(items: Sequence[object]) -> bytes:

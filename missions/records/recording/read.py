@@ -19,9 +19,8 @@ from missions.records.recording.codec import from_json
 from missions.records.recording.faults import InvalidRecordError, message_in, understanding
 from missions.records.recording.head import LIMIT, TREE, Head
 from missions.records.recording.identify import head_in, no_mcap
-from missions.records.recording.items import Feedback
+from missions.records.recording.items import EVENTS, Feedback
 from missions.records.recording.moments import Restored
-from missions.records.recording.topics import EVENTS
 from missions.views.pictures.drawing import Drawing
 from missions.views.pictures.states import TIME_TOLERANCE
 from missions.views.pictures.tree_json import from_json as drawing_from_json

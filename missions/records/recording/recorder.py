@@ -25,10 +25,9 @@ from missions.executive.tick_record import TickRecord
 from missions.records.recording.budget import FRAMES, LIMIT, FrameBudget
 from missions.records.recording.camera import Pictures
 from missions.records.recording.head import Contents
-from missions.records.recording.items import Checked, Feedback, Missed, Picture, Seen, packed
+from missions.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, topic_of
 from missions.records.recording.loss import Loss
 from missions.records.recording.outlet import Outlet
-from missions.records.recording.topics import EVENTS, topic_of
 from perception.api import Frame, Gaze, View
 
 PERIOD = 0.05

@@ -14,30 +14,9 @@ from missions.records.recording.codec import dumps, number, tagged, to_json
 from missions.records.recording.figures import Figures
 from missions.records.recording.foxglove import Epoch
 from missions.records.recording.head import Head
-from missions.records.recording.items import Checked, Feedback, Other, Picture, Seen
+from missions.records.recording.items import EVENTS, Checked, Feedback, Other, Picture, Seen
 from missions.records.recording.moments import Shortened
 from perception.api import View
-
-EVENTS: Mapping[str, str] = {
-    "NodeChanged": "/nodes",
-    "VariableSet": "/variables",
-    "CommandSent": "/commands",
-    "FaultRaised": "/faults",
-    "ReflexFired": "/reflexes",
-    "Logged": "/log",
-    "Notified": "/notices",
-    "Ended": "/end",
-}
-"""The topic of each event that has one; the others are contained in the head, the moments and the views."""
-
-ITEMS: Mapping[type, str] = {
-    TickRecord: "/moments",
-    Seen: "/percepts",
-    Picture: "/camera",
-    Checked: "/state/devices",
-    Feedback: "/feedback",
-}
-"""The main topic of everything else."""
 
 SCHEMAS: Mapping[str, str] = {
     "/mission": "missiontree.Mission",
@@ -67,11 +46,6 @@ SCHEMAS: Mapping[str, str] = {
 
 VIEWS_KEPT = 16
 """So many views wait for the picture that they were found in: a picture is there later, once it is packed."""
-
-
-def topic_of(item: object) -> str:
-    """Return the topic of an item, that under which it is counted where it is lost."""
-    return ITEMS.get(type(item)) or EVENTS[type(item).__name__]
 
 
 class Message(NamedTuple):

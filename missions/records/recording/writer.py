@@ -13,10 +13,10 @@ from typing import Any
 from mcap.writer import Writer
 
 from missions.records.recording.head import FILES, LIMIT, METADATA, TREE, Contents
-from missions.records.recording.items import Missed
+from missions.records.recording.items import Missed, topic_of
 from missions.records.recording.schemas import schema
 from missions.records.recording.sink import Sink
-from missions.records.recording.topics import SCHEMAS, Message, Topics, topic_of
+from missions.records.recording.topics import SCHEMAS, Message, Topics
 
 CHUNK = 1_000_000
 """Bytes of messages after which a chunk is written, at the latest."""

@@ -11,8 +11,7 @@ from config.units import Quantity
 from drivers.api import HeadPose
 from drivers.errors import NoReply
 from missions.executive.events import NodeChanged, VariableSet
-from missions.records.recording.items import Other, packed, unpacked
-from missions.records.recording.topics import EVENTS
+from missions.records.recording.items import EVENTS, Other, packed, unpacked
 
 
 class Mine:

@@ -19,14 +19,14 @@ from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeSca
 from missions.executive import events
 from missions.records.recording.head import Contents, Head
 from missions.records.recording.info import lines_about
-from missions.records.recording.items import Checked, Feedback, Missed, Picture, Seen, packed, unpacked
+from missions.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, unpacked
 from missions.records.recording.mend import mend
 from missions.records.recording.read import open_record
 from missions.records.recording.schemas import schema
 from missions.records.recording.schemas.foxglove import FOXGLOVE
 from missions.records.recording.schemas.ours import OURS
 from missions.records.recording.sink import Sink
-from missions.records.recording.topics import EVENTS, SCHEMAS
+from missions.records.recording.topics import SCHEMAS
 from missions.records.recording.writer import RecordWriter, Written
 from perception.api import Gaze, Marker, Scene, Thing, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write
