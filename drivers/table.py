@@ -16,8 +16,13 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
         "arduino_second": "drivers.arduino.declared:SECOND",
         "dynamixel": "drivers.dynamixel.declared:NECK",
         "pca9685": "drivers.pi_car.declared:PI_HEAD",
+        "ros2": "drivers.ros2.declared:HEAD",
     },
-    "arm": {"dynamixel": "drivers.dynamixel.declared:ARM", "feetech": "drivers.feetech.declared:ARM"},
+    "arm": {
+        "dynamixel": "drivers.dynamixel.declared:ARM",
+        "feetech": "drivers.feetech.declared:ARM",
+        "ros2": "drivers.ros2.declared:ARM",
+    },
     "imu": {"witmotion": "drivers.witmotion.declared:WITMOTION"},
     "range": {"rplidar": "drivers.rplidar.declared:RPLIDAR", "ros2": "drivers.ros2.declared:RANGE"},
     "camera": {"opencv": "drivers.camera.declared:OPENCV", "ros2": "drivers.ros2.declared:CAMERA"},
@@ -32,6 +37,7 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
         "piper": "drivers.voice.declared:PIPER",
         "command": "drivers.voice.declared:COMMAND",
         "print": "drivers.voice.declared:PRINT",
+        "ros2": "drivers.ros2.declared:VOICE",
     },
     "screen": {"page": "drivers.screen.declared:PAGE", "print": "drivers.screen.declared:PRINT"},
 }

@@ -1,11 +1,14 @@
 """A robot that speaks ROS 2 over Zenoh, and its parts, as drivers; their keys in a robot file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from math import pi
 from typing import Literal
 
+from drivers.api.device import Away
 from drivers.api.driver import Driver
+from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import BaseKeys, RangeKeys, Ros2Keys
+from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, VoiceKeys
 from drivers.api.senses import CameraKeys
 
 
@@ -112,6 +115,127 @@ CAMERA = Driver(
     "A camera whose pictures come by ROS 2.",
     Ros2CameraKeys,
     make="drivers.ros2.make:camera",
+    needs=("ros2",),
+    extra="ros2",
+)
+
+
+COMMAND = (
+    "The topic of their controller: a JointTrajectory, or a Float64MultiArray with a position for each joint, in the "
+    "order of this file; with `{joint}` in it one for each joint (Float64)."
+)
+
+
+def _reaches(limits: tuple[float, float]) -> Iterator[Mistake]:
+    if not -pi - 1e-9 <= limits[0] < limits[1] <= pi + 1e-9:
+        yield Mistake("'limits' must be [lowest, highest], within -180 deg and 180 deg", ("limits",))
+
+
+@keys
+class Ros2JointKeys:
+    """One joint of a robot of ROS 2."""
+
+    joint: str = key(default="", help="The joint, as JointState calls it; else as it is called here.")
+    limits: tuple[float, float] = key("angle", default=(-pi, pi), help="How far it turns: [lowest, highest].")
+    speed: float = key("turn rate", default=0.5, low=0.02, help="Its highest turn rate.")
+    reverse: bool = key(default=False, help="Whether it turns the other way in ROS 2.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield limits that are none."""
+        yield from _reaches(self.limits)
+
+
+@keys
+class Ros2ArmKeys(ArmKeys):
+    """The ``arm`` section of a robot whose joints are moved by ROS 2."""
+
+    states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
+    command: str = key(default="joint_trajectory_controller/joint_trajectory", help=COMMAND)
+    joints: Mapping[str, Ros2JointKeys] = key(help="The joints, by their names here.", each="joint")
+    away: Away = key(default=Away(), help="What it does when it is back after it was away, or silent.")
+
+    @property
+    def limits(self) -> Mapping[str, JointLimits]:
+        """How far and fast each joint goes, by its name."""
+        return {name: JointLimits(*joint.limits, joint.speed) for name, joint in self.joints.items()}
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield joints that stand twice, and what ArmKeys finds."""
+        owners: dict[str, str] = {}
+        for name, joint in self.joints.items():
+            if (owner := owners.setdefault(joint.joint or name, name)) != name:
+                message = f"joint '{name}' is '{joint.joint or name}' of ROS 2, as '{owner}' is"
+                yield Mistake(message, ("joints", name), named=True, about=(("joints", name), ("joints", owner)))
+        yield from ArmKeys.mistakes(self)
+
+
+@keys
+class Ros2AxisKeys(AxisKeys):
+    """An axis of a head that is a joint of ROS 2."""
+
+    joint: str = key(help="The joint, as JointState calls it.")
+    limits: tuple[float, float] = key(
+        "angle", default=(-pi, pi), help="How far the head turns by it: [lowest, highest]."
+    )
+    reverse: bool = key(default=False, help="Whether it turns right, or up, for what is more in ROS 2.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield limits that are none."""
+        yield from _reaches(self.limits)
+
+
+@keys
+class Ros2HeadKeys(HeadKeys):
+    """The ``head`` section of a robot whose head is turned by ROS 2."""
+
+    states: str = key(default="joint_states", help="The topic of where its joints are (sensor_msgs/JointState).")
+    command: str = key(default="head_controller/joint_trajectory", help=COMMAND)
+    pan: Ros2AxisKeys = key(help="The joint that turns the head left and right.")
+    tilt: Ros2AxisKeys = key(help="The joint that turns the head up and down.")
+    away: Away = key(default=Away(), help="What it does when it is back after it was away, or silent.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield two axes that are one joint."""
+        if self.pan.joint == self.tilt.joint:
+            about = (("pan", "joint"), ("tilt", "joint"))
+            yield Mistake(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
+
+
+@keys
+class Ros2VoiceKeys(VoiceKeys):
+    """The ``voice`` section of a robot that speaks by a topic of ROS 2."""
+
+    topic: str = key(default="say", help="The topic of who speaks: each text is a std_msgs/String.")
+
+
+HEAD = Driver(
+    "ros2",
+    "head",
+    "A head whose two joints are moved by ROS 2.",
+    Ros2HeadKeys,
+    make="drivers.ros2.make:head",
+    twin="drivers.sim.twins.ros2_joints:head",
+    virtual="drivers.virtual.ros2:head",
+    needs=("ros2",),
+    extra="ros2",
+)
+ARM = Driver(
+    "ros2",
+    "arm",
+    "An arm whose joints are moved by ROS 2.",
+    Ros2ArmKeys,
+    make="drivers.ros2.make:arm",
+    twin="drivers.sim.twins.ros2_joints:arm",
+    virtual="drivers.virtual.ros2:arm",
+    needs=("ros2",),
+    extra="ros2",
+)
+VOICE = Driver(
+    "ros2",
+    "voice",
+    "Whoever speaks the texts of a topic of ROS 2.",
+    Ros2VoiceKeys,
+    make="drivers.ros2.make:voice",
     needs=("ros2",),
     extra="ros2",
 )

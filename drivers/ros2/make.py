@@ -1,18 +1,35 @@
 """From the keys of a robot file to the drivers of its parts that are reached by ROS 2."""
 
 import os
+from collections.abc import Mapping
+from math import pi
 
+from drivers.api import JointLimits
 from drivers.api.driver import Site
 from drivers.camera.threaded import ThreadedCamera
 from drivers.errors import BadRequest
+from drivers.joints_head import JointAxis
 from drivers.kobuki.steered import settings_of
 from drivers.ros2 import base as bases
 from drivers.ros2.camera import TopicFeed
-from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.declared import (
+    Ros2ArmKeys,
+    Ros2AxisKeys,
+    Ros2BaseKeys,
+    Ros2CameraKeys,
+    Ros2HeadKeys,
+    Ros2RangeKeys,
+    Ros2VoiceKeys,
+    ZenohKeys,
+)
 from drivers.ros2.graph import Ros2Graph
+from drivers.ros2.head import Ros2Head
+from drivers.ros2.joints import TopicJoints
 from drivers.ros2.line import Channel, link
 from drivers.ros2.ranger import SCAN, Ros2Ranger
 from drivers.ros2.session import access_of
+from drivers.ros2.voice import STRING, Ros2Voice
+from drivers.ros2.ways import TopicJoint, channels_of
 
 
 def domain_of(keys: ZenohKeys) -> int:
@@ -67,3 +84,60 @@ def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
         retry=0.3,
         report=site.report,
     )
+
+
+def joints_of_arm(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
+    """Return the joints of an arm."""
+    limits = keys.limits
+    return {
+        name: TopicJoint(joint.joint or name, limits[name], -1 if joint.reverse else 1)
+        for name, joint in keys.joints.items()
+    }
+
+
+def joints_of_head(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
+    """Return the joints of a head: how far it turns by them is up to its axes, with their trims."""
+    limits = JointLimits(-pi, pi, keys.speed)
+    return {axis.joint: TopicJoint(axis.joint, limits, -1 if axis.reverse else 1) for axis in (keys.pan, keys.tilt)}
+
+
+def _joints(part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, TopicJoint], site: Site) -> TopicJoints:
+    nodes: Ros2Graph = site.parts["ros2"]
+    channels = channels_of(nodes.full(keys.states), nodes.full(keys.command), joints)
+    line = link(part, nodes.node, channels, site.report)
+    return TopicJoints(
+        line, site.clock, channels, joints, name=part, away=keys.away, report=site.report, changed=site.changed
+    )
+
+
+def arm(keys: Ros2ArmKeys, site: Site) -> TopicJoints:
+    """Return the driver of an arm."""
+    return _joints("arm", keys, joints_of_arm(keys), site)
+
+
+def axis(keys: Ros2AxisKeys) -> JointAxis:
+    """Return one joint of a head."""
+    return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
+
+
+def head(keys: Ros2HeadKeys, site: Site) -> Ros2Head:
+    """Return the driver of a head."""
+    joints = _joints("head", keys, joints_of_head(keys), site)
+    return Ros2Head(
+        joints,
+        site.clock,
+        pan=axis(keys.pan),
+        tilt=axis(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        report=site.report,
+        changed=site.changed,
+    )
+
+
+def voice(keys: Ros2VoiceKeys, site: Site) -> Ros2Voice:
+    """Return the driver of a voice."""
+    nodes: Ros2Graph = site.parts["ros2"]
+    channel = Channel(nodes.full(keys.topic), (STRING,), sends=True)
+    line = link("voice", nodes.node, [channel], site.report)
+    return Ros2Voice(line, site.clock, channel, usual=keys.manner, changed=site.changed)

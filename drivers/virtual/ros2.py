@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass
 from threading import Event, RLock, Thread
 from typing import Any, TypeVar
 
+from drivers.api import HeadPose
 from drivers.clock import Clock
 from drivers.ros2 import wire
-from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.make import domain_of, topics_of
+from drivers.ros2.declared import Ros2ArmKeys, Ros2AxisKeys, Ros2BaseKeys, Ros2HeadKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.make import domain_of, joints_of_arm, joints_of_head, topics_of
 from drivers.ros2.node import Node, Publisher
 from drivers.ros2.session import Access, open_session
 from drivers.sim.scanner import looking
@@ -17,6 +18,7 @@ from drivers.sim.stage import Stage
 from drivers.sim.world import World
 from drivers.virtual.navigation import VirtualFrames, VirtualNav2
 from drivers.virtual.plugged import Plugged
+from drivers.virtual.topic_joints import VirtualJoints
 from drivers.virtual.topics import Topics, VirtualBase, VirtualScan
 
 T = TypeVar("T")
@@ -153,6 +155,30 @@ def ranger(keys: Ros2RangeKeys, stage: Stage) -> Plugged:
     device = VirtualScan(look, _full(stage)(keys.scan), yaw=keys.yaw, seed=stage.seed)
     _terminal(stage).devices.append(device)
     return Plugged(None)
+
+
+def arm(keys: Ros2ArmKeys, stage: Stage) -> Plugged:
+    """Return the joints of a virtual arm; its state are their angles in radians, by the names of the robot file."""
+    full, joints = _full(stage), joints_of_arm(keys)
+    device = VirtualJoints(full(keys.states), full(keys.command), joints)
+    _terminal(stage).devices.append(device)
+
+    def state(now: float) -> object:
+        return {name: joint.direction * device.position(joint.there, now) for name, joint in joints.items()}
+
+    return Plugged(None, state=state)
+
+
+def head(keys: Ros2HeadKeys, stage: Stage) -> Plugged:
+    """Return the two joints of a virtual head."""
+    full, joints = _full(stage), joints_of_head(keys)
+    device = VirtualJoints(full(keys.states), full(keys.command), joints)
+    _terminal(stage).devices.append(device)
+
+    def angle(axis: Ros2AxisKeys, now: float) -> float:
+        return joints[axis.joint].direction * device.position(axis.joint, now) - axis.trim
+
+    return Plugged(None, looks=lambda now: HeadPose(angle(keys.pan, now), angle(keys.tilt, now)))
 
 
 def _terminal(stage: Stage) -> Ros2Terminal:

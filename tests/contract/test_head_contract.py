@@ -1,4 +1,4 @@
-"""What ``drivers.api.Head`` promises, kept by Rodney's and a keeper's on a wire, a neck of Dynamixels, and twins."""
+"""What ``drivers.api.Head`` promises, kept on wires, a bus and topics of ROS 2, and by twins."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Protocol
 
 import pytest
 
-from drivers.api import HEAD_ACCELERATION, Head, HeadPose, Quality
+from drivers.api import HEAD_ACCELERATION, Head, HeadPose, JointLimits, Quality
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
@@ -19,11 +19,17 @@ from drivers.errors import BadRequest, NotConnected
 from drivers.joints_head import JointAxis
 from drivers.keeper.head import KeeperHead
 from drivers.pantilt import Trimmable
+from drivers.ros2.head import Ros2Head
+from drivers.ros2.joints import TopicJoints
+from drivers.ros2.ways import ARRAY, TRAJECTORY, TopicJoint
 from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
+from drivers.sim.twins.ros2_joints import HeadTwin as TopicHeadTwin
+from drivers.sim.twins.ros2_joints import StiffJoints
 from drivers.virtual.keeper import VirtualServos
 from drivers.virtual.rodney import VirtualRodney
+from drivers.virtual.topic_joints import VirtualJoints
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
 from tests.drivers.cranked import PERIOD, HandWire, by_hand
@@ -230,6 +236,87 @@ class TwinNeck(InSimulatedTime, HeadRig):
         self.joints.close()
 
 
+TURNS = {
+    "neck_pan": TopicJoint("head_1_joint", JointLimits(-3.0, 3.0, SPEED)),
+    "neck_tilt": TopicJoint("head_2_joint", JointLimits(-3.0, 3.0, SPEED), -1),
+}
+
+
+class TopicHead(InSimulatedTime, HeadRig):
+    """Turned by trajectories of ROS 2."""
+
+    awake = HeadPose(0.0, 0.0)
+    kind = TRAJECTORY
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robot = VirtualJoints("/joint_states", "/head_controller/command", TURNS, kind=self.kind)
+        self.wire = HandWire(self.robot, self.timeline)
+        joints = TopicJoints(self.wire.link("head"), self.clock, self.robot.channels, TURNS, name="head")
+        self.device = Ros2Head(
+            joints,
+            self.clock,
+            pan=NECK[0],
+            tilt=NECK[1],
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+        self.device.make_loop = by_hand(self.timeline)
+
+    def truth(self) -> HeadPose:
+        now = self.clock.now()
+        return HeadPose(self.robot.position("head_1_joint", now), -self.robot.position("head_2_joint", now))
+
+    def unplug(self) -> None:
+        self.wire.unplug()
+
+    def plug_in(self) -> None:
+        self.wire.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
+class ArrayHead(TopicHead):
+    """Turned by positions of both joints."""
+
+    kind = ARRAY
+
+
+class TwinTopicHead(InSimulatedTime, HeadRig):
+    awake = HeadPose(0.0, 0.0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.joints = StiffJoints(TURNS, self.clock)
+        self.twin = TopicHeadTwin(
+            self.joints,
+            self.clock,
+            pan=NECK[0],
+            tilt=NECK[1],
+            speed=SPEED,
+            start=START,
+            report=self.notices.append,
+            changed=self.changed,
+        )
+        self.device = self.twin
+        self.timeline.every(self.twin.PERIOD, self.twin.step)
+
+    def truth(self) -> HeadPose:
+        return self.twin.true_pose(self.clock.now())
+
+    def unplug(self) -> None:
+        self.twin.plug.unplug()
+
+    def plug_in(self) -> None:
+        self.twin.plug.plug_in()
+
+    def close(self) -> None:
+        self.device.close()
+
+
 @pytest.fixture(
     params=[
         simulated(WireHead, "wire"),
@@ -237,6 +324,9 @@ class TwinNeck(InSimulatedTime, HeadRig):
         simulated(TwinHead, "twin"),
         simulated(WireNeck, "bus"),
         simulated(TwinNeck, "neck twin"),
+        simulated(TopicHead, "topics"),
+        simulated(ArrayHead, "topics array"),
+        simulated(TwinTopicHead, "topics twin"),
     ]
 )
 def rig(request: pytest.FixtureRequest) -> Iterator[HeadRig]:

@@ -1,0 +1,188 @@
+"""Arm, head and voice of a robot of ROS 2 behind a router of Zenoh on loopback: found, moved, lost, found again."""
+
+from collections.abc import Iterator
+from math import radians
+
+import pytest
+
+from config.faults import InvalidFileError, Source
+from drivers.api import DeviceStatus, HeadPose, Pose2D
+from drivers.api.driver import Site
+from drivers.clock import SystemClock
+from drivers.ros2.declared import (
+    Ros2ArmKeys,
+    Ros2AxisKeys,
+    Ros2HeadKeys,
+    Ros2JointKeys,
+    Ros2VoiceKeys,
+    ZenohKeys,
+)
+from drivers.ros2.graph import Ros2Graph
+from drivers.ros2.head import Ros2Head
+from drivers.ros2.joints import TopicJoints
+from drivers.ros2.make import arm as make_arm
+from drivers.ros2.make import graph as make_graph
+from drivers.ros2.make import head as make_head
+from drivers.ros2.make import voice as make_voice
+from drivers.ros2.voice import Ros2Voice
+from drivers.sim.stage import Stage
+from drivers.sim.timeline import Timeline
+from drivers.sim.twins.ros2_joints import arm as twin_arm
+from drivers.sim.twins.ros2_joints import head as twin_head
+from drivers.virtual.ros2 import Ros2Terminal, arm, graph, head
+from drivers.virtual.topic_joints import VirtualEar
+from missions.library.drivers import robot_of
+from tests.waiting import wait_until
+
+ARM = Ros2ArmKeys(
+    command="arm_controller/joint_trajectory",
+    joints={"elbow": Ros2JointKeys(joint="arm_2_joint", limits=(-1.5, 1.5), speed=1.0, reverse=True)},
+)
+HEAD = Ros2HeadKeys(
+    command="{joint}/command",
+    pan=Ros2AxisKeys(joint="head_1_joint", limits=(-1.2, 1.2)),
+    tilt=Ros2AxisKeys(joint="head_2_joint", limits=(-0.5, 0.5), reverse=True),
+)
+
+
+class Robot:
+    """The virtual parts of a robot in a namespace, and their real drivers."""
+
+    def __init__(self) -> None:
+        self.clock = SystemClock()
+        self.told: list[DeviceStatus] = []
+        nodes = ZenohKeys(namespace="/tiago", domain=7)
+        stage = Stage(self.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), keys={"ros2": nodes})
+        plugged = graph(nodes, stage)
+        assert isinstance(plugged.terminal, Ros2Terminal)
+        self.terminal = plugged.terminal
+        beside = Stage(self.clock, None, stage.pose, keys=stage.keys, parts={"ros2": plugged})
+        self.virtual_arm, self.virtual_head = arm(ARM, beside), head(HEAD, beside)
+        self.ear = VirtualEar("/tiago/say")
+        self.terminal.devices.append(self.ear)
+        keys = ZenohKeys(router=self.terminal.path, namespace="/tiago", domain=7)
+        self.graph: Ros2Graph = make_graph(keys, Site(self.clock))
+        site = Site(self.clock, report=self.told.append, parts={"ros2": self.graph})
+        self.arm: TopicJoints = make_arm(ARM, site)
+        self.head: Ros2Head = make_head(HEAD, site)
+        self.voice: Ros2Voice = make_voice(Ros2VoiceKeys(), site)
+        self.devices = (self.arm, self.head, self.voice, self.graph)
+
+    def open(self) -> None:
+        self.terminal.open()
+        for device in self.devices:
+            device.open()
+        wait_until(lambda: all(device.health().online for device in self.devices))
+
+    def truly(self) -> float:
+        """Where the elbow really is."""
+        now, state = self.clock.now(), self.virtual_arm.state
+        assert state is not None
+        found = self.terminal.ask(lambda: state(now))
+        assert isinstance(found, dict)
+        return float(found["elbow"])
+
+    def looks(self) -> HeadPose:
+        """Where the head truly looks."""
+        now, looks = self.clock.now(), self.virtual_head.looks
+        assert looks is not None
+        return self.terminal.ask(lambda: looks(now))
+
+    def close(self) -> None:
+        for device in self.devices:
+            device.rest()
+        for device in self.devices:
+            device.close()
+        self.terminal.close()
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    robot = Robot()
+    yield robot
+    robot.close()
+
+
+@pytest.mark.real_time
+def test_arm_head_and_voice_do_what_they_are_told(robot: Robot) -> None:
+    robot.open()
+    robot.arm.move({"elbow": 0.4})
+    robot.head.look(HeadPose(0.5, 0.2))
+    robot.voice.say("hello")
+    wait_until(lambda: abs(robot.truly() - 0.4) < 0.01)
+    wait_until(lambda: abs(robot.looks().pan - 0.5) < 0.01 and abs(robot.looks().tilt - 0.2) < 0.01)
+    wait_until(lambda: robot.ear.said == ["hello"])
+    pose = robot.head.pose().value
+    assert pose is not None
+    assert pose.tilt == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.real_time
+def test_with_its_router_gone_the_arm_stands_and_with_it_back_it_stays_there_until_it_is_told(robot: Robot) -> None:
+    robot.open()
+    robot.arm.move({"elbow": 1.4}, speeds={"elbow": 0.3})
+    wait_until(lambda: robot.truly() > 0.05)
+    robot.terminal.unplug()
+    gone = robot.truly()
+    wait_until(lambda: not any(device.health().online for device in robot.devices))
+    rested = robot.truly()
+    assert rested - gone < 0.3 * 0.3 + 0.05
+    robot.terminal.replug()
+    wait_until(lambda: all(device.health().online for device in robot.devices))
+    assert robot.truly() == pytest.approx(rested, abs=0.1)
+    robot.arm.enable()
+    robot.arm.move({"elbow": 0.0})
+    wait_until(lambda: abs(robot.truly()) < 0.01)
+
+
+def test_joints_that_turn_all_the_way_round_have_twins() -> None:
+    timeline = Timeline()
+    stage = Stage(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.0), part="head")
+    turning = Ros2HeadKeys(pan=Ros2AxisKeys(joint="one"), tilt=Ros2AxisKeys(joint="two"))
+    joints = Ros2ArmKeys(joints={"a": Ros2JointKeys(), "b": Ros2JointKeys()})
+    for twin in (twin_arm(joints, stage), twin_head(turning, stage)):
+        twin.open()
+        timeline.every(twin.PERIOD, twin.step)
+        timeline.run(timeline.clock.now() + 0.1)
+        assert twin.health().online
+        twin.close()
+
+
+ROBOT = """
+robot: tiago
+ros2:
+  router: tcp/127.0.0.1:7447
+arm:
+  driver: ros2
+  joints:
+    elbow: {limits: [-90 deg, 90 deg]}
+    wrist: {joint: JOINT, limits: [-90 deg, LIMIT]}
+head:
+  driver: ros2
+  pan: {joint: head_1_joint}
+  tilt: {joint: TILT, limits: [-30 deg, 30 deg]}
+voice:
+  driver: ros2
+  topic: /tts
+"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "limit", "tilt", "wrong"),
+    [
+        ("wrist_joint", "90 deg", "head_2_joint", ""),
+        ("elbow", "90 deg", "head_2_joint", "joint 'wrist' is 'elbow' of ROS 2, as 'elbow' is"),
+        ("wrist_joint", "200 deg", "head_2_joint", "within -180 deg and 180 deg"),
+        ("wrist_joint", "90 deg", "head_1_joint", "'pan' and 'tilt' are both joint 'head_1_joint'"),
+    ],
+)
+def test_what_a_robot_file_says_of_its_joints_is_checked(joint: str, limit: str, tilt: str, wrong: str) -> None:
+    text = ROBOT.replace("JOINT", joint).replace("LIMIT", limit).replace("TILT", tilt)
+    if not wrong:
+        found = robot_of(Source("tiago.yaml", text)).keys(Ros2ArmKeys)
+        assert found is not None
+        assert found.limits["wrist"].upper == radians(90)
+        return
+    with pytest.raises(InvalidFileError) as caught:
+        robot_of(Source("tiago.yaml", text))
+    assert any(wrong in str(fault) for fault in caught.value.faults)
