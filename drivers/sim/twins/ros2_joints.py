@@ -16,7 +16,7 @@ MOTOR = "XL330-M077"
 """A servo that is quicker than any joint, and turns all the way round, to stand for whatever motor there is."""
 
 
-REACH = 3.141
+REACH = 3.14
 """Radians that it turns either way."""
 
 
