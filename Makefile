@@ -49,10 +49,10 @@ demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and gre
 	$(BIN)/mission run greet
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
-# Many wait for real time, so there is work for one more than there are cores.
+# Many wait for real time, so there is work for two more than there are cores.
 test: $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 	$(MAKE) --jobs 2 check compiled
-	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 1 )) --dist worksteal
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 2 )) --dist worksteal
 
 # All tests are compiled once, beside the checks: else each process that runs tests does it, all at the same time.
 compiled: $(OTHERS_STAMP)
