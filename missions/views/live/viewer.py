@@ -6,8 +6,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
 
@@ -53,7 +53,7 @@ class Viewer:
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
         paths = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
-        with theirs:
+        with theirs, _unheard():
             self._process = subprocess.Popen(  # noqa: S603 - ourselves
                 [sys.executable, "-P", "-m", "missions.views.live", str(theirs.fileno())],
                 stdin=self._keys,
@@ -126,6 +126,16 @@ def _read(line: bytes) -> Mapping[str, object]:
         if isinstance(message, dict):
             return message
     return {}
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Block Ctrl-C, which who is started meanwhile inherits: it is the run's to hear, also while a view is loading."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait(process: "subprocess.Popen[bytes]") -> int:

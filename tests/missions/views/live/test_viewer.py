@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -154,3 +155,22 @@ def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "set()\n"
+
+
+@pytest.mark.real_time
+def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear() -> None:
+    master, slave = pty.openpty()
+    viewer = Viewer(Fed().feed, dict(first()), keys=slave, screen=slave)
+    viewer.open()
+    process = viewer._process
+    assert process is not None
+    text = Text(master)
+    while "sequence" not in text.read():
+        os.kill(process.pid, signal.SIGINT)
+        assert process.poll() is None
+        select.select([master], [], [], 0.02)
+    viewer.close()
+    assert viewer.cause == ""
+    assert "Traceback" not in text.read()
+    os.close(slave)
+    os.close(master)
