@@ -37,6 +37,9 @@ from missions.schema.reference import code, keys_table, robot_reference, table
 from missions.studio.form import members
 from missions.studio.messages import ERRORS, MESSAGES
 from missions.studio.reading import COMMANDS
+from missions.testing.failsafe.ride import stepped_through
+from missions.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
+from missions.testing.failsafe.words import steps
 from missions.testing.keys import CommonKeys, ExpectKeys, JudgedKeys
 
 HERE = Path(__file__).parent
@@ -139,6 +142,34 @@ def studio_errors() -> str:
     return table(("error", "means"), ((code(name), about) for name, about in ERRORS.items()))
 
 
+FELT = (
+    *(Setting(fault=fault) for fault in FAULTS if fault != "nothing"),
+    Setting(fault="bumper left", reflexes="bumper: stop"),
+    Setting(fault="bumper left", reflexes="latch"),
+    Setting(fault="cliff left", reflexes="latch"),
+    Setting(wish="ahead, gently", fault="bumper left"),
+    Setting(wish="back", fault="cliff left"),
+    Setting(battery="low"),
+    Setting(battery="critical"),
+    Setting(battery="critical, on the dock"),
+    Setting(wish="too fast"),
+    Setting(who="both", fault=SILENCE),
+)
+"""What the page of the base tells of."""
+
+
+def failsafe() -> str:
+    """Return what the base does by itself, stepped through."""
+    usual = Setting()
+    rows = []
+    for each in FELT:
+        chosen = [f"{name}: {word}" for name in CHOICES if (word := getattr(each, name)) != getattr(usual, name)]
+        story = steps(stepped_through(each))
+        told = [(moment.t, words) for moment, words in story if moment.t >= 0.0] or [(0.0, story[-1][1])]
+        rows.append(("<br>".join(chosen), "<br>".join(f"{t:.2f} s: {words}" for t, words in told)))
+    return table(("what is so", "then"), rows)
+
+
 def _named(kind: type, leave: Sequence[str] = ()) -> str:
     """Return the names of a message's members, each with what it is, those in brackets that may be left out."""
     found = []
@@ -170,6 +201,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "fleet_keys": partial(keys_table, FleetKeys),
     "object_keys": partial(keys_table, ObjectKeys),
     "claims": claims.claims,
+    "failsafe": failsafe,
     "gallery": dumps.gallery,
     "studio_commands": studio_commands,
     "studio_messages": studio_messages,

@@ -29,6 +29,7 @@ UNTOLD = frozenset(
         "tasks",
         "fleet",
         "tuning",
+        "failsafe",
     }
 )
 """Commands that change nothing, or come twenty times a second: `take` and `give` say who drove."""

@@ -17,7 +17,7 @@ from config.library import UnknownNameError
 from missions.library.tuning import keep
 from missions.records.recording.faults import InvalidRecordError
 from missions.service.task import TaskError
-from missions.studio import library, looking_back, queueing
+from missions.studio import failsafe, library, looking_back, queueing
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Start
@@ -35,6 +35,7 @@ DOES: Mapping[str, Callable[[Command], dict[str, object]]] = {
     **library.DOES,
     **looking_back.DOES,
     **queueing.DOES,
+    **failsafe.DOES,
 }
 """What does each command that no run answers."""
 

@@ -31,6 +31,7 @@ from missions.studio.wishes import (
     AddTask,
     ApproveTask,
     CancelTask,
+    Failsafe,
     Fleet,
     Hello,
     KeepTuning,
@@ -51,7 +52,7 @@ from missions.studio.wishes import (
 COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Start, AddPerson, KeepTuning, Revoke,
+        Hello, Library, Mission, World, Failsafe, Start, AddPerson, KeepTuning, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
         Records, Record, Moment,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,

@@ -45,6 +45,22 @@ class World(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Failsafe(Command):
+    """Answer with what a base does while something goes wrong: its `moments`, and the `choices` that there are.
+
+    The words are those of `choices`; the first where empty.
+    """
+
+    word: ClassVar[str] = "failsafe"
+    role: ClassVar[Role] = "viewer"
+    who: Annotated[str, "Who drives."] = ""
+    wish: Annotated[str, "Where to."] = ""
+    fault: Annotated[str, "What happens."] = ""
+    battery: Annotated[str, "How full its battery is."] = ""
+    reflexes: Annotated[str, "What its robot file says of reflexes."] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Start(Command):
     """Run a mission in a process of its own; answered with its `run` once it has begun, or with why it has not."""
 

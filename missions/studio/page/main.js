@@ -2,6 +2,7 @@
 
 import { el, put, tell } from "./dom.js";
 import { Drive } from "./drive.js";
+import { Failsafe } from "./failsafe.js";
 import { Fleet } from "./fleet.js";
 import { Link } from "./link.js";
 import { Live } from "./live.js";
@@ -13,7 +14,7 @@ import { Watcher } from "./watch.js";
 import { plain, reality, seconds } from "./words.js";
 import "./stop.js";
 
-const VIEWS = { run: Run, live: Live, drive: Drive, robot: Robot, records: Records, tasks: Tasks, fleet: Fleet };
+const VIEWS = { run: Run, live: Live, drive: Drive, robot: Robot, records: Records, tasks: Tasks, fleet: Fleet, failsafe: Failsafe };
 
 const link = new Link();
 const watcher = new Watcher(link);

@@ -9,7 +9,7 @@ from tests.waiting import wait_until
 
 PHONE, DESKTOP = (360, 740), (1280, 800)
 
-VIEWS = ("Run", "Live", "Drive", "Records", "Tasks")
+VIEWS = ("Run", "Live", "Drive", "Records", "Tasks", "Failsafe")
 
 
 class Page:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -238,3 +239,31 @@ def test_a_large_tree_is_drawn_in_pieces_so_that_the_page_goes_on_to_hear(browse
     there = Page(browser, served, view="#tasks").tab.evaluate(LARGE)
     assert there[-1] == 301
     assert max(after - before for before, after in pairwise([0, *there])) <= 12
+
+
+def test_the_failsafe_page_is_stepped_through_and_says_what_the_base_does(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, served.viewer, view="#failsafe")
+    tab = page.tab
+    now = "document.querySelector('.steps [aria-current]')?.textContent ?? ''"
+
+    def said(words: str) -> bool:
+        return words in str(tab.evaluate(now))
+
+    for at, word, words in (
+        (2, "bumper left", "backing off: bumper left"),
+        (4, "latch", "stands until it is enabled: bumper left"),
+        (2, "unplugged for 2 s", "is not heard"),
+    ):
+        wait_until(lambda: tab.evaluate("document.querySelectorAll('.failsafe select').length") == 5)
+        chosen = f"(() => {{ const e = document.querySelectorAll('.failsafe select')[{at}]; e.value = '{word}';"
+        tab.evaluate(f"{chosen} e.dispatchEvent(new Event('change')) }})()")
+        wait_until(partial(said, words))
+    page.press("Before")
+    wait_until(lambda: str(tab.evaluate(now)).startswith("-"))
+    assert tab.errors == []
+
+
+def test_a_word_that_is_no_choice_is_refused_with_those_that_are(served: Served) -> None:
+    with served.client(served.viewer) as client:
+        answer = client.ask("failsafe", fault="bumper lift")
+        assert (answer["error"], answer["hint"]) == ("bad_field", "did you mean 'bumper left'?")

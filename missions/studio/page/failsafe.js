@@ -1,0 +1,64 @@
+// Failsafe: what a base does while something goes wrong, and why, moment by moment.
+
+import { button, choice, el, field, panel, put, tell } from "./dom.js";
+
+const NAMES = { who: "Who drives", wish: "Where to", fault: "What happens", battery: "Battery", reflexes: "Reflexes" };
+const PATIENCE = 20000; // milliseconds: the first answer waits for a reader's process to start
+
+export class Failsafe {
+  #link;
+  #chosen = {};
+  #steps = [];
+  #at = 0;
+  #asked = 0;
+  #form = el("div", { class: "target two" });
+  #said = el("p", { class: "hint" });
+  #clock = el("output", { class: "clock", "aria-live": "polite" });
+  #list = el("ol", { class: "steps", "aria-label": "What the base does" });
+
+  constructor({ link }) {
+    this.#link = link;
+    const tools = el("div", { class: "tools" }, button("Before", () => this.#go(this.#at - 1)), button("Next", () => this.#go(this.#at + 1)), this.#clock);
+    this.node = el("div", { class: "view failsafe" }, panel("Failsafe", "failsafe", this.#said, this.#form, tools, this.#list));
+  }
+
+  show() {
+    this.#fetch();
+  }
+
+  hide() {}
+
+  async #fetch() {
+    if (!this.#link.open) return;
+    const number = (this.#asked += 1);
+    try {
+      const { robot, choices, chosen, moments } = await this.#link.ask({ do: "failsafe", ...this.#chosen }, PATIENCE);
+      if (number !== this.#asked) return; // another one was chosen meanwhile
+      if (!this.#form.childElementCount) this.#draw(choices, chosen);
+      put(this.#said, `The base of ${robot}, by the rules of its driver. What happens does so at 0 s; who commands tries again whenever it has failed.`);
+      this.#steps = moments.map(({ t, ahead, words }) =>
+        el("li", null, el("b", null, `${t.toFixed(2)} s`), el("span", null, words), el("em", null, `${(100 * ahead).toFixed(0)} cm from there`)));
+      this.#list.replaceChildren(...this.#steps);
+      this.#go(Math.max(0, moments.findIndex((each) => each.t >= 0)));
+    } catch (error) {
+      tell(error);
+    }
+  }
+
+  #draw(choices, chosen) {
+    for (const [name, words] of Object.entries(choices)) {
+      const select = choice(words, chosen[name]);
+      select.addEventListener("change", () => {
+        this.#chosen[name] = select.value;
+        this.#fetch();
+      });
+      this.#form.append(field(NAMES[name] ?? name, select));
+    }
+  }
+
+  #go(at) {
+    this.#at = Math.min(Math.max(at, 0), this.#steps.length - 1);
+    this.#steps.forEach((each, number) => (number === this.#at ? each.setAttribute("aria-current", "step") : each.removeAttribute("aria-current")));
+    put(this.#clock, this.#steps[this.#at]?.firstChild.textContent ?? "");
+  }
+}

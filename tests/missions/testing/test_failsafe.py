@@ -1,0 +1,75 @@
+"""The failsafe page: what it says is what the real driver does with a virtual Kobuki at the end of its wire."""
+
+from math import inf
+from random import Random
+
+import pytest
+
+from drivers.api import Sides
+from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.steered import settings_of
+from drivers.sim.timeline import Timeline
+from drivers.virtual.kobuki import VirtualKobuki
+from missions.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through
+from missions.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_for
+from tests.drivers.cranked import HandWire
+from tests.tries import tries
+
+SETTINGS = tries(40)
+SOON, NEAR = 0.1, 0.03
+"""Seconds and metres by which a wire, and a driver that looks at it 200 times a second, may differ from a twin."""
+
+
+ON_ITS_WAY = 0.045
+"""Seconds for which something must hold to count: a command takes two reports over a wire."""
+
+
+class WireHand:
+    """A ``Hand`` on a virtual Kobuki, which the real driver talks to."""
+
+    def __init__(self, setting: Setting, timeline: Timeline) -> None:
+        self.kobuki = VirtualKobuki()
+        self.wire = HandWire(self.kobuki, timeline)
+        self.base = KobukiBase(self.wire.link("base"), timeline.clock, **settings_of(keys_for(setting), Nobody()))
+
+    def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
+        self.kobuki.bumper, self.kobuki.cliff, self.kobuki.buttons = bumper, cliff, buttons
+
+    def lift(self, *, up: bool) -> None:
+        self.kobuki.body.lifted = up
+
+    def plug(self, *, there: bool) -> None:
+        if there:
+            self.wire.plug_in()
+        else:
+            self.wire.unplug()
+
+    def fill(self, percent: float, *, charging: bool) -> None:
+        self.kobuki.body.battery.percent, self.kobuki.body.fed = percent, charging
+
+
+def on_the_wire(setting: Setting) -> list[Moment]:
+    timeline = Timeline()
+    return list(Ride(setting, timeline, WireHand(setting, timeline)).play())
+
+
+def lasting(moments: list[Moment]) -> list[Moment]:
+    """Return what held for longer than the wire takes."""
+    ends = [*(each.t for each in moments[1:]), inf]
+    kept = [one for one, end in zip(moments, ends, strict=True) if end - one.t > ON_ITS_WAY]
+    return [one for at, one in enumerate(kept) if at == 0 or one.what != kept[at - 1].what]
+
+
+def drawn(seed: int) -> Setting:
+    chance = Random(f"failsafe {seed}")  # noqa: S311 - a draw is no secret
+    return Setting(**{name: chance.choice(words) for name, words in CHOICES.items()})
+
+
+@pytest.mark.parametrize("first", range(0, SETTINGS, 20))
+def test_the_page_says_what_the_real_driver_does_with_a_virtual_kobuki(first: int) -> None:
+    for seed in range(first, first + 20):
+        setting = drawn(seed)
+        page, wire = lasting(list(stepped_through(setting))), lasting(on_the_wire(setting))
+        assert [each.what for each in page] == [each.what for each in wire], setting
+        assert [each.t for each in page] == pytest.approx([each.t for each in wire], abs=SOON), setting
+        assert [each.ahead for each in page] == pytest.approx([each.ahead for each in wire], abs=NEAR), setting
