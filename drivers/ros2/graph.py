@@ -127,7 +127,10 @@ class Ros2Graph:
         return self.offers(self.keys.navigation)
 
     def latest(self, topic: str) -> Reading[str]:
-        """Return the newest message of a topic as JSON; it is heard from when it is first asked for."""
+        """Return the newest message of a topic as JSON; it is heard from when it is first asked for.
+
+        Of a latched topic that is what was sent last, whenever that was; it holds as long as its sender is there.
+        """
         now, name = self._clock.now(), self.full(topic)
         node = self._node
         if node is not None and self._watched.get(name) is not node:
@@ -146,7 +149,8 @@ class Ros2Graph:
             self._read[name] = read
         if not read[1]:
             return Reading(None, now, Quality.NONE)
-        return Reading(read[1], stamp, Quality.GOOD if now - stamp <= STALE_AFTER else Quality.STALE)
+        lasts = now - stamp <= STALE_AFTER or (node is not None and node.latched(name))
+        return Reading(read[1], stamp, Quality.GOOD if lasts else Quality.STALE)
 
     def progress(self, number: int) -> Progress:
         """Return how far a request has come."""

@@ -80,22 +80,30 @@ class Node:
     ) -> list[Sieve]:
         """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
 
-        Until the node closes, or ``forget`` is called for its ``owner``.
+        Of a topic that is latched, what was sent before comes too. Until the node closes, or ``forget`` is called for
+        its ``owner``.
         """
-        sieves = []
+        sieves, latched = [], self.latched(name)
         for kind in kinds:
             with self._lock:
-                entity = self._entity(wire.SUBSCRIBER, name, kind, "")
+                entity = self._entity(wire.SUBSCRIBER, name, kind, "", wire.LATCHED if latched else wire.QOS)
             self._token(entity, owner)
             sieve = Sieve()
             sieves.append(sieve)
-            self._keep(
-                self._session.declare_subscriber(
-                    wire.key(self.domain, name, wire.dds(kind)), self._heard(kind, sieve, heard, malformed)
-                ),
-                owner,
-            )
+            key, take = wire.key(self.domain, name, wire.dds(kind)), self._heard(kind, sieve, heard, malformed)
+            self._keep(self._listen(key, take) if latched else self._session.declare_subscriber(key, take), owner)
         return sieves
+
+    def latched(self, name: str) -> bool:
+        """Whether who sends on a topic keeps its last messages for who comes later."""
+        return any(each.latched for each in self.entities(wire.PUBLISHER, name))
+
+    def _listen(self, key: str, take: Callable[["zenoh.Sample"], None]) -> Any:
+        """Listen, and ask the caches of those that send for what they have kept, also of those that come later."""
+        from zenoh import ext  # noqa: PLC0415 - an extra
+
+        history = ext.HistoryConfig(detect_late_publishers=True)
+        return ext.declare_advanced_subscriber(self._session, key, take, history=history, subscriber_detection=True)
 
     def call(self, server: Entity, payload: bytes, replied: Replied, *, patience: float) -> None:
         """Send a request to a server that was found; ``replied`` is told once, after ``patience`` seconds at most.
@@ -162,11 +170,11 @@ class Node:
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _entity(self, role: str, name: str, kind: str, digest: str) -> Entity:
+    def _entity(self, role: str, name: str, kind: str, digest: str, qos: str = wire.QOS) -> Entity:
         self._numbers += 1
         found = digest or types().digest(kind)
         own = (self.domain, self._zid, "0", str(self._numbers), self.name, self.namespace)
-        return Entity(role, *own, name, kind, found, wire.QOS)
+        return Entity(role, *own, name, kind, found, qos)
 
     def _token(self, entity: Entity, owner: object = None) -> None:
         self._keep(self._session.liveliness().declare_token(entity.token), owner)

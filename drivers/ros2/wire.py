@@ -16,6 +16,9 @@ PUBLISHER, SUBSCRIBER, SERVER, CLIENT, NODE = "MP", "MS", "SS", "SC", "NN"
 QOS = "::,10:,:,:,,"
 """Reliable, volatile, the last ten kept: what rclcpp calls its default."""
 
+LATCHED = ":1:,10:,:,:,,"
+"""The same, but transient local: who comes later is given what was sent before."""
+
 _ATTACHED = struct.Struct("<qqB")
 _GID = 16
 _FRAME = struct.Struct("<HI")
@@ -81,6 +84,11 @@ class Entity:
         if self.role == NODE:
             return own
         return f"{own}/{_mangled(self.name)}/{dds(self.kind)}/{self.digest}/{self.qos}"
+
+    @property
+    def latched(self) -> bool:
+        """Whether its durability is transient local, which rmw numbers 1: its last messages are kept for who comes."""
+        return self.qos.split(":")[1:2] == ["1"]
 
     @property
     def key(self) -> str:
