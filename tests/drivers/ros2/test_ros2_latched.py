@@ -32,12 +32,13 @@ class Sender:
         zid = str(self.session.zid())
         its = wire.Entity("MP", 0, zid, "0", "1", "publisher", "", name, STRING, types().digest(STRING), ":1:,1:,:,:,,")
         self._token = self.session.liveliness().declare_token(its.token)
+        missing: Any = ext.MissDetectionConfig  # whose stub asks for both of two that exclude each other
         self._publisher: Any = ext.declare_advanced_publisher(
             self.session,
             its.key,
             cache=ext.CacheConfig(1),
             publisher_detection=True,
-            sample_miss_detection=ext.MissDetectionConfig(sporadic_heartbeat=5.0),
+            sample_miss_detection=missing(sporadic_heartbeat=5.0),
         )
         self._number, self._gid = 0, secrets.token_bytes(16)
 
