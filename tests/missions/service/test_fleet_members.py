@@ -2,7 +2,6 @@
 
 import socket
 import ssl
-import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
@@ -22,6 +21,7 @@ from missions.service.fleet.place import open_session
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.words import Address, RobotState, key
 from missions.service.task import TaskError
+from tests.certificates import authority, certificate
 from tests.missions.service.fleets import CountingBody, at, free_port, local_fleet, member, router
 from tests.waiting import wait_until
 
@@ -161,8 +161,8 @@ def test_without_keys_nothing_leaves_this_computer(endpoint: str, why: str, tmp_
 
 
 def test_with_keys_of_one_authority_robots_meet_and_a_stranger_does_not(tmp_path: Path) -> None:
-    for authority in ("fleet", "other"):
-        _authority(tmp_path, authority)
+    for each in ("fleet", "other"):
+        authority(tmp_path, each)
     port = free_port()
     keys = {each: _certificate(tmp_path, each, "fleet") for each in ("anna", "desk")}
     stranger = _certificate(tmp_path, "stranger", "other")
@@ -195,22 +195,6 @@ def _knock(port: int, shown: FleetKeys | None) -> None:
             connection.recv(1)
 
 
-def _authority(folder: Path, name: str) -> None:
-    made = ["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
-    _openssl(folder, *made, "-subj", f"/CN={name}", "-keyout", f"{name}.key", "-out", f"{name}.pem")
-
-
-def _certificate(folder: Path, name: str, authority: str) -> FleetKeys:
-    key_of = ["req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
-    _openssl(folder, *key_of, "-subj", f"/CN={name}", "-keyout", f"{name}.key", "-out", f"{name}.csr")
-    (folder / f"{name}.ext").write_text(f"subjectAltName=DNS:{name}\n", encoding="utf-8")
-    signed = ["x509", "-req", "-CA", f"{authority}.pem", "-CAkey", f"{authority}.key", "-CAcreateserial", "-days", "2"]
-    _openssl(folder, *signed, "-extfile", f"{name}.ext", "-in", f"{name}.csr", "-out", f"{name}.pem")
-    ca, certificate, private_key = (
-        str(folder / f"{file}") for file in (f"{authority}.pem", f"{name}.pem", f"{name}.key")
-    )
-    return FleetKeys(fleet="trial", ca=ca, certificate=certificate, private_key=private_key)
-
-
-def _openssl(folder: Path, *words: str) -> None:
-    subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True)
+def _certificate(folder: Path, name: str, signer: str) -> FleetKeys:
+    ca, own, private_key = certificate(folder, name, signer)
+    return FleetKeys(fleet="trial", ca=ca, certificate=own, private_key=private_key)
