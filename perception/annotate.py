@@ -1,6 +1,7 @@
 """Drawing what was seen onto a picture, for people to look at."""
 
 from collections.abc import Iterable
+from math import isnan
 
 import cv2
 import numpy as np
@@ -8,6 +9,9 @@ import numpy as np
 from perception.api import Box, Image
 
 INK = (80, 220, 60)  # blue, green, red: a green that shows on skin and on walls
+FAR = 30_000
+"""Pixels beyond which nothing is drawn: OpenCV has no larger places."""
+
 PAPER = (0, 0, 0)
 
 
@@ -19,8 +23,12 @@ def annotate(image: Image, marks: Iterable[tuple[Box, str]]) -> Image:
     drawn = np.ascontiguousarray(image).copy()
     line = max(1, round(min(drawn.shape[:2]) / 240))
     for box, label in marks:
-        corner = round(box.x), round(box.y)
-        cv2.rectangle(drawn, corner, (round(box.x + box.width), round(box.y + box.height)), INK, line)
+        edges = box.x, box.y, box.x + box.width, box.y + box.height
+        if any(map(isnan, edges)):
+            continue
+        left, top, right, bottom = (round(min(max(edge, -FAR), FAR)) for edge in edges)
+        corner = left, top
+        cv2.rectangle(drawn, corner, (right, bottom), INK, line)
         if label:
             _write(drawn, label, corner, line)
     return drawn

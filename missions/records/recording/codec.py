@@ -57,7 +57,7 @@ def from_json(data: object, kind: type[T]) -> T:
     wanted: Any = kind
     try:
         found: T = _coder(wanted).decode(data)
-    except (LookupError, TypeError, AttributeError, ValueError) as error:
+    except (LookupError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(f"no {getattr(kind, '__name__', kind)}: {json.dumps(data):.80}: {error}") from error
     return found
 
@@ -141,7 +141,8 @@ def _same(value: Any) -> Any:
 
 
 def _from_number(data: Any) -> Any:
-    return data if isinstance(data, int | float) else float(data)
+    found = float(data)  # not of more digits than floats have, which would fail far from here
+    return data if isinstance(data, int | float) else found
 
 
 def _array(value: Any) -> object:

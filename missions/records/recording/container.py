@@ -21,6 +21,8 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
 
+from missions.records.recording.faults import InvalidRecordError
+
 MAX_RECORD_SIZE = 64 * 1024 * 1024
 """Bytes that one record, or what a chunk is unpacked to, may have."""
 
@@ -31,6 +33,10 @@ MESSAGE = struct.Struct("<HIQQ")
 """How a message begins: its channel, its number, and when it was logged and published, in ns since 1970."""
 
 T = TypeVar("T")
+
+
+PACKED, ROOM = 100, 256 * 1024 * 1024
+"""A file may unpack to so many times its size, and so many bytes more: records of runs unpack to seven times theirs."""
 
 
 class DamagedError(ValueError):
@@ -91,8 +97,13 @@ class Container:
             yield attachment
 
     def chunks(self, damaged: Damaged = ignored) -> Iterator[tuple[Span, Chunk, bytes]]:
-        """Yield each chunk with what it unpacks to."""
+        """Yield each chunk with what it unpacks to. Raises InvalidRecordError for more than any run writes."""
+        left = PACKED * self.end + ROOM
         for span, chunk in self.read(Opcode.CHUNK, Chunk.read, damaged):
+            left -= chunk.uncompressed_size if chunk.uncompressed_size <= MAX_RECORD_SIZE else 0  # else: just damaged
+            if left < 0:
+                size = f"{self.end / 1e6:.1f} MB, and would unpack to more than {PACKED} times that"
+                raise InvalidRecordError(f"{self.path}: has {size}: no run has written this, and nothing of it is read")
             try:
                 data = unpacked(chunk)
             except DamagedError:

@@ -2,12 +2,13 @@
 
 import csv
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from missions.records.recording.faults import message_in, understanding
+from missions.records.recording.faults import InvalidRecordError, message_in, understanding
 from missions.records.recording.outputs import inside, new_file, new_folder, private, write_private
 from missions.records.recording.read import Record, began_at
 
@@ -16,6 +17,15 @@ NO_TABLE = frozenset({"/camera", "/camera/marks"})
 
 ESCAPED = "backslashreplace"
 """What becomes of half a letter, which UTF-8 does not have: what JSON writes for it."""
+
+MOST_COLUMNS, MOST_TABLES = 2000, 200
+"""Columns of a table, and tables: ours have some dozens."""
+
+_TROUBLE = re.compile(r"[/\\\x00-\x1f\x7f]")
+"""What no name of a file should have."""
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How texts begin that a spreadsheet takes for a formula, and does."""
 
 LEFT_OUT = frozenset({("/moments", "answers")})
 """What of the others is left out of tables: the answers to a moment's questions are many, and nested."""
@@ -45,8 +55,13 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
     columns: dict[str, dict[str, None]] = {}  # in the order of their first use
     for topic, _, data in _messages(record):
         if topic not in NO_TABLE:
-            columns.setdefault(topic, {}).update(dict.fromkeys(_row(topic, data)))
-    paths = {topic: folder / f"{topic.strip('/').replace('/', '_')}.csv" for topic in sorted(columns)}
+            known = columns.setdefault(topic, {})
+            known.update(dict.fromkeys(_row(topic, data)))
+            if len(known) > MOST_COLUMNS:
+                raise InvalidRecordError(f"{record.path}: a table of {topic:.80} has more than {MOST_COLUMNS} columns")
+    if len(columns) > MOST_TABLES:
+        raise InvalidRecordError(f"{record.path}: has more than {MOST_TABLES} topics")
+    paths = {topic: folder / f"{_TROUBLE.sub('_', topic.strip('/')):.100}.csv" for topic in sorted(columns)}
     with ExitStack() as files:
         tables = {
             topic: csv.DictWriter(
@@ -96,5 +111,13 @@ def _row(topic: str, data: Mapping[str, Any], before: str = "") -> dict[str, obj
         if isinstance(value, dict):
             cells |= _row(topic, value, f"{before}{name}.")
         elif (topic, name) not in LEFT_OUT:
-            cells[before + name] = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else value
+            cell = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else _told(value)
+            cells[before + name] = cell
     return cells
+
+
+def _told(value: object) -> object:
+    """Return what a cell may hold: no text of it is done by a spreadsheet, which an apostrophe tells it."""
+    if not isinstance(value, str) or not value.startswith(_FORMULA) or value in ("-", "-inf"):
+        return value
+    return f"'{value}"

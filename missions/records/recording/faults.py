@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 MAX_TIME = 1e9
-"""Seconds that no run lasts: thirty years."""
+"""Seconds that no run lasts: thirty years. No figure of a robot is as large either."""
 
 
 class InvalidRecordError(ValueError):
@@ -28,10 +28,24 @@ def understanding(path: Path) -> Iterator[None]:
 
 def message_in(data: bytes) -> Any:
     """Return what a message says. Raises ValueError for what is no object, or has a time at which no run is."""
-    found = json.loads(data)
+    found = strict_json(data)
     if not isinstance(found, dict):
         raise ValueError(f"a message is no object: {data[:80]!r}")
-    time = found.get("t", 0.0)
-    if not isinstance(time, int | float) or not -MAX_TIME < time < MAX_TIME:
-        raise ValueError(f"{str(time)[:40]!r} is no time of a run")
+    seconds(found.get("t", 0.0))
     return found
+
+
+def seconds(value: object) -> float:
+    """Return a time of a run. Raises ValueError for what is none."""
+    if not isinstance(value, int | float) or not -MAX_TIME < value < MAX_TIME:
+        raise ValueError(f"{str(value)[:40]!r} is no time of a run")
+    return value
+
+
+def strict_json(data: bytes) -> Any:
+    """Return what JSON says. Raises ValueError for NaN and Infinity, too, which Python reads and no record has."""
+    return json.loads(data, parse_constant=_no_number)
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(f"{word} is no number of JSON")

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from config.kinds import kinds_of, wrong_kind
 from missions.records.recording.codec import from_json
-from missions.records.recording.faults import InvalidRecordError, understanding
+from missions.records.recording.faults import InvalidRecordError, seconds, understanding
 from missions.records.recording.head import FORMAT, METADATA, Head
 
 if TYPE_CHECKING:  # it needs mcap, which may be missing
@@ -15,6 +16,9 @@ if TYPE_CHECKING:  # it needs mcap, which may be missing
 
 PROFILE = "missiontree"
 """How the header of a file says that it is ours."""
+
+FIRST_YEAR, LAST_YEAR = 1970, 2200
+"""Between these every clock of a robot is."""
 
 NEWEST = f"was written by a newer MissionTree; this one reads format {FORMAT}\n  try: pip install --upgrade missiontree"
 
@@ -48,7 +52,18 @@ def head_in(container: "Container", tables: Mapping[str, Mapping[str, str]]) -> 
             raise InvalidRecordError(f"{path}: {NEWEST}")
         if data is None:
             raise InvalidRecordError(f"{path}: its beginning is missing or damaged, so that none of it can be read")
-        return from_json(written, Head)
+        return _sound(from_json(written, Head))
+
+
+def _sound(head: Head) -> Head:
+    """Return a head whose numbers can be reckoned with. Raises ValueError for another."""
+    if not FIRST_YEAR <= datetime.fromisoformat(head.started).year <= LAST_YEAR:
+        raise ValueError(f"no run began at {head.started:.40}")
+    for figure in (head.rate, 0.0 if head.lag is None else head.lag, *head.eye):
+        seconds(figure)
+    if head.rate <= 0:
+        raise ValueError(f"a rate of {head.rate:g} Hz")
+    return head
 
 
 def _foreign(container: "Container") -> InvalidRecordError:

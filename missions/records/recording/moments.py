@@ -5,10 +5,14 @@ chunk can be read without those before it, and one that is lost takes nothing el
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
-from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.codec import dumps, number, tagged, untagged
+from missions.executive.tick_record import Answer, Kind, TickRecord
+from missions.records.recording.codec import dumps, from_json, number, tagged, untagged
+from missions.records.recording.faults import seconds
+
+KINDS = frozenset(get_args(Kind))
+"""What moments there are."""
 
 SAME = 3
 """As long is an answer of which only the question is written."""
@@ -58,13 +62,15 @@ class Restored:
 
     def read(self, data: Mapping[str, Any]) -> TickRecord:
         """Return the moment of a message. Raises LookupError, TypeError or ValueError for what is none."""
-        overheld = data["overheld"]
+        overheld, kind = data["overheld"], data["kind"]
+        if kind not in KINDS:
+            raise ValueError(f"{kind!s:.40} is no kind of moment")
         return TickRecord(
-            data["kind"],
-            data["tick"],
+            kind,
+            from_json(data["tick"], int),
             data["t"],
-            float(data["late"]),
-            float(data["spent"]),
+            seconds(data["late"]),
+            seconds(data["spent"]),
             [self._answer(answer) for answer in data["answers"]],
             None if overheld is None else (overheld[0], overheld[1]),
         )

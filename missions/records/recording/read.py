@@ -1,22 +1,28 @@
 """A record, read back: the one door through which everything else looks at what a run did."""
 
 import base64
-import json
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from missions.executive import events
 from missions.executive.events import Ended, Event, Logged, NodeChanged, Ticked
 from missions.executive.tick_record import TickRecord
 from missions.records.recording.codec import from_json
-from missions.records.recording.faults import InvalidRecordError, message_in, understanding
+from missions.records.recording.faults import (
+    MAX_TIME,
+    InvalidRecordError,
+    message_in,
+    seconds,
+    strict_json,
+    understanding,
+)
 from missions.records.recording.head import LIMIT, TREE, Head
 from missions.records.recording.identify import head_in, no_mcap
 from missions.records.recording.items import EVENTS, Feedback
@@ -44,10 +50,18 @@ SERIES: Mapping[str, tuple[str, str]] = {
 }
 """What can be drawn over time, in SI units (the battery in percent): in which messages it stands, by which name."""
 
+MOST_MESSAGES, MOST_BYTES = 3_000_000, 400_000_000
+"""Messages, and bytes of them, that are kept in memory to answer one question: two days of a run have that."""
+
+MOST_OF_FILES, MOST_BOXES = 300_000_000, 20_000
+"""Bytes of all files together, and nodes of the tree: a mission has half as many steps at most."""
+
 ROOT = "1"
 """The key of the tree's root."""
 
 _KINDS: Mapping[str, type[Event]] = {topic: getattr(events, name) for name, topic in EVENTS.items()}
+
+_COUNTS: Any = Mapping[str, int]
 
 T = TypeVar("T")
 
@@ -66,7 +80,7 @@ def open_record(path: Path) -> "Record":
             raise no_mcap(path)
         tables = container.metadata()
         head = head_in(container, tables)
-        files = {each.name: each.data for each in container.attachments()}
+        files = _files(container)
         last = container.last_time()
     except OSError as error:
         raise InvalidRecordError(f"{path}: cannot be read: {error.strerror or error}") from error
@@ -74,6 +88,16 @@ def open_record(path: Path) -> "Record":
         began = began_at(head)
     until = 0.0 if last is None else (last - began) / 1e9
     return Record(container, head, files, until, _cut_from(tables.get(CUT)), full=LIMIT in tables)
+
+
+def _files(container: "Container") -> dict[str, bytes]:
+    found, left = dict[str, bytes](), MOST_OF_FILES
+    for each in container.attachments():
+        left -= len(each.data)
+        if left < 0:
+            raise InvalidRecordError(f"{container.path}: has files of more than {MOST_OF_FILES / 1e6:.0f} MB in it")
+        found[each.name] = each.data
+    return found
 
 
 def began_at(head: Head) -> int:
@@ -203,12 +227,15 @@ class Record:
         if TREE not in self.files:
             raise InvalidRecordError(f"{self.path}: the drawing of the mission's tree is missing or damaged")
         with understanding(self.path):
-            return drawing_from_json(json.loads(self.files[TREE]))
+            found = drawing_from_json(strict_json(self.files[TREE]))
+            if sum(1 for _ in found.root.walk()) > MOST_BOXES:
+                raise ValueError(f"a tree of more than {MOST_BOXES} nodes")
+            return found
 
     def lost(self) -> Mapping[str, int]:
         """Return how many messages were lost while the run went on, by topic."""
         counts: Counter[str] = Counter()
-        for found in self._read(lambda _, data: data["counts"], "/lost"):
+        for found in self._read(lambda _, data: from_json(data["counts"], _COUNTS), "/lost"):
             counts.update(found)
         return counts
 
@@ -224,16 +251,26 @@ class Record:
         """Return the event that a message tells of; of a tick, its status is not known here."""
         if topic == "/moments":
             # It is told when it is over. In real time it takes some, though for the tree that stands still.
-            spent = 0.0 if self.head.simulate == "fast" else float(data["spent"])
-            late = float(data["late"])
-            return Ticked(data["t"] + spent, data["tick"], "", late) if data["kind"] == "tick" else None
+            spent = 0.0 if self.head.simulate == "fast" else seconds(data["spent"])
+            late = seconds(data["late"])
+            if data["kind"] != "tick":
+                return None
+            return Ticked(data["t"] + spent, from_json(data["tick"], int), "", late)
         if topic == EVENTS["Logged"]:
-            return Logged(data["t"], data["kind"], data["message"])
+            return Logged(data["t"], from_json(data["kind"], str), from_json(data["message"], str))
         return from_json(data, _KINDS[topic])
 
     def _read(self, read: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
         """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
+        kept = not {"/camera"}.issuperset(topics)  # pictures are looked at one by one
+        messages = size = 0
         for topic, _, data in self.container.messages(frozenset(topics)):
+            messages, size = messages + 1, size + len(data)
+            if kept and (messages > MOST_MESSAGES or size > MOST_BYTES):
+                raise InvalidRecordError(
+                    f"{self.path}: has more than can be looked at in one go ({messages} messages, {size / 1e6:.0f} MB)"
+                    f"\n  try: mission record cut {quote(str(self.path))} 0s 60s -o piece.mcap"
+                )
             with understanding(self.path):
                 found = read(topic, message_in(data))
             yield found
@@ -247,7 +284,7 @@ def _told(data: Any, fields: Sequence[str]) -> tuple[float, dict[str, float]]:
     """Return when figures were told, and the values of those that were known."""
     good = data["quality"] == "good"
     values = {name: float(data[name]) for name in fields if good and data[name] is not None}
-    return data["t"], {name: value for name, value in values.items() if isfinite(value)}
+    return data["t"], {name: value for name, value in values.items() if abs(value) < MAX_TIME}
 
 
 def _order(event: Event) -> tuple[float, int]:

@@ -7,6 +7,7 @@ the next chunk after it is found by what every chunk of ours has in it.
 import struct
 import zlib
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,6 +37,12 @@ _PACKING = b"\x04\x00\x00\x00zstd"
 _BEFORE_PACKING = HEAD.size + 28  # of a chunk: its two times, its size and its checksum
 _DATA_END = (Opcode.DATA_END, 4)
 _BLOCK = 1024 * 1024
+
+PATIENCE = 4 * 1024**3
+"""Bytes that are looked through for sound chunks behind damage; what lies behind those is lost."""
+
+MOST_SPANS = 5_000_000
+"""Records that a file may have: a week's run has a third of that."""
 
 
 def survey(path: Path) -> Container | None:
@@ -69,8 +76,10 @@ def _by_index(path: Path, file: BinaryIO, size: int) -> Container | None:
         spans = [*found.spans, *_listed(found, index)]
     except DamagedError:
         return None
-    if not all(len(MAGIC) <= span.start < span.end <= start for span in spans):
-        return None
+    spans.sort(key=lambda span: span.start)
+    ends = [len(MAGIC), *(span.end for span in spans)]
+    if not all(end <= span.start < span.end <= start for end, span in zip(ends, spans, strict=False)):
+        return None  # it lies, or names one chunk a million times
     return Container(path, True, start, spans, (), found.channels, found.schemas)
 
 
@@ -96,15 +105,15 @@ def _by_walking(path: Path, file: BinaryIO, size: int) -> Container:
     """Go from record to record, and over what is none."""
     spans: list[Span] = []
     spoilt: list[Span] = []
-    at = len(MAGIC)
+    at, search = len(MAGIC), _Search(file, size)
     while True:
-        spans += _walk(file, size, at)
+        spans += islice(_walk(file, size, at), MOST_SPANS - len(spans))
         at = spans[-1].end if spans else at
         if spans and spans[-1].opcode == Opcode.DATA_END:
             at = spans.pop().start
             break
-        following = _next_chunk(file, at, size)
-        if following is None:
+        following = search.next_chunk(at)
+        if following is None or len(spans) >= MOST_SPANS:
             break
         spoilt.append(Span(FOREIGN, at, following))
         at = following
@@ -124,29 +133,38 @@ def _walk(file: BinaryIO, size: int, at: int = len(MAGIC)) -> Iterator[Span]:
         yield Span(opcode, start, at)
 
 
-def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return where the next sound chunk begins that is not at ``at`` itself."""
-    place = at + HEAD.size + _BEFORE_PACKING
-    while place < size:
-        file.seek(place)
-        block = file.read(_BLOCK)
-        found = block.find(_PACKING)
-        if found < 0:
-            place += max(len(block) - len(_PACKING) + 1, 1)
-            continue
-        start = place + found - _BEFORE_PACKING
-        if _sound_chunk(file, start, size):
-            return start
-        place += found + 1
-    return None
+class _Search:
+    """Looks for sound chunks behind damage, in ``PATIENCE`` bytes altogether: each false one may cost 64 MB."""
 
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file, self._size = file, size
+        self._left = PATIENCE
 
-def _sound_chunk(file: BinaryIO, start: int, size: int) -> bool:
-    span = next(_walk(file, size, start), None)
-    if span is None or span.opcode != Opcode.CHUNK:
-        return False
-    try:
-        unpacked(parsed(Chunk.read, body(file, span)))
-    except DamagedError:
-        return False
-    return True
+    def next_chunk(self, at: int) -> int | None:
+        """Return where the next sound chunk begins that is not at ``at`` itself."""
+        place = at + HEAD.size + _BEFORE_PACKING
+        while place < self._size and self._left > 0:
+            self._file.seek(place)
+            block = self._file.read(_BLOCK)
+            found = block.find(_PACKING)
+            if found < 0:
+                self._left -= len(block)
+                place += max(len(block) - len(_PACKING) + 1, 1)
+                continue
+            start = place + found - _BEFORE_PACKING
+            if self._sound(start):
+                return start
+            self._left -= found + len(_PACKING)
+            place += found + 1
+        return None
+
+    def _sound(self, start: int) -> bool:
+        span = next(_walk(self._file, self._size, start), None)
+        if span is None or span.opcode != Opcode.CHUNK:
+            return False
+        self._left -= span.end - span.start
+        try:
+            unpacked(parsed(Chunk.read, body(self._file, span)))
+        except DamagedError:
+            return False
+        return True

@@ -7,7 +7,7 @@ names, else the first, largest one; and that as long as it is in view.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import degrees, fsum, sqrt
+from math import degrees, fsum, pi, sqrt
 
 from missions.executive.events import VariableSet
 from missions.records.recording.read import Record
@@ -53,7 +53,7 @@ def tracking(record: Record, views: Views, lanes: Sequence[Lane]) -> list[Miss]:
             if not start <= time <= end:
                 continue
             percept = _chosen(box, view, target)
-            if percept is not None:
+            if percept is not None and max(abs(percept.bearing), abs(percept.elevation)) <= pi:
                 target = percept.id
                 found.append(Miss(time, degrees(percept.bearing), degrees(percept.elevation)))
     return sorted(found, key=lambda miss: miss.time)

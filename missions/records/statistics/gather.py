@@ -8,7 +8,8 @@ import numpy as np
 
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.faults import message_in, understanding
+from missions.records.recording.codec import from_json
+from missions.records.recording.faults import MAX_TIME, message_in, seconds, understanding
 from missions.records.recording.read import Record
 from missions.records.statistics.figures import Kind, Stats, Times, WireFigures
 from missions.records.statistics.nodes import figures_of
@@ -18,6 +19,8 @@ SEARCH, SEEN = "picture: searched in", "picture to percepts"
 
 COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move")})
 """What sets an actuator moving."""
+
+_COUNTERS: Any = Mapping[str, Mapping[str, int]]
 
 COMMAND = ("base", "command")
 """The figures of how long a command to the base waits for the renewal that sends it; others are sent at once."""
@@ -72,9 +75,10 @@ def _messages(record: Record) -> tuple[list[tuple[float, float, float]], list[Ma
         with understanding(record.path):
             data: Any = message_in(message.data)
             if message.topic == "/state/devices":
-                devices.append({name: device["counters"] for name, device in data["devices"].items()})
+                counters = {name: device["counters"] for name, device in data["devices"].items()}
+                devices.append(from_json(counters, _COUNTERS))
             elif data["looked"] is not None:
-                seen.append((data["t"], data["looked"], data.get("spent", 0.0)))
+                seen.append((data["t"], seconds(data["looked"]), seconds(data.get("spent", 0.0))))
     return seen, devices
 
 
@@ -114,7 +118,7 @@ def _informed(answers: Sequence[Answer]) -> Mapping[str, float]:
 def _stamps(value: object) -> Iterator[float]:
     """Yield the stamps of an answer of the eyes: itself one, a thing that has one, or several of these."""
     match value:
-        case float() | int():
+        case float() | int() if abs(value) < MAX_TIME:
             yield float(value)
         case tuple() | list():
             for each in value:

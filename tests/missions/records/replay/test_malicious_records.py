@@ -14,13 +14,14 @@ import pytest
 
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
+from missions.records.recording.codec import to_json as to_fields_of
 from missions.records.recording.head import Contents, Head
 from missions.records.recording.items import Picture, Seen, packed, unpacked
 from missions.records.recording.sink import Sink
 from missions.records.recording.topics import Message
 from missions.records.recording.writer import RecordWriter
 from missions.views.pictures.tree_json import to_json
-from perception.api import View
+from perception.api import Box, View
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import HEAD, TREE, Item, face, items, moments
 from tests.missions.records.report.told_record import picture as small_picture
@@ -96,6 +97,13 @@ def picture(width: int, height: int) -> bytes:
     at = found.index(b"\xff\xc0") + 5
     found[at : at + 4] = height.to_bytes(2) + width.to_bytes(2)
     return bytes(found)
+
+
+def to_fields(value: object) -> dict[str, Any]:
+    """Return a value as a record has it, also with numbers that no run has."""
+    found = to_fields_of(value)
+    assert isinstance(found, dict)
+    return found
 
 
 def raw(topic: str, data: object) -> Message:
@@ -190,10 +198,44 @@ def of_numbers() -> Iterator[tuple[str, dict[str, Any]]]:
                            "reason": ""}).encode()  # fmt: skip
         yield f"a node at {times}", {"raw": [raw("/nodes", data)]}
     array = {"t": 1.0, "counts": {"/nodes": {"$": "array", "of": {"dtype": "O", "shape": [1], "data": "AAAAAAAAAAA="}}}}
+    yield from of_figures()
     yield "an array of objects", {"raw": [raw("/lost", array), raw("/variables", {**array, "tick": 1})]}
     yield "a rate of 0", {"head": replace(HEAD, rate=0.0)}
     yield "a rate of 1e308", {"head": replace(HEAD, rate=1e308)}
     yield "60 MB of blanks", {"raw": [raw("/nodes", b" " * 60_000_000)]}
+
+
+def of_figures() -> Iterator[tuple[str, dict[str, Any]]]:
+    many = 10**400  # JSON has it, floats do not
+    yield "a log of numbers", {"raw": [raw("/log", {"t": 1.0, "kind": 1, "message": 2.5})]}
+    yield "lost words", {"raw": [raw("/lost", {"t": 1.0, "counts": {"/nodes": "many"}})]}
+    tick = {"t": 1.0, "kind": "tick", "tick": 7, "late": 0.0, "spent": 0.0, "overheld": None, "answers": []}
+    for name, value in (("tick", "7"), ("spent", "inf"), ("late", "nan"), ("kind", []), ("tick", float("nan"))):
+        yield f"a tick with {name} {value}", {"raw": [raw("/moments", {**tick, name: value})]}
+    base = {"t": 1.0, "quality": "good", "battery_percent": 80.0} | dict.fromkeys(
+        ("x", "y", "heading", "speed", "turn", "wanted_speed", "wanted_turn"), 0.0
+    )
+    for value in (1e308, -1e308, many):
+        yield f"a base at {str(value)[:9]}", {"raw": [
+            raw("/state/base", base),
+            raw("/state/base", {**base, "x": value, "heading": value, "wanted_turn": value, "battery_percent": value}),
+            raw("/state/base", {**base, "x": -value, "wanted_turn": -value}),
+        ]}  # fmt: skip
+    yield (
+        "an end of many digits",
+        {
+            "raw": [
+                raw("/end", {"t": 4.0, "mission": "m", "result": "failure", "reason": "", "seconds": many, "ticks": 1})
+            ]
+        },
+    )
+    for value in (float("inf"), float("nan"), 3e9, 1e308):
+        seen = replace(face(1.0), box=Box(value, 3e9, value, -value), bearing=value, distance=value, elevation=-value)
+        told = {"t": 1.01, **to_fields(View(1.0, (seen,)))}
+        yield f"a face at {value}", {"what": [*moments(), Picture(1.0, small_picture(9), None)],
+                                     "raw": [raw("/percepts", told)]}  # fmt: skip
+    view = {"t": 1.0, "looked": many, "faces": [], "things": [], "markers": [], "spent": "x"}
+    yield "a look of many digits", {"raw": [raw("/percepts", view)]}
 
 
 DECIDE = (("replay", "R", "--rerun"), ("replay", "R", "--rerun", "--recorded"), ("replay", "R", "--see"))
