@@ -1,7 +1,7 @@
 """The request to run a mission, on a robot, in a world, by their names."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -32,6 +32,7 @@ class RunRequest:
     pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
     ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
     wheels, in real time only. With ``physics`` the robot stands, walks and falls as a body with masses.
+    ``ros2_domain`` is that of its nodes of ROS 2, instead of what its file says.
     """
 
     mission: str
@@ -47,6 +48,7 @@ class RunRequest:
     speed: float = inf
     pad: str | None = None
     physics: bool = False
+    ros2_domain: int | None = None
 
     @property
     def simulation(self) -> Simulate | None:
@@ -55,7 +57,10 @@ class RunRequest:
 
     def robot_file(self) -> RobotConfig:
         """Read the robot's file. Raises InvalidFileError or UnknownNameError."""
-        return load_robot(find("robots", self.robot or DEFAULT_ROBOT))
+        robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
+        if self.ros2_domain is None or "ros2" not in robot.sections:
+            return robot
+        return robot.with_keys("ros2", replace(robot.sections["ros2"].keys, domain=self.ros2_domain))
 
     def world_file(self) -> "WorldConfig":
         """Read the world's file, unless it was handed over as it is. Raises InvalidFileError or UnknownNameError."""

@@ -181,12 +181,12 @@ def detection(kind: str, told: Mapping[str, object]) -> dict[str, object]:
     return {"results": [{"hypothesis": hypothesis, "pose": pose}], "bbox": box, "id": str(told_id)}
 
 
-def announcer_of(robot: str | None, router: str | None) -> Announcer:
-    """Return what tells of a run, by the router of its robot's file; at another, where one is named."""
+def announcer_of(robot: str | None, router: str | None, domain: int | None = None) -> Announcer:
+    """Return what tells of a run, by the router and in the domain of its robot's file, or those that are named."""
     from drivers.ros2.make import domain_of  # noqa: PLC0415 - an extra
     from drivers.ros2.session import access_of  # noqa: PLC0415
 
     config = load_robot(find("robots", robot or DEFAULT_ROBOT))
     section = config.sections.get("ros2")
     keys = ZenohKeys() if section is None else section.keys
-    return Announcer(access_of(keys, router or ""), domain_of(keys))
+    return Announcer(access_of(keys, router or ""), domain_of(keys) if domain is None else domain)

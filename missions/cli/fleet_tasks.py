@@ -107,7 +107,12 @@ def _policy(mission: str) -> Policy:
 def tasks(name: str | None, ended: bool, as_json: bool) -> int:
     """List the tasks that the robots keep that are there: who has each, and how it goes."""
     with at(name) as operator:
-        found = sorted(operator.tasks(ended=ended), key=lambda each: each.id)
+        told = operator.tasks(ended=ended)
+    found = sorted(told.tasks, key=lambda each: each.id)
+    for each in sorted(told.more):
+        click.echo(f"{each} keeps more tasks, older than those that are shown", err=True)
+    for each in sorted(told.silent):
+        click.echo(f"{each} did not answer: its tasks may be missing", err=True)
     if as_json:
         click.echo(json.dumps([asdict(each) for each in found]))
     elif not found:
@@ -141,7 +146,7 @@ def _whole(operator: Operator, number: str) -> str:
     """Return the ID that a piece of it means. Raises TaskError."""
     if TASK.fullmatch(number):
         return number
-    found = [each.id for each in operator.tasks(ended=False) if number in each.id.rpartition("/")[2]]
+    found = [each.id for each in operator.tasks(ended=False).tasks if number in each.id.rpartition("/")[2]]
     if len(found) != 1:
         raise TaskError(f"'{number}' is {len(found)} tasks that wait or run", hint="mission fleet tasks")
     return found[0]

@@ -189,13 +189,11 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
     from missions.cli.offering import MissionServer  # noqa: PLC0415
 
     _check_open(robot, router)
-    chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
-    given = [word for option, value in chosen if value is not None for word in (option, value)]
     ending = Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ending.set())
     with looking(robot, router, domain) as node:
-        server = MissionServer(node, [*given, "--ros2"])
+        server = MissionServer(node, options_of_runs(robot, router, domain, simulate, world))
         click.echo("offers /run_mission")
         try:
             while not ending.wait(0.2):
@@ -203,6 +201,15 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
         finally:
             server.close()
     return SUCCESS
+
+
+def options_of_runs(
+    robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None
+) -> list[str]:
+    """Return the options of the runs that nodes of ROS 2 start: where they are told, and which nodes are theirs."""
+    chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
+    chosen.append(("--ros2-domain", None if domain is None else str(domain)))
+    return [word for option, value in chosen if value is not None for word in (option, value)] + ["--ros2"]
 
 
 def _check_open(robot: str, router: str | None) -> None:

@@ -130,6 +130,7 @@ class RunCommand(MissionCommand):
     "--ros2", is_flag=True, help="Tell ROS 2 how it goes: topics /mission/tree, variables, detections, events."
 )
 @click.option("--ros2-router", metavar="ADDRESS", help="Where, instead of the robot's router: tcp/127.0.0.1:7447.")
+@click.option("--ros2-domain", type=Whole(0, 232), help="The domain of ROS 2, instead of what the robot file says.")
 @studio_option
 @leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
@@ -159,6 +160,7 @@ def command(
     view: bool,
     ros2: bool,
     ros2_router: str | None,
+    ros2_domain: int | None,
     studio: bool,
     leash: int | None,
     as_json: bool,
@@ -196,6 +198,7 @@ def command(
         speed=inf if speed is None else speed,
         pad=pad,
         physics=physics,
+        ros2_domain=ros2_domain,
     )
     if no_record and record is not None:
         raise click.UsageError("--record keeps it, --no-record does not: one of them")
@@ -211,7 +214,7 @@ def command(
     if ros2 or ros2_router is not None:
         from missions.cli.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
 
-        announcer = announcer_of(robot, ros2_router)
+        announcer = announcer_of(robot, ros2_router, ros2_domain)
     outputs = Outputs(events, film, kept, view=view, leash=leash, announcer=announcer)
     if until is None and simulate == "fast" and speed is None:
         until = DEFAULT_DURATION

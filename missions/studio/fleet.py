@@ -32,6 +32,7 @@ class FleetDesk:
     def __init__(self) -> None:
         self._closed, self._lock = ExitStack(), Lock()
         self._operator: Operator | None = None
+        self._closings = 0
         self._met = False
 
     async def do(self, command: Command, by: str) -> Json:
@@ -53,13 +54,22 @@ class FleetDesk:
             raise BadMessage("no_fleet", str(error)[:2000], str(getattr(error, "hint", ""))[:500]) from error
 
     def _at(self) -> Operator:
+        """Return who is at the fleet. Opening a session may take its time: nobody waits for another's."""
         with self._lock:
-            if self._operator is None:
-                if not (config_folder() / FILE).is_file():
-                    hint = f"echo 'fleet: home' > {config_folder() / FILE}"
-                    raise TaskError(f"there is no {FILE}, which says in which fleet this computer is", hint=hint)
-                self._operator = self._closed.enter_context(operating(load_fleet()))
-            return self._operator
+            if self._operator is not None:
+                return self._operator
+            closings = self._closings
+        if not (config_folder() / FILE).is_file():
+            hint = f"echo 'fleet: home' > {config_folder() / FILE}"
+            raise TaskError(f"there is no {FILE}, which says in which fleet this computer is", hint=hint)
+        with ExitStack() as opened:
+            operator = opened.enter_context(operating(load_fleet()))
+            with self._lock:
+                if self._closings != closings:
+                    raise TaskError("the studio has left the fleet")
+                if self._operator is None:  # else another was quicker, and this session is closed again
+                    self._operator, self._closed = operator, opened.pop_all()
+                return self._operator
 
     def _list(self, operator: Operator) -> Json:
         """Say who is there; waits for that, the first time, while others may stop the fleet."""
@@ -72,7 +82,9 @@ class FleetDesk:
         """Leave the fleet."""
         with self._lock:
             self._operator, self._met = None, False
-            self._closed.close()
+            self._closings += 1
+            closed, self._closed = self._closed, ExitStack()
+        closed.close()
 
 
 def _listed(operator: Operator) -> Json:

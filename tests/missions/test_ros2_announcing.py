@@ -14,13 +14,16 @@ import pytest
 
 from drivers.clock import SystemClock
 from drivers.ros2.actions import ActionServer, Goal
+from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
 from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from missions.cli.announcing import DETECTIONS, STRING, Announcer, detection
+from missions.cli.announcing import DETECTIONS, STRING, Announcer, announcer_of, detection
 from missions.cli.offering import RUN_MISSION, MissionServer
+from missions.cli.ros2 import options_of_runs
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
+from missions.order import RunRequest
 from tests.waiting import wait_until
 
 CLIENT = Path(__file__).parent.parent / "other_programs" / "zenoh_sdk_client.py"
@@ -157,3 +160,13 @@ def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
     for name, params in ((str(path), ""), ("../x", ""), ("greet", deep), ("greet", escape), ("--help", "")):
         values = SimpleNamespace(mission=name, parameters=params)
         assert not server._begin(Goal(cast(ActionServer, None), [], values))
+
+
+def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
+    words = options_of_runs("turtlebot4", None, 42, "wire", None)
+    assert words == ["--robot", "turtlebot4", "--simulate", "wire", "--ros2-domain", "42", "--ros2"]
+    keys = RunRequest("greet", robot="turtlebot4", ros2_domain=42).robot_file().keys(ZenohKeys)
+    assert keys is not None
+    assert keys.domain == 42
+    assert announcer_of("turtlebot4", None, 42)._domain == 42
+    assert RunRequest("greet", robot="turtlebot2", ros2_domain=42).robot_file().name == "turtlebot2"

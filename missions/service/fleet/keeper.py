@@ -1,6 +1,7 @@
 """Keeping tasks for a fleet: giving each to a robot that is free, and handing it on where that is lost."""
 
 import hashlib
+import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -8,7 +9,7 @@ from dataclasses import fields
 from config.units import Quantity
 from missions.language.expressions import ExpressionError, parse
 from missions.service.fleet.errands import Ready
-from missions.service.fleet.form import MAX_TEXT_LENGTH
+from missions.service.fleet.form import MAX_ANSWER, MAX_TEXT_LENGTH
 from missions.service.fleet.kept import Kept, KeptTask, after
 from missions.service.fleet.roster import Member, Roster
 from missions.service.fleet.times import Times
@@ -31,7 +32,10 @@ MOST_TASKS = 10_000
 """Tasks that wait, at most."""
 
 MOST_TOLD = 500
-"""Tasks that are told of, at most: of those that wait or run the oldest, of those that have ended the newest."""
+"""Tasks that an answer tells of, at most: who wants more asks for those before."""
+
+MOST_BYTES = MAX_ANSWER - 64 * 1024
+"""Bytes of what an answer tells of tasks, at most: one that is longer would not be read."""
 
 ALSO = "done, while it was lost, by"
 
@@ -71,10 +75,19 @@ class Keeper:
             case Decide():
                 return self._decide(ask)
             case Tasks():
-                ended = [each for each in self._kept.tasks(ended=True) if each.ended] if ask.ended else []
-                tasks = [*ended[-MOST_TOLD:], *self._kept.tasks(ended=False)[:MOST_TOLD]]
-                return Answer(told=tuple(_told(each) for each in tasks))
+                return self._page(ask)
         return None
+
+    def _page(self, ask: Tasks) -> Answer:
+        """Tell of as many tasks as an answer holds."""
+        told: list[Mapping[str, object]] = []
+        size = 0
+        for task in self._kept.newest(ended=ask.ended, before=ask.before):
+            size += len(json.dumps(its := _told(task))) + 1
+            if size > MOST_BYTES or len(told) >= MOST_TOLD:
+                break
+            told.append(its)
+        return Answer(told=tuple(told))
 
     def _keep(self, ask: Keep) -> Answer:
         if not TASK.fullmatch(ask.task) or not ask.task.startswith(f"{self._own}/"):

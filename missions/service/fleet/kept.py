@@ -6,7 +6,7 @@ needs no leader. What must not be lost is on the disk before it is answered.
 
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 
 from missions.service.fleet.words import How, Policy, TaskState
@@ -91,6 +91,12 @@ class Kept:
         """Return the tasks that are kept, the oldest first; those that have ended where that is asked for."""
         which = "" if ended else " WHERE state NOT IN ('FINISHED', 'FAILED')"
         return [_task(row) for row in self._connection.execute(f"SELECT * FROM kept{which} ORDER BY rowid")]  # noqa: S608
+
+    def newest(self, *, ended: bool, before: str = "") -> Iterator[KeptTask]:
+        """Yield the tasks that are open, or that have ended, the newest first; those before the one of an ID."""
+        sql = f"""SELECT * FROM kept WHERE state {"" if ended else "NOT"} IN ('FINISHED', 'FAILED')
+            AND (? = '' OR rowid < (SELECT rowid FROM kept WHERE id = ?)) ORDER BY rowid DESC"""  # noqa: S608
+        return map(_task, self._connection.execute(sql, (before, before)))
 
     def change(self, number: str, changes: Mapping[str, object]) -> None:
         """Change a task; one that has ended never changes again, as the database itself says."""

@@ -54,6 +54,19 @@ WITNESSES = 3
 """Robots that are asked whom they have met: one alone may have been started a moment ago."""
 
 
+MOST_PAGES, ENDED_PAGES = 1000, 10
+"""How often a robot is asked for more of its tasks, at most: that are open, and that have ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundTasks:
+    """Tasks of a fleet, in no order; ``more``: robots that keep older ones, and ``silent``: that did not answer."""
+
+    tasks: list[ToldTask]
+    more: frozenset[str] = frozenset()
+    silent: frozenset[str] = frozenset()
+
+
 @dataclass(frozen=True, slots=True)
 class Operator:
     """A session in a fleet: its ``line``, and the ``roster`` that it keeps."""
@@ -154,13 +167,34 @@ class Operator:
             raise TaskError(f"nobody is in fleet '{self.fleet.fleet}'", hint="mission fleet list")
         return secrets.choice([each for each in there if each.name != on] or there)
 
-    def tasks(self, *, ended: bool) -> list[ToldTask]:
-        """Return the tasks that the robots keep that are there, in no order."""
+    def tasks(self, *, ended: bool) -> FoundTasks:
+        """Return the tasks that the robots keep that are there; with ``ended``, of those that have ended the newest."""
         self.meet()
         there = [address for address, each in self.members().items() if each.online]
-        answers = self._each(there, lambda _: Tasks(by=self.by, ended=ended), 3.0)
-        found = [told for answer in answers.values() for told in _read(ToldTask, answer)]
-        return [each for each in found if TASK.fullmatch(each.id)]
+        open_ones = self._pages(there, MOST_PAGES, ended=False)
+        if not ended:
+            return open_ones
+        over = self._pages(there, ENDED_PAGES, ended=True)
+        both = {each.id: each for each in (*open_ones.tasks, *over.tasks)}  # one may have ended in between
+        return FoundTasks(list(both.values()), open_ones.more | over.more, open_ones.silent | over.silent)
+
+    def _pages(self, there: Collection[Address], most: int, *, ended: bool) -> FoundTasks:
+        """Ask for tasks, page after page, so many of each robot at ``most``."""
+        found: dict[str, ToldTask] = {}
+        before, silent = dict.fromkeys(there, ""), set[str]()
+        for _ in range(most):
+            since = before
+            answers = self._each(since, lambda each: Tasks(by=self.by, ended=ended, before=since[each]), 3.0)  # noqa: B023
+            silent |= {str(each) for each in since if each not in answers}
+            before = {}
+            for who, answer in answers.items():
+                page = [told for told in _read(ToldTask, answer) if TASK.fullmatch(told.id)]
+                if page and page[-1].id not in found:
+                    before[who] = page[-1].id
+                found |= {each.id: each for each in page}
+            if not before:
+                break
+        return FoundTasks(list(found.values()), frozenset(map(str, before)), frozenset(silent))
 
     def decide(self, number: str, what: Literal["hand-on", "give-up"]) -> Answer:
         """Say what is to become of a task whose robot is lost. Raises TaskError where its keeper does not answer."""

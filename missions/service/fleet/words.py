@@ -170,10 +170,14 @@ class Decide(Ask):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tasks(Ask):
-    """Answer with the tasks that the robot keeps; those that have ended too where that is asked for."""
+    """Answer with tasks that the robot keeps, the newest first: those that are open, or those that have ended.
+
+    With ``before`` those that it was given before the task of that ID: an answer holds so many and no more.
+    """
 
     word: ClassVar[str] = "tasks"
     ended: bool = False
+    before: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

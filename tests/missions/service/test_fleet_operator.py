@@ -9,9 +9,9 @@ from config.fleet import FleetKeys
 from drivers.clock import ManualClock
 from missions.service.fleet.form import as_bytes
 from missions.service.fleet.line import OnAnswer, OnAsk
-from missions.service.fleet.operator import LONGEST, Operator
+from missions.service.fleet.operator import ENDED_PAGES, LONGEST, Operator
 from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import Address, Answer, Ask, RobotState, ToldTask, key
+from missions.service.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, key
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
 STATE = RobotState(session="1", number=0, robot="note", stops=1)
@@ -38,6 +38,8 @@ class Fleet:
         self.roster = Roster(ManualClock())
         self.operator = Operator(FleetKeys(fleet="f"), self, self.roster, self.clock, "me")
         self.answers: Mapping[str, Answer] = {}
+        self.answering: Callable[[Ask], Answer] = lambda ask: self.answers.get(ask.word, Answer())
+        self.deaf: set[Address] = set()
         self.asked: list[tuple[Ask, str, float]] = []
         self.number = 0
 
@@ -55,8 +57,8 @@ class Fleet:
     def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
         self.asked.append((ask, where, timeout))
         for address in self.roster.members():
-            if where in (str(address), "*/*"):
-                on_answer(address, self.answers.get(ask.word, Answer()))
+            if where in (str(address), "*/*") and address not in self.deaf:
+                on_answer(address, self.answering(ask))
         on_answer(None, None)
 
     def close(self) -> None:
@@ -104,7 +106,32 @@ def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
         state="RUNNING", robot=str(ANNA), attempt=1, reason="", by="me",
     )  # fmt: skip
     fleet.answers = {"tasks": Answer(told=({}, asdict(task) | wrong, asdict(task)))}
-    assert fleet.operator.tasks(ended=False) == [task]
+    assert fleet.operator.tasks(ended=False).tasks == [task]
+
+
+def test_tasks_are_asked_for_page_after_page_and_who_has_more_or_does_not_answer_is_named() -> None:
+    fleet = Fleet()
+    fleet.seen(ANNA, BOB)
+    task = ToldTask(
+        id="", mission="greet", params={}, on="any", where="", if_interrupted="retry",
+        state="FINISHED", robot=str(ANNA), attempt=1, reason="", by="me",
+    )  # fmt: skip
+
+    def pages(ask: Ask) -> Answer:
+        if not isinstance(ask, Tasks):
+            return Answer()
+        last = int(ask.before[-12:] or "fffff", 16)
+        if not ask.ended and last < 0xFFFF0:
+            return Answer()
+        numbers = range(last - 1, last - 11, -1)
+        return Answer(told=tuple(asdict(replace(task, id=f"{ANNA}/{number:012x}")) for number in numbers))
+
+    fleet.answering = pages
+    fleet.deaf = {BOB}
+    told = fleet.operator.tasks(ended=True)
+    assert len({each.id for each in told.tasks}) == len(told.tasks) == 10 * ENDED_PAGES
+    assert (told.more, told.silent) == (frozenset({str(ANNA)}), frozenset({str(BOB)}))
+    assert fleet.operator.tasks(ended=False).more == frozenset()
 
 
 @pytest.mark.parametrize(

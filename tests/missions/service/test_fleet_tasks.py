@@ -1,6 +1,5 @@
 """Tasks of a fleet, cranked by hand: who has one, what becomes of it when robots are lost, that none begins late."""
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
@@ -10,10 +9,9 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from missions.service.fleet import keeper
 from missions.service.fleet.body import Telemetry
 from missions.service.fleet.errands import ErrandQueue, Errands
-from missions.service.fleet.form import as_bytes, of
+from missions.service.fleet.form import MAX_ANSWER, as_bytes, of, read
 from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
 from missions.service.fleet.kept import DOUBT, Kept, KeptTask
 from missions.service.fleet.roster import Roster
@@ -381,18 +379,27 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
     assert fleet.task == before
 
 
-def test_of_many_tasks_the_oldest_open_and_the_newest_ended_are_told(
-    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    most = 5
-    monkeypatch.setattr(keeper, "MOST_TOLD", most)
-    numbers = [f"{DESK}/{each:012x}" for each in range(3 * most)]
+def test_of_many_tasks_an_answer_tells_as_many_as_it_holds_and_the_next_goes_on_from_there(fleet: Fleet) -> None:
+    numbers = [f"{DESK}/{each:012x}" for each in range(60)]
     for number in numbers:
-        fleet.keeper.asked(Keep(task=number, mission="greet"))
-    for number in numbers[: most + 2]:
+        fleet.keeper.asked(Keep(task=number, mission="greet", params={"text": "x" * 1000, **_LONG}))
+    for number in numbers[:20]:
         fleet.kept.change(number, {"state": "FINISHED", "reason": "x" * 2000})
-    ended, still = numbers[2 : most + 2], numbers[most + 2 : 2 * most + 2]
-    for asked, expected in ((False, still), (True, ended + still)):
-        answer = fleet.keeper.asked(Tasks(ended=asked))
-        assert answer is not None
-        assert [of(ToldTask, json.loads(json.dumps(each))).id for each in answer.told] == expected
+    for ended, wanted in ((False, numbers[20:]), (True, numbers[:20])):
+        pages, before = list[list[str]](), ""
+        while True:
+            answer = fleet.keeper.asked(Tasks(ended=ended, before=before))
+            assert answer is not None
+            page = [
+                each.id for each in (of(ToldTask, told) for told in read(Answer, as_bytes(answer), MAX_ANSWER).told)
+            ]
+            if not page:
+                break
+            pages.append(page)
+            before = page[-1]
+        assert len(pages) > 1
+        assert [each for page in pages for each in page] == wanted[::-1]
+
+
+_LONG = {f"p{number}": "y" * 1000 for number in range(50)}
+"""Params as long as a message may be, nearly."""

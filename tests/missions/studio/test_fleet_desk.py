@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
@@ -97,3 +97,65 @@ def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> 
         met.set()
         look.join()
     assert in_time == [True]
+
+
+class Hurried:
+    """At a fleet, and no longer once it is left."""
+
+    fleet = FleetKeys(fleet="trial")
+
+    def __init__(self, name: str) -> None:
+        self.name, self.left = name, False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.left = True
+
+    def stop(self, by: str) -> tuple[Mapping[Any, Any], list[str]]:
+        return {}, [f"{self.name} for {by}"]
+
+
+def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    opens, may_open, made = Event(), Event(), list[Hurried]()
+
+    def opening(_: FleetKeys) -> Hurried:
+        made.append(found := Hurried("slow" if not made else "quick"))
+        if found.name == "slow":
+            opens.set()
+            assert may_open.wait(10.0)
+        return found
+
+    write(1)
+    monkeypatch.setattr(fleet, "operating", opening)
+    desk, slow = FleetDesk(), list[Mapping[str, Any]]()
+    first = Thread(target=lambda: slow.append(asked(desk, StopFleet())))
+    first.start()
+    try:
+        assert opens.wait(10.0)
+        assert asked(desk, StopFleet())["silent"] == ["quick for viewer 1"]
+    finally:
+        may_open.set()
+        first.join()
+    assert slow[0]["silent"] == ["quick for viewer 1"]
+    assert [each.left for each in made] == [True, False]
+    desk.close()
+    assert made[1].left
+
+
+def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    desk, made = FleetDesk(), list[Hurried]()
+
+    def opening(_: FleetKeys) -> Hurried:
+        made.append(Hurried("late"))
+        desk.close()
+        return made[0]
+
+    write(1)
+    monkeypatch.setattr(fleet, "operating", opening)
+    with pytest.raises(BadMessage, match="has left the fleet"):
+        asked(desk, StopFleet())
+    assert made[0].left
