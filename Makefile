@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz storm planted claims check bench docs fleet constraints clean
+.PHONY: help setup demo test compiled fuzz storm planted golden claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -67,6 +67,9 @@ storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1
 
 planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many seeds the storm finds each; SEEDS=150
 	$(BIN)/python -m tests.planted --seeds $(or $(SEEDS),150)
+
+golden: $(STAMP) ## renew the golden records that are decided otherwise, which is meant: BECAUSE="why"
+	$(BIN)/python -m tests.missions.records.golden --because "$(BECAUSE)"
 
 claims: $(OTHERS_STAMP) ## show every claim of docs/reliability.md, which takes hours, and write down the figures
 	$(BIN)/python -m docs.claims
