@@ -91,7 +91,7 @@ def stop(name: str | None) -> int:
     for each in silent:
         click.echo(f"{each}: DID NOT ANSWER\n  try: mission stop, at that robot", err=True)
     if not answers and not silent:
-        click.echo("nobody is in this fleet", err=True)
+        click.echo("nobody is in this fleet: nobody was stopped\n  try: mission fleet list", err=True)
         return FAILURE
     return FAILURE if silent or not all(each.ok for each in answers.values()) else SUCCESS
 

@@ -72,7 +72,7 @@ def run(
                 f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.why}", err=not answer.ok
             )
         if not names:
-            click.echo("nobody is in this fleet", err=True)
+            click.echo("nobody is in this fleet\n  try: mission fleet list", err=True)
             code = FAILURE
     return code
 
@@ -148,5 +148,6 @@ def _whole(operator: Operator, number: str) -> str:
         return number
     found = [each.id for each in operator.tasks(ended=False).tasks if number in each.id.rpartition("/")[2]]
     if len(found) != 1:
-        raise TaskError(f"'{number}' is {len(found)} tasks that wait or run", hint="mission fleet tasks")
+        many = f"{len(found)} tasks that wait or run have '{number}' in their ID" if found else ""
+        raise TaskError(many or f"no task that waits or runs has '{number}' in its ID", hint="mission fleet tasks")
     return found[0]

@@ -18,6 +18,10 @@ class Whole(click.IntRange):
             self.fail(f"{value!r} is not a whole number.", param, ctx)
         return int(super().convert(value, param, ctx))
 
+    def _describe_range(self) -> str:
+        """Return the bounds as help texts have them; nothing where there are none."""
+        return "" if self.min is self.max is None else super()._describe_range()
+
 
 class Real(click.FloatRange):
     """A number within a range."""
@@ -27,3 +31,7 @@ class Real(click.FloatRange):
         if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
             self.fail(f"{value!r} is not a number.", param, ctx)
         return float(super().convert(value, param, ctx))
+
+    def _describe_range(self) -> str:
+        """Return the bounds as help texts have them; nothing where there are none."""
+        return "" if self.min is self.max is None else super()._describe_range()

@@ -80,6 +80,7 @@ def remove(name: str, robot: str) -> int:
         raise click.UsageError(f"there is no place '{name}': there are {', '.join(sorted(places)) or 'none'}")
     del places[name]
     _write(config, places)
+    click.echo(f"{name}: forgotten  ({places_file(config)})")
     return SUCCESS
 
 

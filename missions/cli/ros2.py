@@ -114,7 +114,7 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
 @command.command(epilog="Example: mission ros2 echo /odom --seconds 2")
 @click.argument("topic")
 @options
-@click.option("--seconds", type=Real(), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=Real(min=0.1), default=5.0, show_default=True, help="For so long.")
 def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Print the messages of a topic, each as a line of JSON."""
     from drivers.ros2.types import Malformed, types  # noqa: PLC0415 - an extra
@@ -143,7 +143,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @command.command(epilog="Example: mission ros2 capture robot.jsonl --seconds 10")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @options
-@click.option("--seconds", type=Real(), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=Real(min=0.1), default=5.0, show_default=True, help="For so long.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Write what a robot says to a file: its tokens, and its messages as they came. No pictures, no names of sessions.
 

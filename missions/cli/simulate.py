@@ -49,7 +49,7 @@ class Lines:
 @click.command(epilog="Example: mission simulate --robot turtlebot2")
 @click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
 @click.option(
-    "--state", "period", type=Real(), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
+    "--state", "period", type=Real(min=0.01), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
 )
 @click.option("--world", type=WORLD, help="The world around it; else open floor.")
 @click.option(

@@ -73,6 +73,10 @@ def test_every_help_has_an_example_of_its_command_that_parses(
     parsed(words)
 
 
+def test_no_help_tells_of_bounds_that_there_are_not() -> None:
+    assert not [path for path in ALL if "=None" in help_of(path)]
+
+
 def test_an_example_with_an_option_that_is_not_there_does_not_parse() -> None:
     with pytest.raises(click.NoSuchOption):
         parsed(["run", "greet", "--fly"])

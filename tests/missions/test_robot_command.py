@@ -37,7 +37,7 @@ def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission)
     told = mission("robot", "use", "humanoid")
     assert told.code == 0
     assert "humanoid is this computer's robot now" in told.out
-    assert "next: mission run greet --on-robot" in told.out
+    assert "next: mission run wave --on-robot" in told.out, "greet is not for humanoids"
     assert load_defaults().robot == "humanoid"
     shown = mission("robot", "show").out
     assert shown.startswith("humanoid  ")

@@ -1,6 +1,6 @@
 """``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import click
 from config.defaults import config_folder, keep_default
 from config.editing import NotEditableError
 from config.faults import InvalidFileError, Source
-from config.library import UnknownNameError, shipped
+from config.library import shipped
 from config.robot import RobotConfig
 from config.writing import write_new
 from drivers.api.driver import Driver
@@ -18,12 +18,12 @@ from drivers.dynamixel.declared import DynamixelKeys
 from drivers.errors import DriverError
 from drivers.finding.asking import PATIENCE
 from drivers.finding.machine import Machine
-from missions.assembly.target import target_of
 from missions.cli.keys import interruptible
 from missions.cli.ports import root_option
 from missions.cli.robot.choosing import choose, like
 from missions.cli.robot.desk import plugged_in
 from missions.cli.robot.dialogue import Dialogue
+from missions.cli.robot.first import able
 from missions.cli.robot.parts import Part, figures
 from missions.cli.robot.servos import find_limits, name_joints, part_ids
 from missions.cli.robot.trying import photograph, try_head
@@ -31,22 +31,9 @@ from missions.cli.robot.writing import robot_text, udev_rules
 from missions.cli.root import SUCCESS
 from missions.library.drivers import Table, robot_of
 from missions.library.folders import state_folder
-from missions.library.shipped import load_mission
 
 LONGEST = 64
 """Letters that the name of a robot may have."""
-
-FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
-    ("greet", {}),
-    ("wave", {}),
-    ("wave", {"gesture": "hello"}),
-    ("wave", {"gesture": "arm_wave"}),
-    ("greet_with_a_nod", {}),
-    ("greet_by_turning", {}),
-    ("look_around", {}),
-    ("square_3m", {}),
-)
-"""Missions with params, of which the first that the new robot can do is proposed."""
 
 
 @click.command(epilog="Example: mission robot new --yes")
@@ -191,17 +178,8 @@ def _written(
             keep_default("robot", called if called == name else str(path.resolve()))
     talk.forget()
     talk.tell("next:", f"  mission robot check {called}")
-    mission = _able(config)
+    mission = able(config)
     if mission:
         talk.tell(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
         talk.tell(f"  mission run {mission} --robot {called}")
     return SUCCESS
-
-
-def _able(config: RobotConfig) -> str:
-    """Return a mission that the robot can do, as it is typed; empty where it can do none of the first."""
-    for mission, params in FIRST:
-        with suppress(InvalidFileError, UnknownNameError):
-            load_mission(mission, params=params, robot=target_of(config))
-            return " ".join([mission, *(f"--param {name}={value}" for name, value in params.items())])
-    return ""

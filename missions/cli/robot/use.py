@@ -9,6 +9,7 @@ from config.editing import NotEditableError
 from config.library import find, shipped
 from config.writing import word
 from missions.cli.names import ROBOT
+from missions.cli.robot.first import able
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
 
@@ -22,12 +23,13 @@ def use(name: str) -> int:
     a --robot is it too.
     """
     path = find("robots", name)
-    load_robot(path)
+    config = load_robot(path)
     stays = name if name in shipped("robots") or not Path(name).is_file() else str(path.resolve())
     try:
         kept = keep_default("robot", word(stays))
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"{stays} is this computer's robot now: {kept}")
-    click.echo("  next: mission run greet --on-robot")
+    mission = able(config)
+    click.echo(f"  next: mission run {mission} --on-robot" if mission else "  next: mission robot check")
     return SUCCESS

@@ -74,7 +74,8 @@ def play(
     tracking = getattr(leaf, "tracking", None)  # there is none where it never began
     if tracking is None:
         return code
-    click.echo(followed(tracking.errors()))
+    if tracking.samples:
+        click.echo(followed(tracking.errors()))
     if table is not None:
         _written(table, lambda: write_csv(table, tracking.samples))
     if plot is not None:
