@@ -37,6 +37,7 @@ def annotate(image: Image, marks: Iterable[tuple[Box, str]]) -> Image:
 def _write(image: Image, label: str, corner: tuple[int, int], line: int) -> None:
     """Write a label on a dark strip with its lower left end at ``corner``, moved inside the picture."""
     font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45 * line
+    label = label.encode(errors="replace").decode()  # OpenCV dies of half a letter
     (width, height), below = cv2.getTextSize(label, font, size, line)
     tall = height + below + line
     x = max(0, min(corner[0], image.shape[1] - width))

@@ -58,7 +58,7 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
     try:
         if output is not None:
             with writing(output, "-o"):
-                write_private(output, page(found).encode())
+                write_private(output, page(found).encode(errors="backslashreplace"))
             click.echo(f"wrote {output}")
         if plots is not None:
             _plot(found, plots)

@@ -119,7 +119,7 @@ def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bo
         click.echo(dump, nl=False)
         return
     with writing(output, "-o"):
-        data = dump if isinstance(dump, bytes) else dump.encode()
+        data = dump if isinstance(dump, bytes) else dump.encode(errors="backslashreplace")
         if private:
             write_private(output, data)
         else:

@@ -8,6 +8,7 @@ from math import inf
 
 from config.notices import named
 from missions.service.notice import Notice, notice_of
+from missions.service.rows import as_written
 
 WAITING = "delivered IS NULL AND next < 9e999"
 """What is still to be delivered: ``next``, the time from which on it may be tried, is infinite for what is given up."""
@@ -78,13 +79,15 @@ class Outbox:
 
 
 def _letter(row: sqlite3.Row, channel: str = "") -> Letter:
-    return Letter(
-        row["id"],
-        channel or row["channel"],
-        notice_of(row["body"]),
-        row["added"],
-        row["tries"],
-        row["delivered"],
-        row["last_error"],
-        row["next"] == inf,
-    )
+    with as_written("notice", row):
+        delivered = row["delivered"]
+        return Letter(
+            row["id"],
+            channel or row["channel"],
+            notice_of(row["body"]),
+            float(row["added"]),
+            int(row["tries"]),
+            None if delivered is None else float(delivered),
+            row["last_error"],
+            row["next"] == inf,
+        )

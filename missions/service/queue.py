@@ -14,7 +14,7 @@ from datetime import UTC, datetime, tzinfo
 from missions.service import notice
 from missions.service.disk import use_what_there_is
 from missions.service.notice import Notice
-from missions.service.rows import as_new, check_texts, task_of
+from missions.service.rows import as_new, attempt_of, check_texts, task_of
 from missions.service.schema import ORDER
 from missions.service.task import (
     Attempt,
@@ -129,7 +129,7 @@ class Queue:
     def attempts(self, number: int) -> list[Attempt]:
         """Return the attempts at a task, in order."""
         rows = self._execute("SELECT * FROM attempt WHERE task = ? ORDER BY number", number)
-        return [Attempt(**dict(row)) for row in rows]
+        return [attempt_of(row) for row in rows]
 
     # --- what the server asks of it -------------------------------------------------------------------------------
 

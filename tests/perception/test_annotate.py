@@ -29,3 +29,16 @@ def test_labels_stay_inside_the_picture(box: Box) -> None:
     picture = np.full((240, 320, 3), 128, dtype=np.uint8)
     plain, labelled = (annotate(picture, [(box, label)]) for label in ("", "face 12, 2.3 m"))
     assert np.count_nonzero(np.any(plain != labelled, axis=2)) > 500
+
+
+@pytest.mark.parametrize("far", [float("inf"), float("-inf"), float("nan"), 3e9, -1e308])
+def test_a_box_beyond_all_pictures_is_cut_off_or_left_out(far: float) -> None:
+    image = np.zeros((40, 60, 3), np.uint8)
+    for box in (Box(far, 5.0, 9.0, 9.0), Box(5.0, 5.0, far, 9.0), Box(5.0, 5.0, 9.0, far), Box(far, far, far, far)):
+        assert annotate(image, [(box, "someone")]).shape == image.shape
+
+
+def test_half_a_letter_in_a_label_is_a_question_mark() -> None:
+    image = np.zeros((60, 200, 3), np.uint8)
+    box = Box(20.0, 40.0, 9.0, 9.0)
+    assert (annotate(image, [(box, "A\ud800")]) == annotate(image, [(box, "A?")])).all()

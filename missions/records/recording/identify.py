@@ -1,6 +1,5 @@
 """Whether a file is a record of ours, and which; if it is none, what it is instead."""
 
-import json
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from config.kinds import kinds_of, wrong_kind
 from missions.records.recording.codec import from_json
-from missions.records.recording.faults import InvalidRecordError, seconds, understanding
+from missions.records.recording.faults import InvalidRecordError, seconds, strict_json, understanding
 from missions.records.recording.head import FORMAT, METADATA, Head
 
 if TYPE_CHECKING:  # it needs mcap, which may be missing
@@ -47,7 +46,7 @@ def head_in(container: "Container", tables: Mapping[str, Mapping[str, str]]) -> 
         raise _foreign(container)
     data = next((message.data for message in container.messages(frozenset({"/mission"}))), None)
     with understanding(path):
-        written = {"format": int(tables.get(METADATA, {}).get("format", FORMAT))} if data is None else json.loads(data)
+        written = {"format": int(tables.get(METADATA, {}).get("format", FORMAT))} if data is None else strict_json(data)
         if written["format"] > FORMAT:
             raise InvalidRecordError(f"{path}: {NEWEST}")
         if data is None:

@@ -22,6 +22,10 @@ class Kind(NamedTuple):
     simulate: str
 
 
+DIGITS = 9
+"""Letters that no number of a node has."""
+
+
 class Place(NamedTuple):
     """A node of a tree: its key, the word of its kind, what a person reads of it, and where it stands."""
 
@@ -33,8 +37,9 @@ class Place(NamedTuple):
 
     @property
     def order(self) -> tuple[int, ...]:
-        """By which nodes are in the order of the file."""
-        return tuple(map(int, self.key.split(".")))
+        """By which nodes are in the order of the file; keys that no tree has come first."""
+        parts = self.key.split(".")
+        return tuple(map(int, parts)) if all(part.isdecimal() and len(part) < DIGITS for part in parts) else ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -143,6 +143,33 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
             opened.queue.tasks()
 
 
+@pytest.mark.parametrize(
+    ("table", "column", "what"),
+    [
+        ("attempt", "began", "attempt 1"),
+        ("attempt", "ended", "attempt 1"),
+        ("outbox", "added", "notice 1"),
+        ("outbox", "tries", "notice 1"),
+        ("outbox", "delivered", "notice 1"),
+        ("outbox", "body", "notice 1"),
+    ],
+)
+def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
+    tmp_path: Path, table: str, column: str, what: str
+) -> None:
+    path = tmp_path / "tasks.db"
+    with shop(path) as opened:
+        opened.add(new())
+        opened.attempt("success")
+        for wrong in ("{}", "7x", "7", "[" * 100_000, b"\xff"):
+            if wrong == "7" and column != "body":
+                continue
+            with closing(sqlite3.connect(path)) as other, other:
+                other.execute(f"UPDATE {table} SET {column} = ?", (wrong,))  # noqa: S608 - ours
+            with pytest.raises(TaskError, match=f"{what} is not as it was written"), in_words(path):
+                _ = opened.queue.attempts(1), opened.outbox.of(1)
+
+
 def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with pytest.raises(TaskError, match="is damaged") as raised, in_words(path):

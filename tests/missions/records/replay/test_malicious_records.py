@@ -170,6 +170,27 @@ def of_texts() -> Iterator[tuple[str, dict[str, Any]]]:
         behaviours=(ESCAPES,), mocks=(),
     )  # fmt: skip
     yield "escapes in its head", {"head": texts, "files": {**FILES, ESCAPES: b""}}
+    half = "half \ud800 a letter"
+    yield "halves of letters in its head", {"head": replace(HEAD, mission=half, command=(half,))}
+    seen = Seen(1.01, View(1.0, (replace(face(1.0), name=half),)))
+    changed = NodeChanged(0.1, 1, "1.1", half, half, 3, "failure", half)
+    shown = {"tree": json.dumps(to_json(TREE)).replace("look_for", half).encode(errors="surrogatepass")}
+    yield (
+        "halves of letters",
+        {
+            "what": [
+                changed,
+                VariableSet(0.1, 1, half, half, half),
+                *moments(),
+                seen,
+                Picture(1.0, small_picture(9), None),
+            ],
+            **shown,
+        },
+    )
+    keys = json.dumps(to_json(TREE)).replace('"key": "1.1"', '"key": "failure"')
+    yield "keys that are none", {"tree": keys.encode(), "what": [replace(changed, node="9" * 5000), *moments()]}
+    yield "halves of letters in its tree", {"tree": json.dumps(to_json(TREE)).replace("look_for", "\\ud800").encode()}
     yield "escapes as mocks", {"head": replace(HEAD, mocks=(ESCAPES,))}
     tree = json.dumps(to_json(TREE)).replace("look_for", json.dumps(ESCAPES)[1:-1]).encode()
     yield "escapes in what happened", {"what": hostile_items(), "tree": tree}
