@@ -20,6 +20,9 @@ LEGGED = "humanoid"
 
 SHEET = ".csv"
 
+MANY = 1000
+"""Cycles in one spreadsheet, at most: a quarter of an hour."""
+
 robot_option = click.option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
                             "with legs (a name or a file).")  # fmt: skip
 output_option = click.option(
@@ -68,7 +71,7 @@ def show(file: str, robot: str) -> None:
 
 @command.command(epilog="Example: mission gait make stroll -o stroll.csv --cycles 4")
 @click.argument("file", type=GAIT, metavar="GAIT")
-@click.option("--cycles", type=Whole(min=1), default=1, show_default=True, help="Of a spreadsheet: how many.")
+@click.option("--cycles", type=Whole(min=1, max=MANY), default=1, show_default=True, help="Of a spreadsheet: how many.")
 @output_option
 @robot_option
 def make(file: str, cycles: int, output: Path, robot: str) -> None:
@@ -114,7 +117,7 @@ def scale(file: str, length: float, rise: float, time: float, output: Path, robo
 
 @command.command(name="sequence", epilog="Example: mission gait sequence stroll curve --cycles 3 -o way.csv")
 @click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
-@click.option("--cycles", type=Whole(min=1), default=2, show_default=True, help="How many of each.")
+@click.option("--cycles", type=Whole(min=1, max=MANY), default=2, show_default=True, help="How many of each.")
 @output_option
 @robot_option
 def sequence_(files: tuple[str, ...], cycles: int, output: Path, robot: str) -> None:

@@ -1,6 +1,7 @@
 """Gaits out of files and into files: gait files, and spreadsheets of the angles of both legs in radians."""
 
 import csv
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from io import StringIO
@@ -108,7 +109,7 @@ def _of_points(keys: GaitKeys) -> Gait:
 
 def written(gait: Gait, name: str) -> str:
     """Return a gait file of points."""
-    lines = [f"gait: {name}", f"period: {gait.period:.6g} s", "points:"]
+    lines = [f"gait: {json.dumps(name)}", f"period: {gait.period:.6g} s", "points:"]
     for place in range(len(gait.feet)):
         left, right = (_vector(gait.feet[place, number].tolist()) for number in (0, 1))
         turns = [f"{degrees(each):.4f} deg" for each in gait.headings[place].tolist()]

@@ -120,6 +120,13 @@ def test_commands_blend_mirror_and_put_in_a_row(tmp_path: Path) -> None:
     assert times[-1] == pytest.approx(3.7)
 
 
+def test_a_gait_goes_by_the_name_of_its_file_whatever_that_is(tmp_path: Path) -> None:
+    for name in ("a: b", "yes", "- 1", 'half "done"'):
+        file = tmp_path / f"{name}.yaml"
+        assert CliRunner().invoke(command, ["make", "stroll", "-o", str(file)]).exit_code == 0
+        assert load_gait(file).gait == name
+
+
 def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path) -> None:
     path = tmp_path / "lame.yaml"
     path.write_text("gait: lame\nwalk: {turn: 5 deg}\n")
