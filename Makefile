@@ -87,6 +87,9 @@ check: $(STAMP) ## style, types and the arrows between the packages
 bench: $(STAMP) ## the benchmarks, as ratios measured side by side
 	$(BIN)/python -m tests.benchmarks
 
+walks: $(STAMP) ## humanoids in physics, 100 walks each: falls, speed, energy; half an hour
+	$(BIN)/python -m tests.benchmarks.walking
+
 docs: $(STAMP) ## write the tables of docs/ anew from the declarations
 	$(BIN)/python docs/generate.py
 

@@ -15,9 +15,10 @@ class Argument:
 
     ``kind`` is a dimension ("angle", "length", "duration", ...), "text", "number", "count", "flag", "value" (anything),
     "outcomes" (a list of statuses), "joint" (a name), "joints" (a joint, a group of them, or a list of both), or
-    "gesture", "move", "controller" or "object" (looked up by name), "new move" (the name of what is to be recorded),
-    "file" (a path from the mission's folder), "face" (a variable that holds one, or nothing), "phrases" (what may be
-    said: one text, or a list of them, known before the mission starts), or "choice" (one of the words in ``choices``).
+    "gesture", "move", "gait", "controller" or "object" (looked up by name), "new move" (the name of what is to be
+    recorded), "file" (a path from the mission's folder), "face" (a variable that holds one, or nothing), "phrases"
+    (what may be said: one text, or a list of them, known before the mission starts), or "choice" (one of the words in
+    ``choices``).
     ``span`` asks for two values, [low, high]; ``by_joint`` for one value for each of some joints, {elbow: 30 deg}.
     ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its name.
     ``attribute`` is the leaf's attribute that holds the value.

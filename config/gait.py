@@ -14,70 +14,13 @@ By points, from the trunk's origin to the middles of the soles, gone through smo
       - {at: 30 %, left: [0 mm, 60 mm, -390 mm], right: [0 mm, -60 mm, -415 mm], on: right}
 """
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
 
 from config.declared import read_keys
 from config.faults import InvalidFileError
 from config.fields import fields_of
 from config.marked import read_source
-from drivers.api.keys import Mistake, key, keys
-
-Vector = tuple[float, float, float]
-
-
-@keys
-class PointKeys:
-    """Where the soles are at a share of the cycle."""
-
-    at: float = key("share", low=0.0, high=1.0, help="When: a share of the cycle, below 100 %.")
-    left: Vector = key("length", help="The middle of the left sole from the trunk's origin: [x, y, z].")
-    right: Vector = key("length", help="The middle of the right sole.")
-    left_turn: float = key("angle", default=0.0, help="How far the left sole is turned, to the left.")
-    right_turn: float = key("angle", default=0.0, help="How far the right sole is turned, to the left.")
-    on: Literal["both", "left", "right"] = key(default="both", help="Which of them is on the floor from then on.")
-
-
-@keys
-class WalkKeys:
-    """A walk by its steps."""
-
-    step: float = key("length", help="How far a foot lands ahead of the other; negative is backwards.")
-    side: float = key("length", default=0.0, help="How far it goes to the left in two steps.")
-    turn: float = key("angle", default=0.0, help="How far it turns to the left in two steps.")
-    period: float | None = key("duration", default=None, low=0.3, high=5.0, help="The time of two steps.")
-    double_support: float | None = key("share", default=None, low=0.05, high=0.8, help="The share on both feet.")
-    rise: float | None = key("length", default=None, low=0.0, high=0.3, help="How high a foot is lifted.")
-    height: float | None = key("length", default=None, low=0.05, high=2.0, help="From the soles to the trunk.")
-    feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other.")
-
-
-@keys
-class GaitKeys:
-    """The keys of a gait file."""
-
-    gait: str = key(help="What it is called.")
-    summary: str = key(default="", help="What it is, in a line.")
-    walk: WalkKeys | None = key(default=None, help="A walk by its steps, for the walking engine.")
-    period: float | None = key("duration", default=None, low=0.1, high=60.0, help="The time of a cycle of points.")
-    points: tuple[PointKeys, ...] = key(default=(), each="a point", help="Where the soles are, one after another.")
-
-    def mistakes(self) -> Iterator[Mistake]:
-        """Yield a gait that is none, or two, and points that do not follow one another."""
-        if (self.walk is None) == (not self.points):
-            hint = "such as walk: {step: 50 mm}"
-            yield Mistake("a gait file needs either 'walk' or 'points'", hint=hint, about=(("walk",), ("points",)))
-        if self.points and self.period is None:
-            yield Mistake("'points' need a 'period'", ("points",), hint="period: 1 s", about=(("points",), ("period",)))
-        if 0 < len(self.points) < 3:
-            yield Mistake("'points' needs at least three", ("points",), about=(("points",),))
-        before = -1.0
-        for place, point in enumerate(self.points):
-            at = ("points", place, "at")
-            if not before < point.at < 1.0:
-                yield Mistake("'at' must be later than the one before, and below 100 %", at, about=(at,))
-            before = point.at
+from drivers.api.gait import GaitKeys
 
 
 def load_gait(path: Path) -> GaitKeys:

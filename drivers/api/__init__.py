@@ -14,7 +14,21 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 from typing import TYPE_CHECKING
 
 from drivers.api.arrays import Angles, Image, Ranges, Samples
-from drivers.api.base import BASE_RADIUS, Base, BaseLimits, BaseState, DockBeam, DockSignals, Lamp, Pose2D, Sides, Tune
+from drivers.api.base import (
+    BASE_RADIUS,
+    FALLEN,
+    PERFORMED,
+    Base,
+    BaseLimits,
+    BaseState,
+    DockBeam,
+    DockSignals,
+    Lamp,
+    Pose2D,
+    Posture,
+    Sides,
+    Tune,
+)
 from drivers.api.camera import Camera, CameraFrame
 from drivers.api.device import (
     Away,
@@ -44,7 +58,9 @@ __all__ = [
     "AS_USUAL",
     "BASE_RADIUS",
     "COMMAND_LIFE",
+    "FALLEN",
     "HEAD_ACCELERATION",
+    "PERFORMED",
     "SOUND_RATE",
     "STILL",
     "Angle",
@@ -84,6 +100,7 @@ __all__ = [
     "Mouth",
     "MouthShape",
     "Pose2D",
+    "Posture",
     "Priority",
     "Progress",
     "Quality",

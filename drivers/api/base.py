@@ -4,6 +4,7 @@ from enum import IntFlag, StrEnum
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
+from drivers.api.gait import GaitKeys
 from drivers.api.marks import command, fixed
 from drivers.api.quick import dataclass
 from drivers.api.steering import Source, Steering, Velocity
@@ -41,6 +42,15 @@ class Sides:
 
 BASE_RADIUS = 0.177
 """Metres from the middle of a Kobuki to its rim: the vendor gives 351.5 mm for the diameter."""
+
+
+class Posture(StrEnum):
+    """How a base with legs stands: known, where it has come to it by itself."""
+
+    UNKNOWN = ""
+    STANDING = "standing"
+    SITTING = "sitting"
+    MOVING = "moving"
 
 
 class DockBeam(IntFlag):
@@ -114,7 +124,7 @@ class BaseState:
     ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
     ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
     added up. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from upright it stands, in
-    radians; None where nothing measures that. ``fallen`` is True for one that lies.
+    radians; None where nothing measures that. ``fallen`` is True for one that lies; ``posture`` is that of legs.
     """
 
     pose: Pose2D
@@ -132,6 +142,14 @@ class BaseState:
     reckoned: bool = False
     lean: float | None = None
     fallen: bool = False
+    posture: Posture = Posture.UNKNOWN
+
+
+PERFORMED = ("stand", "sit", "gait")
+"""What legs can be told to perform."""
+
+FALLEN = "it has fallen"
+"""Why a base with legs is latched that lies."""
 
 
 def _as_mission(source: Source) -> Source:
@@ -161,6 +179,16 @@ class Base(Device, Protocol):
 
         That is standing still while a more important source has the wheels. Raises BadRequest for a value that is not
         finite or for ``Source.SAFETY``, NotConnected, and DeviceFault while it is latched.
+        """
+        ...
+
+    @command("never", moves=True)
+    def perform(self, act: str, gait: GaitKeys | None = None) -> float:
+        """Perform one of ``PERFORMED`` with its legs, a ``gait`` with which, for ``COMMAND_LIFE`` at most.
+
+        Return how far it has come: a share, 1 in the end; of a gait, its cycles. One that is not told to go on ends by
+        itself: in a stand, or on the way to it. Raises BadRequest for a base without legs and for what they cannot do,
+        NotConnected, and DeviceFault while it is latched.
         """
         ...
 

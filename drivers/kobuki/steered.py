@@ -18,9 +18,10 @@ from drivers.api import (
     Velocity,
     ignore,
 )
+from drivers.api.gait import GaitKeys
 from drivers.api.sections import BaseKeys
 from drivers.clock import Clock
-from drivers.errors import NotConnected
+from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.history import History
 from drivers.kobuki.limits import Limits
@@ -133,6 +134,10 @@ class SteeredBase(ABC):
         with self._lock:
             require(self.name, self._mux.latched)
             return self._mux.steer(velocity, now, self._newest, source)
+
+    def perform(self, act: str, gait: GaitKeys | None = None) -> float:  # noqa: ARG002 - it has no legs for that
+        """Raise BadRequest: it goes on wheels."""
+        raise BadRequest(f"{self.name}: it has no legs to {act} with", hint="this needs a base of `driver: legs`")
 
     def stop(self, *, source: Source | None = None) -> None:
         """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).

@@ -136,6 +136,7 @@ class StrideKeys:
     feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other; else as at 0.")
     inset: float = key("length", default=0.0, help="How far inside of a sole's middle it stands on it.")
     lean: float = key("angle", default=0.0, low=-0.6, high=0.6, help="How far the trunk leans ahead.")
+    sit: float | None = key("length", default=None, low=0.05, help="The same when it sits; else 70 % of `height`.")
     longest: float = key("length", default=0.08, low=0.001, help="The longest step: from one foot to the other.")
     widest: float = key("length", default=0.04, low=0.0, help="The widest step to the side.")
     most_turn: float = key("angle", default=0.35, low=0.0, high=1.0, help="The most that a step turns.")

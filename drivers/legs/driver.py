@@ -8,34 +8,39 @@ the walk; they hold or go limp as their own section says, and a later walk begin
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from math import cos, degrees, radians
+from math import cos, radians
 from threading import Event
+from types import MappingProxyType
 from typing import Literal, Unpack
 
 import numpy as np
 
 from drivers.api import (
+    FALLEN,
     STILL,
     BaseState,
     DeviceStatus,
     Health,
     Joints,
     JointState,
-    Lamp,
     Pose2D,
     Quality,
     Reading,
     Source,
-    Tune,
     Velocity,
 )
+from drivers.api import Posture as Poised
+from drivers.api.gait import GaitKeys
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NotConnected
-from drivers.kobuki.requests import check_light, tone
+from drivers.kobuki.requests import require
 from drivers.kobuki.steered import Settings, SteeredBase
-from drivers.legs.approach import FAR, Approach, away_from, is_near
+from drivers.legs.acts import Acts
+from drivers.legs.approach import is_near
+from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
+from drivers.legs.mute import Mute
 
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
@@ -43,11 +48,11 @@ LONGEST_STEP = 0.03
 SILENT_AFTER = 0.3
 """Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
 
-FALLEN = radians(50)
+LIES = radians(50)
 """How far from upright its trunk leans when it has fallen."""
 
 
-class LegsBase(SteeredBase):
+class LegsBase(Mute, SteeredBase):
     """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
 
     ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
@@ -64,17 +69,16 @@ class LegsBase(SteeredBase):
         *,
         felt: Callable[[], Felt | None] = lambda: None,
         compensation: Compensation | None = None,
+        torques: Mapping[str, float] = MappingProxyType({}),
         at_fall: Literal["relax", "hold"] = "relax",
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(clock, **settings)
         self._joints, self._engine, self._felt_now = joints, engine, felt
-        self._at_fall = at_fall
-        self._compensation = compensation
+        self._at_fall, self._compensation = at_fall, compensation
         self._legs = engine.body.walking
-        self._open = self._there = self._fallen = False
-        self._ready = False  # the legs are where the engine has them
-        self._way: Approach | None = None  # to where a walk begins
+        self._open = self._there = self._fallen = self._ready = False  # ready: the legs are where the engine has them
+        self._acts = Acts(engine, joints.limits, torques)
         self._stepped_at = 0.0
         self._stiff = False
         self._lean: float | None = None
@@ -87,10 +91,26 @@ class LegsBase(SteeredBase):
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Walk so; see ``SteeredBase``. Raises DeviceFault too when it has fallen, or a leg is far from a stand."""
         if velocity != STILL and self._fallen:
-            raise DeviceFault(f"{self.name}: it has fallen", hint="put it up by hand")
+            raise DeviceFault(f"{self.name}: {FALLEN}", hint="put it up by hand")
         if velocity != STILL and self._there and not self.walking:
             self._refuse_far()
         return super().drive(velocity, source=source)
+
+    def perform(self, act: str, gait: GaitKeys | None = None) -> float:
+        """Perform an act of the legs, once a walk has ended; see ``drivers.api.Base``. It is not for legs that lie."""
+        self._require()
+        with self._lock:
+            require(self.name, self._mux.latched)
+            if self._fallen:
+                raise DeviceFault(f"{self.name}: {FALLEN}", hint="put it up by hand, or by `get_up`")
+            return self._acts.ask(act, gait, self._clock.now())
+
+    def stop(self, *, source: Source | None = None) -> None:
+        """Come to a stand; see ``SteeredBase``. Legs that are on their way to a stand or a sit stay where they are."""
+        with self._lock:
+            if source in (None, Source.MISSION):
+                self._acts.end()
+            super().stop(source=source)
 
     def state(self) -> Reading[BaseState]:
         """The newest report; stale while the joints are not there."""
@@ -109,20 +129,6 @@ class LegsBase(SteeredBase):
         what = f"nothing heard of {', '.join(silent)}" if silent else "its joints are gone"
         detail = f"{self.name}: {what}" + (f": {said.detail}" if said.detail else "")
         return Health(False, detail, said.hint or "look at the power and the cable of its servos", returned=returned)
-
-    def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has nothing to play it on
-        """Do nothing: it has no sounder. Raises NotConnected."""
-        self._require()
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
-        self._require()
-
-    def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it
-        """Do nothing: it has no lights. Raises BadRequest for another number than 1 and 2, NotConnected."""
-        check_light(self.name, number)
-        self._require()
 
     # --- life ---------------------------------------------------------------------------------------------------------
 
@@ -164,7 +170,7 @@ class LegsBase(SteeredBase):
     @property
     def walking(self) -> bool:
         """Whether its legs are led right now."""
-        return self._way is not None or not self._engine.standing
+        return self._acts.busy or not self._engine.standing
 
     def _take(self, states: Mapping[str, Reading[JointState]], felt: Felt | None, now: float) -> None:
         """Take in how the joints are, and where the walk has led."""
@@ -184,8 +190,10 @@ class LegsBase(SteeredBase):
             self._lean = None
         else:
             self._lean = float(np.arccos(np.clip(cos(felt.roll) * cos(felt.pitch), -1.0, 1.0)))
-            self._fall(self._lean > FALLEN)
+            self._fall(self._lean > LIES)
         pose, (ahead, _, turn) = self._engine.pose
+        if self._acts.busy:
+            ahead, turn = self._acts.speed
         state = BaseState(
             Pose2D(pose.x, pose.y, pose.heading),
             Velocity(ahead, turn),
@@ -194,6 +202,7 @@ class LegsBase(SteeredBase):
             reckoned=True,
             lean=self._lean,
             fallen=self._fallen,
+            posture=Poised.MOVING if not self._engine.standing else self._acts.posture,
         )
         self._latest = Reading(state, now, Quality.GOOD)
         self._headings.add(now, [pose.heading])
@@ -204,23 +213,25 @@ class LegsBase(SteeredBase):
         """Notice a fall: stop the walk, and let the legs be as the robot file says."""
         if fallen and not self._fallen:
             self._forget()
-            self._mux.latch("it has fallen")
+            self._mux.latch(FALLEN)
             if self._at_fall == "relax":
                 with suppress(NotConnected):
                     self._joints.relax(self._legs)
-            self._report(DeviceStatus(self.name, "fault", f"{self.name}: it has fallen", "put it up by hand"))
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {FALLEN}", "put it up by hand"))
         self._fallen = fallen
 
     def _go(self, wanted: Velocity, states: Mapping[str, Reading[JointState]], felt: Felt | None, now: float) -> None:
         dt, self._stepped_at = min(max(now - self._stepped_at, 0.0), LONGEST_STEP), now
         moving = wanted != STILL
+        if self._mux.latched:
+            self._acts.end()
         if self._engine.standing:
             self._ready = self._ready and is_near(self._engine.ready, self._legs, states)  # others move them too
-            if moving and not self._ready and self._way is None:
-                self._begin_way(states, now)
-            if self._way is not None:
-                self._get_ready(self._way, now, going=moving)
-            if self._way is not None or not (moving and self._ready):
+            posture = self._acts.step(self._here(states), now, dt, walk=moving and not self._ready)
+            if posture is not None:
+                self._ready = self._acts.posture is Poised.STANDING
+                self._send(posture, dt)
+            if self._acts.busy or not (moving and self._ready):
                 self._set_stands()
                 return
         self.stands.clear()
@@ -239,38 +250,27 @@ class LegsBase(SteeredBase):
         sent = posture.angles if self._compensation is None else self._compensation.goals(posture, dt)
         self._joints.move(dict(zip(self._legs, sent.tolist(), strict=True)))
 
-    def _begin_way(self, states: Mapping[str, Reading[JointState]], now: float) -> None:
-        """Begin to bring the legs to where a walk begins, from where they are."""
-        here = np.array([value.position for name in self._legs if (value := states[name].value) is not None])
-        if np.abs(here - self._engine.ready).max() <= FAR:  # else ``drive`` has said so
-            self._engine.rest()
-            self._way = Approach.begun(here, self._engine.ready, now)
-            if self._compensation is not None:
-                self._compensation.rest()
-
-    def _get_ready(self, way: Approach, now: float, *, going: bool) -> None:
-        """Go on to where a walk begins; end where the joints are when nobody wants it any more."""
-        if not going or way.share(now) == 1.0:
-            self._way, self._ready = None, way.share(now) == 1.0
-        self._joints.move(dict(zip(self._legs, way.at(now).tolist(), strict=True)))
+    def _here(self, states: Mapping[str, Reading[JointState]]) -> Floats:
+        """Return where the joints of the legs are, all of which were heard of."""
+        return np.array([value.position for name in self._legs if (value := states[name].value) is not None])
 
     def _refuse_far(self) -> None:
-        off = away_from(self._engine.ready, self._legs, self._joints.states())
-        name = max(off, key=lambda joint: abs(off[joint]), default="")
-        if name and abs(off[name]) > FAR:
-            told = f"{self.name}: {name} is {degrees(abs(off[name])):.0f} deg from where a walk begins"
-            raise DeviceFault(told, hint="bring its legs to a stand by a gesture, or by hand")
+        here = self._here(self._joints.states())
+        if len(here) == len(self._legs) and (far := self._acts.far(here)):
+            raise DeviceFault(f"{self.name}: {far}", hint="bring its legs to a stand by a gesture, or by hand")
 
     def _forget(self) -> None:
         """Forget the walk: the legs are not where it has them."""
         if self._compensation is not None:
             self._compensation.rest()
         self._engine.rest()
-        self._way, self._ready = None, False
+        self._acts.forget()
+        self._ready = False
         self.stands.set()
 
     def _lose(self) -> None:
         self._forget()
+        self._acts.end()
         self._mux.halt()
         self._stiff = False
         if self._there:

@@ -125,19 +125,26 @@ def manner_of(body: Body, stride: StrideKeys) -> Manner:
 
 def standing(body: Body, stride: StrideKeys, feet: float) -> Floats:
     """Return the angles (12,) in which a walk begins and ends. Raises BadRequest where the legs cannot have them."""
-    places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
-    lean, trunk = turning(Y, np.array(stride.lean)), np.array([0.0, 0.0, stride.height])
-    for _ in range(PASSES):  # over the middle of the soles with all its mass
-        angles, reason = legs(body, trunk, lean, places, np.zeros(2))
-        centre = centre_over_legs(body, np.nan_to_num(angles).reshape(2, 6))
-        trunk[:2] = -(lean @ centre)[:2]
-    angles, reason = legs(body, trunk, lean, places, np.zeros(2))
+    angles, reason = stands(body, stride, feet, np.array([stride.height]))
     if reason.any():
         raise BadRequest(
             f"base: with the trunk {stride.height:g} m above the soles {REASONS[int(reason.max())]}",
             hint="change stride.height, or the lengths of the body",
         )
-    return angles
+    found: Floats = angles[0]
+    return found
+
+
+def stands(body: Body, stride: StrideKeys, feet: float, heights: Floats) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Return the angles (K, 12) of stands with the trunk at ``heights`` (K,), and why a leg has none (K, 2)."""
+    places = np.array([[0.0, feet / 2, 0.0], [0.0, -feet / 2, 0.0]])
+    lean, trunk = turning(Y, np.array(stride.lean)), np.zeros((len(heights), 3))
+    trunk[:, 2] = heights
+    for _ in range(PASSES):  # over the middle of the soles with all its mass
+        angles = legs(body, trunk, lean, places, np.zeros(2))[0]
+        centre = centre_over_legs(body, np.nan_to_num(angles).reshape(-1, 2, 6))
+        trunk[:, :2] = -(centre @ lean.T)[:, :2]
+    return legs(body, trunk, lean, places, np.zeros(2))
 
 
 def legs(
@@ -202,6 +209,10 @@ class Engine:
         self.halt()
         self.walker.rest()
         self._angles, self._correction = self.ready, Correction()
+
+    def carry(self, gone: Spot) -> None:
+        """Stand so far ahead (m), to the left (m) and turned (rad): by steps that were not its own."""
+        self.walker.carry(gone)
 
     def step(self, dt: float = PERIOD, felt: Felt | None = None) -> Posture:
         """Go on by ``dt`` seconds; return where the legs are to be."""

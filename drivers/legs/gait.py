@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api.gait import GaitKeys
 from drivers.errors import BadRequest
 from drivers.legs.body import FLIPPED, SIDES, Body, Floats
 from drivers.legs.declared import StrideKeys
@@ -47,6 +48,20 @@ class Gait:
     def angles(self, body: Body) -> tuple[Floats, npt.NDArray[np.int64]]:
         """Return the angles of the legs (M, 12), and why a leg has none (M, 2)."""
         return legs(body, np.zeros(3), np.eye(3), self.feet, self.headings)
+
+
+def of_keys(keys: GaitKeys, body: Body, stride: StrideKeys) -> Gait:
+    """Return the gait of a file, for a body that walks with such strides. Raises BadRequest for one out of reach."""
+    if keys.walk is not None:
+        walk = keys.walk
+        own = {name: getattr(walk, name) for name in ("period", "double_support", "rise", "height", "feet")}
+        stride = replace(stride, **{name: value for name, value in own.items() if value is not None})
+        return generated(keys.gait, body, stride, walk.step, walk.side, walk.turn)
+    points = keys.points
+    feet = np.array([[point.left, point.right] for point in points])
+    headings = np.array([[point.left_turn, point.right_turn] for point in points])
+    on = np.array([[point.on in (side, "both") for side in SIDES] for point in points])
+    return splined(keys.gait, keys.period or 0.0, np.array([point.at for point in points]), feet, headings, on)
 
 
 def generated(name: str, body: Body, stride: StrideKeys, step: float, side: float, turn: float) -> Gait:

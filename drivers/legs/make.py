@@ -26,6 +26,7 @@ def make(keys: LegsKeys, site: Site) -> WalkingBase:
         felt=feeling(site.parts.get("imu")),
         # Virtual servos are where they are told to be.
         compensation=None if site.virtual else compensation(walks, joints),
+        torques=torques(walks, joints),
         at_fall=keys.at_fall,
         **settings_of(keys, site),
     )
@@ -44,6 +45,14 @@ def compensation(walks: Engine, joints: Joints) -> Compensation | None:
         return None
     servos = {name: joints.described[name] for name in walks.body.walking}
     return Compensation(walks.body, {name: motor_of(it.model, it.spec.torque_limit) for name, it in servos.items()})
+
+
+def torques(walks: Engine, joints: Joints) -> dict[str, float]:
+    """Return what the servos of the legs stall at (Nm), for gaits to be checked; nothing where that is not known."""
+    if not isinstance(joints, CommandedJoints):
+        return {}
+    servos = {name: joints.described[name] for name in walks.body.walking}
+    return {name: it.model.stall_torque * it.spec.torque_limit for name, it in servos.items()}
 
 
 def feeling(imu: Any) -> Callable[[], Felt | None]:

@@ -22,6 +22,12 @@ class Spot:
         c, s = cos(self.heading), sin(self.heading)
         return Spot(self.x + ahead * c - left * s, self.y + ahead * s + left * c, self.heading + turn)
 
+    def seen(self, other: "Spot") -> "Spot":
+        """Return another spot as it is from this one."""
+        c, s = cos(self.heading), sin(self.heading)
+        dx, dy = other.x - self.x, other.y - self.y
+        return Spot(c * dx + s * dy, c * dy - s * dx, other.heading - self.heading)
+
     @property
     def point(self) -> Point:
         """Without the heading."""

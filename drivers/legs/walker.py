@@ -100,6 +100,10 @@ class Walker:
         """Stand where it is, from now on, whatever was under way: when nobody knows how the legs are."""
         self._place(self.pose[0])
 
+    def carry(self, gone: Spot) -> None:
+        """Stand so far ahead, to the left and turned, as something else has brought it there."""
+        self._place(self.pose[0].beside(gone.x, gone.y, gone.heading))
+
     def advance(self, dt: float) -> Pattern:
         """Go on by ``dt`` seconds."""
         self.time += dt

@@ -3,14 +3,13 @@
 import csv
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from io import StringIO
 from math import degrees
 from pathlib import Path
 
 import numpy as np
 
-from config.gait import GaitKeys, load_gait
+from config.gait import load_gait
 from config.robot import RobotConfig
 from drivers.api import JointLimits
 from drivers.dynamixel.declared import DynamixelKeys
@@ -18,7 +17,7 @@ from drivers.errors import BadRequest
 from drivers.legs.body import SIDES, Body, Floats, body_of
 from drivers.legs.checking import mistakes
 from drivers.legs.declared import LegsKeys, StrideKeys
-from drivers.legs.gait import Gait, generated, splined
+from drivers.legs.gait import Gait, of_keys, splined
 from drivers.legs.kinematics import forward, sole
 from missions.hands.moves.load import load_move
 from missions.hands.moves.sheet import KINDS
@@ -54,13 +53,7 @@ class Walker:
         """Read a gait. Raises InvalidFileError for mistakes in a file, BadRequest for what is no gait of the robot."""
         if path.suffix.lower() in KINDS:
             return self._of_sheet(path)
-        keys = load_gait(path)
-        if keys.walk is not None:
-            walk = keys.walk
-            own = {name: getattr(walk, name) for name in ("period", "double_support", "rise", "height", "feet")}
-            stride = replace(self.stride, **{name: value for name, value in own.items() if value is not None})
-            return generated(keys.gait, self.body, stride, walk.step, walk.side, walk.turn)
-        return _of_points(keys)
+        return of_keys(load_gait(path), self.body, self.stride)
 
     def _of_sheet(self, path: Path) -> Gait:
         """Take a spreadsheet for one cycle, whose last row is the first one again."""
@@ -97,14 +90,6 @@ class Walker:
         for time, row in zip(times.tolist(), angles.tolist(), strict=True):
             lines.writerow([f"{time:.4f}", *(f"{angle:.6f}" for angle in row)])
         return out.getvalue()
-
-
-def _of_points(keys: GaitKeys) -> Gait:
-    points = keys.points
-    feet = np.array([[point.left, point.right] for point in points])
-    headings = np.array([[point.left_turn, point.right_turn] for point in points])
-    on = np.array([[point.on in (side, "both") for side in SIDES] for point in points])
-    return splined(keys.gait, keys.period or 0.0, np.array([point.at for point in points]), feet, headings, on)
 
 
 def written(gait: Gait, name: str) -> str:

@@ -63,7 +63,7 @@ def _defaults(notes: Notes, leaf: type[Leaf], key: Scalar, given: dict[str, Valu
             choices = f", one of {', '.join(argument.choices)}" if argument.choices else ""
             notes.fault(key.mark, f"'{leaf.word}' needs '{argument.name}': {argument.help}{choices}")
             values[argument.name] = UNREAD
-        elif argument.kind in notes.things:
+        elif argument.kind in notes.things and argument.default is not None:
             values[argument.name] = notes.constant(key, argument.default, f"'{leaf.word}'", converter(notes, argument))
     return values
 

@@ -1,4 +1,4 @@
-"""What missions name and the library holds: gestures and other moves, controllers and objects, as leaves take them.
+"""What missions name and the library holds: gestures, other moves, gaits, controllers and objects, for leaves.
 
 What reads a kind of file is imported with the first of it: a mission names few kinds.
 """
@@ -13,6 +13,7 @@ from config.library import UnknownNameError, find, is_file, shipped
 from config.marked import read_source
 from config.units import seen
 from drivers.api import Gesture
+from drivers.api.gait import GaitKeys
 from missions.language.plan import Step
 from perception.wanted import Wanted
 
@@ -40,6 +41,13 @@ def move(name: str) -> Gesture:
     from missions.hands.moves.load import load_move  # noqa: PLC0415
 
     return _load(load_move, "moves", name, shipped("gestures"))
+
+
+def gait(name: str) -> GaitKeys:
+    """Return a gait by name or path. Raises as ``gesture`` does."""
+    from config.gait import load_gait  # noqa: PLC0415
+
+    return _load(load_gait, "gaits", name)
 
 
 def new_move(name: str) -> "NewMove":
@@ -101,6 +109,7 @@ def file(name: str) -> Path:
 THINGS: Mapping[str, Callable[[str], object]] = {
     "gesture": gesture,
     "move": move,
+    "gait": gait,
     "new move": new_move,
     "controller": controller,
     "object": wanted,

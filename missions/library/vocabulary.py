@@ -47,7 +47,7 @@ TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
 PREFIX = "missiontree_behaviours."
 """What the names of modules that come from files begin with."""
 
-KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "controller"})
+KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "gait", "controller"})
 """The kinds of arguments."""
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 
 from config.controller import ControllerKeys
-from config.gait import GaitKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
 from config.object import ObjectKeys
 from config.robot import RobotKeys
 from config.world import WorldConfig
+from drivers.api.gait import GaitKeys
 from drivers.api.kinds import KINDS as OF_PARTS
 from missions.library.drivers import Table
 from missions.schema.keys import keys_schema

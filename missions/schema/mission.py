@@ -7,6 +7,7 @@ from pathlib import Path
 
 from behaviours.leaf import Leaf
 from config.controller import load_controller
+from config.gait import load_gait
 from config.gesture import load_gesture
 from config.kinds import KEYS
 from config.library import shipped
@@ -20,7 +21,11 @@ from missions.library.shipped import shipped_missions
 from missions.schema.nodes import NODE, RESULTS, definitions
 from missions.schema.values import HOLE, NAME, SCALAR, Schema, Things
 
-_LOADERS: Named[str, Callable[[Path], object]] = {"gesture": load_gesture, "controller": load_controller}
+_LOADERS: Named[str, Callable[[Path], object]] = {
+    "gesture": load_gesture,
+    "gait": load_gait,
+    "controller": load_controller,
+}
 
 
 OTHERS = (*(key for key in KEYS if key != "mission"), "move")
@@ -71,7 +76,7 @@ def _body() -> Schema:
 
 
 def known_things() -> dict[str, dict[str, str]]:
-    """Return the names of the gestures, moves, controllers and missions that ship, with their summaries."""
+    """Return the names of the gestures, moves, gaits, controllers and missions that ship, with their summaries."""
     found = {
         kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped(f"{kind}s").items()}
         for kind, load in _LOADERS.items()

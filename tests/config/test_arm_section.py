@@ -198,7 +198,7 @@ def test_the_humanoid_is_made_as_it_is_described() -> None:
     assert [arm.joints[name].id for name in arm.groups["right_arm"]] == [7, 8, 9, 10]
     assert {arm.joints[name].model for side in ("left_arm", "right_arm") for name in arm.groups[side]} == {"AX-12A"}
     assert {arm.joints[name].model for name in arm.groups["legs"]} == {"RX-64", "EX-106+"}
-    assert robot.parts == {"base", "head", "arm", "camera", "voice"}
+    assert robot.parts == {"base", "head", "arm", "camera", "voice", "imu"}
 
 
 def test_the_left_and_the_right_of_the_humanoid_are_mirror_images() -> None:

@@ -1,7 +1,8 @@
 """The twin of a base that walks: the real driver's rules and engine on the twins of the joints, in one thread."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import cos, sin
+from types import MappingProxyType
 from typing import Literal, Unpack
 
 from drivers.api import Joints, Pose2D, Velocity
@@ -24,10 +25,20 @@ class LegsTwin(LegsBase):
         start: Pose2D,
         felt: Callable[[], Felt | None] = lambda: None,
         compensation: Compensation | None = None,
+        torques: Mapping[str, float] = MappingProxyType({}),
         at_fall: Literal["relax", "hold"] = "relax",
         **settings: Unpack[Settings],
     ) -> None:
-        super().__init__(joints, clock, engine, felt=felt, compensation=compensation, at_fall=at_fall, **settings)
+        super().__init__(
+            joints,
+            clock,
+            engine,
+            felt=felt,
+            compensation=compensation,
+            torques=torques,
+            at_fall=at_fall,
+            **settings,
+        )
         self._start = start
 
     def true_pose(self, now: float) -> Pose2D:

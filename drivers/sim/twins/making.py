@@ -9,7 +9,7 @@ from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
 from drivers.kobuki.steered import settings_of
 from drivers.legs.declared import LegsKeys
-from drivers.legs.make import compensation, feeling
+from drivers.legs.make import compensation, feeling, torques
 from drivers.legs.make import engine as walking
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.reckoning import TwoWheels
@@ -76,6 +76,7 @@ def legs(keys: LegsKeys, stage: Stage) -> LegsTwin:
         walks,
         felt=feeling(stage.parts.get("imu")),
         compensation=None if stage.scene is None else compensation(walks, joints),
+        torques=torques(walks, joints),
         start=start,
         at_fall=keys.at_fall,
         **settings_of(keys, stage),

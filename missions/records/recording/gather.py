@@ -25,7 +25,7 @@ from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.tree_json import to_json
 from perception.faults import MAX_MODEL
 
-KINDS = ("mission", "world", "gesture", "controller", "object", "move", "robot")
+KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
 """What the files of a run are, by the first of these words that stands in one as a key."""
 
 PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")

@@ -33,6 +33,7 @@ NEW = "new"
 HOLDERS: Mapping[str, tuple[str, ...]] = {
     "gesture": ("gesture/", "move/"),
     "move": ("move/", "gesture/"),
+    "gait": ("gait/",),
     "controller": ("controller/",),
     "object": ("object/",),
 }

@@ -21,6 +21,7 @@ from drivers.api import (
     Tune,
     Velocity,
 )
+from drivers.api.gait import GaitKeys
 from drivers.clock import ManualClock
 from missions.testing.recorders.spy import ENABLE, LATCH, STOP, Spy, good, none
 
@@ -31,7 +32,10 @@ def drive(linear: float, angular: float) -> Velocity:
 
 
 class RecordedBase(Spy):
-    """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched`` and ``steers``: who has the wheels."""
+    """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched``, ``steers`` and ``performed``.
+
+    ``steers`` is who has the wheels, ``performed`` how far an act of its legs has come.
+    """
 
     protocol = Base
 
@@ -40,12 +44,18 @@ class RecordedBase(Spy):
         self.reading: Reading[BaseState] = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL))
         self.limits = BaseLimits(0.5, radians(110), 0.5, radians(200))
         self.latched = ""
+        self.performed = 0.0
         self.steers = Steering(None, STILL, STILL)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Keep the velocity; of another source than a mission, with the source."""
         self.keep(velocity if source is Source.MISSION else (source, velocity))
         return velocity
+
+    def perform(self, act: str, gait: GaitKeys | None = None) -> float:
+        """Keep the act, with the name of a gait; return ``performed``, which the test sets."""
+        self.keep((act,) if gait is None else (act, gait.gait))
+        return self.performed
 
     def stop(self, *, source: Source | None = None) -> None:
         """Keep that it was told to stop, whoever is to."""
