@@ -101,9 +101,11 @@ class Commands(click.Group):
         word = args[0]
         if word not in COMMANDS and not word.startswith("-"):
             from config.faults import closest  # noqa: PLC0415 - as in `guarded`
+            from missions.library.shipped import shipped_missions  # noqa: PLC0415
 
-            meant = closest(word, COMMANDS)
-            ctx.fail(f"no such command: '{word}'\n  try: mission {meant or '--help'}")
+            is_mission = word in shipped_missions() or word.endswith(".yaml")
+            meant = f"run {word}" if is_mission else closest(word, COMMANDS) or "--help"
+            ctx.fail(f"no such command: '{word}'\n  try: mission {meant}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -203,10 +203,11 @@ def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) 
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("robot", ["turtlebot", "so101"])
+@pytest.mark.parametrize("robot", ["turtlebot", "so101", "pi_car"])
 def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot: str) -> None:
-    plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
-    answers = ROSIE if robot == "turtlebot" else ADA
+    if robot != "pi_car":
+        plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
+    answers = {"turtlebot": ROSIE, "so101": ADA, "pi_car": {"robot called": "beep", r"like\?": "pi_car"}}[robot]
     asked: list[str] = []
     for _ in range(MOST):
         person = Person(answers, stays=1)
@@ -448,7 +449,7 @@ def test_a_driver_of_another_distribution_is_offered(
     config = load_robot(find("robots", "kit"))
     assert config.sections["base"].driver.name == "rover"
     out = capsys.readouterr().out
-    assert "  base: base.kobuki, base.waveshare, base.pi_car, base.ros2, base.legs, base.rover" in out
+    assert re.search("^  base: base.kobuki, .*, base.rover$", out, re.MULTILINE)
     assert "'head.lame' cannot be used: head.lame = sample_robot.nowhere:LAME cannot be imported" in out
 
 

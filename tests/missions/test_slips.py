@@ -31,6 +31,8 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     ("line", "said"),
     [
         ("runn ask.yaml", "no such command: 'runn'\n  try: mission run\n"),
+        ("greet", "no such command: 'greet'\n  try: mission run greet\n"),
+        ("mine.yaml", "no such command: 'mine.yaml'\n  try: mission run mine.yaml\n"),
         ("xyzzy", "no such command: 'xyzzy'\n  try: mission --help\n"),
         ("world living_room", "try: mission world show living_room\n"),
         ("run ask.yaml to=Anna", "unexpected: to=Anna\n  try: --param to=Anna\n"),

@@ -19,7 +19,8 @@ def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
     unknown = [name for name in names if people.find(name) is None]
     if unknown:
         known = ", ".join(each.name for each in people.known()) or "nobody"
-        raise PeopleError(f"nobody is called '{', '.join(unknown)}'; nothing was deleted", hint=f"known: {known}")
+        told = f"nobody is called '{', '.join(unknown)}'; nothing was deleted; known: {known}"
+        raise PeopleError(told, hint="mission person list")
     if not yes and not click.confirm(f"Delete all pictures of {', '.join(names)}?"):
         return FAILURE
     for name in dict.fromkeys(people.find(name) or name for name in names):
