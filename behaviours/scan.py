@@ -46,6 +46,7 @@ class Scan(Leaf):
     _route: Iterator[tuple[int, HeadPose]] = iter(())
     _number = 0
     _place: HeadPose | None = None  # where it goes now
+    _after: tuple[int, HeadPose | None] = 0, None  # where it goes then
     _aim: HeadPose | None = None  # how far it has been told to go, at that speed
     _there_since: float | None = None
     _ticked = 0.0
@@ -55,6 +56,7 @@ class Scan(Leaf):
         rounds = itertools.repeat(0, self.scans) if self.scans else itertools.repeat(0)
         self._route = (place for _ in rounds for place in enumerate(self._places, 1))
         self._arrival, self._aim, self._ticked = Arrival(), None, self.run.now()
+        self._after = next(self._route, (0, None))
         self._next()
 
     def update(self) -> Status:
@@ -72,7 +74,7 @@ class Scan(Leaf):
         if self._arrival.stuck and reading.value is not None:
             return self.fail(f"the head rests at {shown(reading.value)} and does not come to {shown(place)}")
         number, self.result = self._number, reading.value
-        if told if self.smooth else self._looked(there, now):
+        if self._passed(told=told, there=there) if self.smooth else self._looked(there, now):
             self._next()
         if self._place is None:
             return SUCCESS
@@ -83,8 +85,12 @@ class Scan(Leaf):
             self.robot.head.stop()
 
     def _next(self) -> None:
-        self._number, self._place = next(self._route, (0, None))
+        (self._number, self._place), self._after = self._after, next(self._route, (0, None))
         self._there_since = None
+
+    def _passed(self, *, told: bool, there: bool) -> bool:
+        """Say whether it goes on from its place without a halt: from the last one it does not, and has to be there."""
+        return there if self._after[1] is None else told
 
     def _looked(self, there: bool, now: float) -> bool:
         """Say whether the head has been at its place for long enough."""

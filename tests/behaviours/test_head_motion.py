@@ -21,13 +21,15 @@ from missions.testing.recorders import GONE, STOP, Bench, good, none
 class Stage:
     """A leaf on a head that takes its time, ticked 20 times a second; ``seen`` keeps (time, pan, tilt) in degrees."""
 
+    head_speed = radians(120)
+
     def __init__(self, leaf: Leaf, **arguments: object) -> None:
         self.timeline = Timeline()
         self.head = HeadTwin(
             self.timeline.clock,
             pan=ServoAxis(0, radians(-80), radians(80)),
             tilt=ServoAxis(1, radians(-60), radians(20), flip=True),
-            speed=radians(120),
+            speed=self.head_speed,
         )
         self.bench = Bench(self.timeline.clock)
         self.bench.robot = Robot(head_part=self.head)
@@ -74,6 +76,12 @@ class Stage:
         return points[1:]
 
 
+class SlowStage(Stage):
+    """A head that is slower than what it is told."""
+
+    head_speed = radians(20)
+
+
 def test_a_scan_looks_row_by_row_from_the_lowest_to_and_fro() -> None:
     area = {"pan": (radians(-40), radians(40)), "tilt": (radians(-20), radians(10))}
     stage = Stage(Scan("scan"), **area, step=radians(40), rows=2, dwell=0.2)
@@ -106,6 +114,16 @@ def test_a_smooth_scan_goes_along_each_row_without_a_halt() -> None:
     rates = [abs(b[1] - a[1]) / 0.2 for a, b in zip(middle, middle[4:], strict=False) if b[0] - a[0] < 0.21]
     assert min(rates) > 20
     assert max(rates) < 60
+
+
+def test_a_smooth_scan_ends_once_a_slow_head_is_where_it_was_told_to_go() -> None:
+    pan, tilt = (radians(-40), radians(40)), (radians(-20), radians(0))
+    stage = SlowStage(Scan("scan"), pan=pan, tilt=tilt, rows=2, smooth=True, speed=radians(60))
+    while stage.tick() is RUNNING:
+        pass
+    pose = stage.head.true_pose(stage.timeline.clock.now())
+    assert stage.leaf.status is SUCCESS
+    assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((-40, -20), abs=1.5)
 
 
 def test_a_scan_of_one_row_and_one_place_is_one_look_in_the_middle() -> None:
