@@ -101,7 +101,7 @@ class ZenohLine:
             kind = str(query.key_expr).split("/")[3]
 
             def reply(answer: Answer) -> None:
-                query.reply(key(self._fleet, kind, self._own), as_bytes(answer))
+                query.reply(key(self._fleet, kind, self._own), as_bytes(answer), express=True)
                 query.drop()
 
             payload = query.payload

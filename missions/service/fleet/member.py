@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from random import uniform
 from threading import Event, Thread
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
@@ -29,6 +30,9 @@ DISK = 0.1
 
 HEARTBEAT = 5.0
 """Seconds after which a robot tells how it is, though nothing has changed."""
+
+SPREAD = 0.1, 0.5
+"""Seconds after a stop in which a robot tells how it is: all at once, many would hold up each other's confirmations."""
 
 STEP, TURN = 0.1, 0.2
 """Metres, and radians, that a robot has to move by for that to be told."""
@@ -97,6 +101,7 @@ class Member:
         )
         self._told_at = 0.0
         self._pressed = ("", Answer())
+        self._quiet_until = 0.0
         self._thread = Thread(target=self._serve, name="fleet", daemon=True)
 
     def __enter__(self) -> Self:
@@ -132,17 +137,19 @@ class Member:
         if ask.press and ask.press == press:
             reply(answer)
             return
+        self._quiet_until = self._clock.now() + uniform(*SPREAD)  # noqa: S311 - no secret
         number, keep = self._latch.stop(ask.by)
         kept: list[str] = []
-        keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
-        keeping.start()  # a disk may take its time: the robot does not wait for it
-        good, words = self._body.stop(ask.by)
+        try:
+            good, words = self._body.stop(ask.by)  # first: to start a thread takes its time on a busy machine
+        finally:
+            keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
+            keeping.start()  # a disk may take its time: who asks does not wait for it for long
         keeping.join(DISK)
         late = "; not on the disk yet, for a restart"
         answer = Answer(ok=good, why=words + (kept[0] if kept else late), told=({"stop": number},))
         self._pressed = (ask.press, answer)
         reply(answer)
-        self.wake()
 
     def _asked(self, ask: Ask, reply: Reply) -> None:
         if len(self._waiting) >= MOST_WAITING:
@@ -167,6 +174,8 @@ class Member:
             self._guarded(partial(reply, answer))  # who asks may be gone
         for worker in self.workers:
             self._guarded(partial(worker.step, self._clock.now()))
+        if self._clock.now() < self._quiet_until:
+            return
         state = self._guarded(self._now) or self._state
         if _worth(self._state, state) or self._clock.now() - self._told_at > HEARTBEAT:
             self._tell(state)

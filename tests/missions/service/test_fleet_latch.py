@@ -1,15 +1,17 @@
 """A robot of a fleet whose disk or wire fails at the worst moment: it stays stopped, and stays in the fleet."""
 
+import json
 import os
 from pathlib import Path
+from threading import enumerate as enumerate_threads
 
 import pytest
 
 from drivers.clock import ManualClock
 from missions.service.fleet.latch import FleetLatch
-from missions.service.fleet.member import Member, Own
+from missions.service.fleet.member import SPREAD, Member, Own
 from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import Address, Answer, Met
+from missions.service.fleet.words import Address, Answer, Met, Stop
 from tests.missions.service.fleets import CountingBody
 from tests.missions.service.test_fleet_operator import Fleet
 
@@ -40,3 +42,55 @@ def test_a_robot_stays_in_its_fleet_when_an_answer_cannot_be_sent(tmp_path: Path
     member._asked(Met(), answers.append)
     member.turn()
     assert answers == [Answer()]
+
+
+class Told(Fleet):
+    """A line that keeps what is told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.states: list[bytes] = []
+
+    def tell(self, address: Address, state: bytes) -> None:
+        del address
+        self.states.append(state)
+
+
+class Watching(CountingBody):
+    """Notes which threads there are when it is stopped."""
+
+    def stop(self, by: str) -> tuple[bool, str]:
+        self.said += [each.name for each in enumerate_threads()]
+        return super().stop(by)
+
+
+def test_a_robot_stands_before_its_stop_is_written_and_tells_all_others_of_it_a_while_later(tmp_path: Path) -> None:
+    clock, line, body, answers = ManualClock(), Told(), Watching(), list[Answer]()
+    own = Own(Address("anna", "0000000a"), "note")
+    member = Member(own, line, Roster(clock), body, FleetLatch(tmp_path), clock=clock)
+    member._stopped(Stop(by="me", press="1"), answers.append)
+    assert [answer.ok for answer in answers] == [True]
+    assert "keep the stop" not in body.said
+    member.turn()
+    assert line.states == [], "fifty that tell fifty others at once hold up each other's confirmations"
+    clock.advance(SPREAD[1])
+    member.turn()
+    assert [json.loads(state)["stopped"] for state in line.states] == ["me"]
+
+
+def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
+    class Broken(CountingBody):
+        def stop(self, by: str) -> tuple[bool, str]:
+            raise OSError(by)
+
+    clock = ManualClock()
+    own = Own(Address("anna", "0000000a"), "note")
+    member = Member(own, Told(), Roster(clock), Broken(), FleetLatch(tmp_path), clock=clock)
+    with pytest.raises(OSError, match="me"):
+        member._stopped(Stop(by="me"), lambda _: None)
+    for thread in enumerate_threads():
+        if thread.name == "keep the stop":
+            thread.join()
+    again = FleetLatch(tmp_path)
+    again.load()
+    assert again.by == "me"
