@@ -9,6 +9,7 @@ import numpy as np
 from config.library import find
 from drivers.legs.gait import Gait, blended, mirrored, scaled, sequence
 from drivers.legs.pressure import margins
+from missions.cli.controller import NO_PLOTS
 from missions.cli.names import GAIT, ROBOT
 from missions.cli.numbers import Real, Whole
 from missions.cli.outputs import writing
@@ -25,6 +26,13 @@ MANY = 1000
 
 robot_option = click.option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
                             "with legs (a name or a file).")  # fmt: skip
+picture_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PICTURE",
+    help="Draw it, as .png or .svg.",
+)
 output_option = click.option(
     "-o",
     "--output",
@@ -35,7 +43,7 @@ output_option = click.option(
 )
 
 
-@click.group(epilog="Example: mission gait show stroll")
+@click.group(epilog="Example: mission gait show stroll -o stroll.png")
 def command() -> None:
     """Look at gaits, check them, and make new ones of stored ones.
 
@@ -61,12 +69,18 @@ def check(files: tuple[str, ...], robot: str) -> None:
 @command.command(epilog="Example: mission gait show stroll")
 @click.argument("file", type=GAIT, metavar="GAIT")
 @robot_option
-def show(file: str, robot: str) -> None:
-    """Say what the legs do in a cycle: each joint with its limits and its speed, and how well it is supported."""
+@picture_option
+def show(file: str, robot: str, output: Path | None) -> None:
+    """Say what the legs do in a cycle: each joint with its limits and its speed, and how well it is supported.
+
+    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time.
+    """
     walker = _walker(robot)
     gait = _load(walker, file)
     for line in _shown(walker, gait):
         click.echo(line)
+    if output is not None:
+        _draw(walker, gait, output)
 
 
 @command.command(epilog="Example: mission gait make stroll -o stroll.csv --cycles 4")
@@ -152,6 +166,22 @@ def _write(walker: Walker, gait: Gait, output: Path, cycles: int = 1) -> None:
         _save(output, written(gait, output.stem))
     else:
         raise click.BadParameter(f"{output}: end its name in .yaml or .csv", param_hint="-o")
+
+
+def _draw(walker: Walker, gait: Gait, output: Path) -> None:
+    """Draw a gait. Raises click.ClickException for one out of reach, and without Matplotlib."""
+    try:
+        from missions.hands.gait_plot import draw_gait  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError as error:
+        raise click.UsageError(NO_PLOTS) from error
+    if gait.angles(walker.body)[1].any():
+        raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
+    with writing(output, "-o"):
+        try:
+            draw_gait(output, gait, walker.body, walker.limits)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint="-o") from error
+    click.echo(f"wrote {output}", err=True)
 
 
 def _save(output: Path, text: str) -> None:

@@ -4,8 +4,9 @@
 
 A seed chooses friction (0.6 to 1.2), masses (within 5 %), servo delay (0 to 30 ms), a floor that leans by up to 2 deg
 whichever way, and a push of up to 0.1 m/s. ``engine`` runs a mission that walks, through the twins; beside it are two
-open loops without feeling and without goals that are set ahead: ``sine`` swings the joints of both legs by sines, and
-``sheet`` plays the angles of a walk's cycle, as a spreadsheet has them. Told are falls, speed, energy and drift.
+open loops without feeling and without goals that are set ahead: ``sine`` swings the joints of both legs by sines that
+nobody has tuned, and ``sheet`` plays the angles of a walk's cycle, as a spreadsheet has them. Told are falls, speed,
+energy and drift.
 """
 
 import argparse
@@ -135,6 +136,8 @@ def by_wave(robot: str, wave: Callable[[Body, StrideKeys], Wave], seed: int, fol
         scene.advance(now)
         if tick % 10 == 0:
             watch.look(now, scene)
+        if watch.fell is not None:
+            break
     return watch.told()
 
 
@@ -149,7 +152,7 @@ def sine(body: Body, stride: StrideKeys) -> Wave:
     ready = standing(body, stride, manner_of(body, stride).feet)
     signs = np.array([body.axis[place].sum() for place in body.leg_places])
     leg = stride.height - 0.03
-    swing, lift, sway = math.asin(stride.longest / 2 / leg), 2 * math.sqrt(stride.rise / leg), 0.07
+    swing, lift, sway = math.asin(stride.longest / 2 / leg), 2 * math.sqrt(stride.rise / leg), -0.12
 
     def wave(time: float) -> Floats:
         grown = min(time / (2 * stride.period), 1.0)

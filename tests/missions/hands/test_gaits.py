@@ -120,6 +120,19 @@ def test_commands_blend_mirror_and_put_in_a_row(tmp_path: Path) -> None:
     assert times[-1] == pytest.approx(3.7)
 
 
+@pytest.mark.parametrize("ending", [".png", ".svg"])
+def test_a_gait_is_drawn_with_its_soles_and_joints(tmp_path: Path, ending: str) -> None:
+    picture = tmp_path / f"stroll{ending}"
+    ran = CliRunner().invoke(command, ["show", str(STROLL), "-o", str(picture)])
+    assert ran.exit_code == 0, ran.output
+    assert picture.stat().st_size > 10_000
+    if ending == ".svg":
+        assert "hip pitch" in picture.read_text().replace("<!-- ", "")
+    refused = CliRunner().invoke(command, ["show", str(STROLL), "-o", str(tmp_path / "stroll.txt")])
+    assert refused.exit_code == 2
+    assert "a picture ends in .png or .svg" in refused.output
+
+
 def test_a_gait_goes_by_the_name_of_its_file_whatever_that_is(tmp_path: Path) -> None:
     for name in ("a: b", "yes", "- 1", 'half "done"'):
         file = tmp_path / f"{name}.yaml"
