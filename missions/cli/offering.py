@@ -32,6 +32,7 @@ class MissionServer:
         self._options, self._knows = list(options), knows
         self._lock = Lock()
         self._running: subprocess.Popen[str] | None = None
+        self._goal: Goal | None = None  # whose run that is
         self._threads: list[Thread] = []
         self._closing = False
         ActionServer(node, ACTION, RUN_MISSION, self._begin, self._cancel)
@@ -53,7 +54,7 @@ class MissionServer:
             if self._running is not None or self._closing:
                 return False
             try:
-                self._running, leash = self._start(name, words)
+                (self._running, leash), self._goal = self._start(name, words), goal
             except (OSError, ValueError):
                 return False
             self._threads = [each for each in self._threads if each.is_alive()]
@@ -86,9 +87,8 @@ class MissionServer:
         return running, writing
 
     def _cancel(self, goal: Goal) -> None:
-        del goal  # one at a time
         with self._lock:
-            running = self._running
+            running = self._running if self._goal is goal else None  # its own may have ended, and another have begun
         _stop(running)
 
     def _watch(self, goal: Goal, running: "subprocess.Popen[str]", leash: int) -> None:
@@ -100,7 +100,7 @@ class MissionServer:
                     os.close(leash)  # whatever went wrong here, the run ends
         finally:
             with self._lock:
-                self._running = None
+                self._running = self._goal = None
         status, reason = _said(out, last)
         cancelled = goal.status == CANCELLING
         ended = SUCCEEDED if running.returncode == 0 else CANCELLED if cancelled else ABORTED
@@ -110,7 +110,8 @@ class MissionServer:
 def _params(given: str) -> list[str] | None:
     """Return the params of a JSON object, each as NAME=VALUE; None where it is none, or is not to be printed."""
     try:
-        words = [f"{key}={value}" for key, value in json.loads(given or "{}").items()]
+        told = json.loads(given or "{}").items()
+        words = [f"{key}={value if isinstance(value, str) else json.dumps(value)}" for key, value in told]
     except (ValueError, AttributeError, RecursionError):
         return None
     return words if all(word.isprintable() for word in words) else None

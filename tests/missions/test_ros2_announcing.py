@@ -19,8 +19,9 @@ from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
 from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
+from missions.cli import offering
 from missions.cli.announcing import DETECTIONS, STRING, Announcer, announcer_of, detection
-from missions.cli.offering import RUN_MISSION, MissionServer
+from missions.cli.offering import RUN_MISSION, MissionServer, _params
 from missions.cli.ros2 import options_of_runs
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
 from missions.order import RunRequest
@@ -170,3 +171,22 @@ def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
     assert keys.domain == 42
     assert announcer_of("turtlebot4", None, 42)._domain == 42
     assert RunRequest("greet", robot="turtlebot2", ros2_domain=42).robot_file().name == "turtlebot2"
+
+
+def test_params_of_a_goal_are_words_as_a_mission_has_them() -> None:
+    told = _params('{"loud": true, "who": "Anna", "times": 3, "patience": "5 s", "quiet": false}')
+    assert told == ["loud=true", "who=Anna", "times=3", "patience=5 s", "quiet=false"]
+    assert _params("[1]") is None
+
+
+def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped = list[object]()
+    monkeypatch.setattr(offering, "_stop", stopped.append)
+    server = MissionServer(cast(Node, _Silent()), [])
+    values = SimpleNamespace(mission="greet", parameters="")
+    before, now = (Goal(cast(ActionServer, None), [number], values) for number in (1, 2))
+    server._running, server._goal = cast(Any, "the run of now"), now
+    server._cancel(before)
+    assert stopped == [None]
+    server._cancel(now)
+    assert stopped == [None, "the run of now"]

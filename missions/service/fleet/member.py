@@ -101,7 +101,7 @@ class Member:
         )
         self._told_at = 0.0
         self._pressed = ("", Answer())
-        self._quiet_until = 0.0
+        self._quiet_until = float("-inf")
         self._thread = Thread(target=self._serve, name="fleet", daemon=True)
 
     def __enter__(self) -> Self:
@@ -137,7 +137,8 @@ class Member:
         if ask.press and ask.press == press:
             reply(answer)
             return
-        self._quiet_until = self._clock.now() + uniform(*SPREAD)  # noqa: S311 - no secret
+        if (now := self._clock.now()) > self._quiet_until + SPREAD[1]:  # who stops without end does not silence it
+            self._quiet_until = now + uniform(*SPREAD)  # noqa: S311 - no secret
         number, keep = self._latch.stop(ask.by)
         kept: list[str] = []
         try:

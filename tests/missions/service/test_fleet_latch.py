@@ -94,3 +94,15 @@ def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
     again = FleetLatch(tmp_path)
     again.load()
     assert again.by == "me"
+
+
+def test_who_stops_a_robot_again_and_again_does_not_keep_it_from_telling_how_it_is(tmp_path: Path) -> None:
+    clock, line = ManualClock(), Told()
+    own = Own(Address("anna", "0000000a"), "note")
+    member = Member(own, line, Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
+    for number in range(40):
+        member._stopped(Stop(by="me", press=str(number)), lambda _: None)
+        clock.advance(0.05)
+        member.turn()
+    assert [json.loads(state)["stopped"] for state in line.states][:1] == ["me"]
+    assert len(line.states) > 2
