@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz storm planted golden claims check bench docs fleet constraints clean
+.PHONY: help setup demo test compiled fuzz storm planted golden soak claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -70,6 +70,9 @@ planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many 
 
 golden: $(STAMP) ## renew the golden records that are decided otherwise, which is meant: BECAUSE="why"
 	$(BIN)/python -m tests.missions.records.golden --because "$(BECAUSE)"
+
+soak: $(STAMP) ## eight simulated hours of driving, looking and speaking, as plots of what they cost: HOURS=1 FILE=soak.svg
+	$(BIN)/python -m tests.benchmarks.soak --hours $(or $(HOURS),8) $(or $(FILE),soak.svg)
 
 claims: $(OTHERS_STAMP) ## show every claim of docs/reliability.md, which takes hours, and write down the figures
 	$(BIN)/python -m docs.claims

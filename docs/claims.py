@@ -116,7 +116,11 @@ def shown(claim: Claim) -> Mapping[str, object]:
     program, *rest = words[len(given) :]
     with TemporaryDirectory() as folder:
         results = Path(folder) / "results.xml"
-        more = ["-q", "-o", "junit_family=xunit1", f"--junitxml={results}"] if program == "pytest" else []
+        more = (
+            ["-q", "--timeout", "0", "-o", "junit_family=xunit1", f"--junitxml={results}"]
+            if program == "pytest"
+            else []
+        )
         command = [str(Path(sys.executable).with_name(program)), *rest, *more]
         ran = ran_in_root(command, given)
         figure = tests_told(results) if program == "pytest" else output_told(ran.stdout)
