@@ -23,11 +23,13 @@ def read_switch(
     if not isinstance(value, Mapping):
         notes.fault(key.mark, f"'{word}' needs 'on' and 'cases'", form)
         return None
-    for name_of, _ in value.entries:
-        if name_of.text not in KEYS:
-            hint = outdent(name_of.text, word) or one_of(name_of.text, KEYS)
-            notes.fault(name_of.mark, f"'{word}' has no key '{name_of.text}'", hint)
+    strange = [name_of for name_of, _ in value.entries if name_of.text not in KEYS]
+    for name_of in strange:
+        hint = outdent(name_of.text, word) or one_of(name_of.text, KEYS)
+        notes.fault(name_of.mark, f"'{word}' has no key '{name_of.text}'", hint)
     on, cases, default = (value.get(each) for each in KEYS)
+    if strange and (on is None or cases is None):
+        return None  # one of them is likely to be meant by the strange one: that is one mistake
     if not isinstance(on, Scalar):
         notes.fault(key.mark if on is None else on.mark, f"'{word}' needs 'on', an expression", form)
         return None
