@@ -26,6 +26,9 @@ from lerobot.motors import Motor, MotorNormMode, motors_bus  # noqa: E402 - once
 from lerobot.motors.feetech import FeetechMotorsBus  # noqa: E402
 
 NAMES = ("pan", "elbow", "jaw")
+PATIENCE = 2000.0
+"""Milliseconds in which a servo must have answered."""
+
 REPLY_TIMEOUT = 10.0
 """Seconds in which a servo must have arrived."""
 
@@ -39,11 +42,13 @@ def until(done: Callable[[], bool]) -> bool:
 
 
 def made(port: str, *, bodies: MotorNormMode = MotorNormMode.DEGREES) -> Any:
-    """Return LeRobot's bus for the three."""
+    """Return LeRobot's bus for the three; it waits for longer than its 50 ms, since servos share a busy machine."""
     modes = (bodies, bodies, MotorNormMode.RANGE_0_100)
-    return FeetechMotorsBus(
+    bus = FeetechMotorsBus(
         port, {n: Motor(i, "sts3215", m) for i, (n, m) in enumerate(zip(NAMES, modes, strict=True), 1)}
     )
+    bus.port_handler.setPacketTimeout = lambda _: bus.port_handler.setPacketTimeoutMillis(PATIENCE)
+    return bus
 
 
 def calibrated(bus: Any, seen: dict[str, Any]) -> None:
