@@ -302,7 +302,7 @@ def unlike(one: Image, other: Image) -> float:
 
 
 def label(tab: Tab) -> str:
-    return tab.find("image").name
+    return next((image.name for image in tab.all("image")), "")  # none while the page is loaded
 
 
 def mouth(tab: Tab) -> float:
