@@ -205,9 +205,9 @@ class Base(Device, Protocol):
         """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
         ...
 
-    @command("before")
+    @command("after", moves=True)
     def enable(self) -> None:
-        """End a latched stop; nothing of before is in force then."""
+        """End a latched stop; nothing of before is in force then. While a person stops it, no mission may."""
         ...
 
     @property

@@ -167,6 +167,18 @@ def test_a_leaf_cannot_drive_as_somebody_else_and_stops_the_base_for_nobody_else
     assert stops == [Source.MISSION, Source.MISSION, None]
 
 
+def test_a_behaviour_does_not_release_what_a_person_has_stopped() -> None:
+    def stopped(_: Device) -> None:
+        raise DeviceFault("stopped by Ann")
+
+    bench = Bench()
+    leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers(), stopped), lambda *_: None)
+    bench.base.latch("it has fallen")
+    with pytest.raises(DeviceFault, match="Ann"):
+        leafs.base.enable()
+    assert bench.base.latched == "it has fallen"
+
+
 def test_commands_are_told_with_what_missions_know_them_by() -> None:
     bench, told = Bench(), list[Mapping[str, object]]()
     leafs = robot_for(bench.put(Say("say")), asked(bench.robot, Answers()), lambda *each: told.append(each[2]))
