@@ -1,5 +1,6 @@
 """Who holds two actuators, as its wire shows it: the house's own keeper, with simulated wheels or servos."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from threading import RLock
 
@@ -11,7 +12,7 @@ from drivers.sim.body import Body
 from drivers.sim.servo import SERVO_SPEED, Shaft
 
 
-class VirtualKeeper:
+class VirtualKeeper(ABC):
     """A ``drivers.virtual.terminal.WireDevice``. Safe between threads. It has its power from no plug."""
 
     def __init__(self, baud: int) -> None:
@@ -20,9 +21,9 @@ class VirtualKeeper:
         self._boot = 0
         self._lock = RLock()
 
+    @abstractmethod
     def hold(self) -> Wheels | Servos:
         """Take them in its hands, as after a start."""
-        raise NotImplementedError
 
     def feed(self, data: bytes, now: float) -> bytes:
         """Take lines; return the answers."""
@@ -36,6 +37,7 @@ class VirtualKeeper:
             self.move(now)
         return b""
 
+    @abstractmethod
     def move(self, now: float) -> None:
         """Let what it holds go on until ``now``."""
 

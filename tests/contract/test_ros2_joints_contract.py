@@ -1,5 +1,6 @@
 """What ``drivers.api.Joints`` promises, as far as ROS 2 has words for it, kept by an arm over topics and its twin."""
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from functools import partial
 from math import inf, nan
@@ -34,9 +35,9 @@ AWAY = Away(decide=1.0, latch=3.0)
 class ArmRig(Rig):
     device: TopicJoints | StiffJoints
 
+    @abstractmethod
     def truth(self, joint: str) -> float:
         """Where a joint really is, in radians."""
-        raise NotImplementedError
 
     def start(self) -> None:
         self.device.open()
