@@ -48,6 +48,13 @@ RESTING = 0.2
 SETTLED = 0.5
 """Seconds for which standing still is renewed at every report before that: commands may be lost on the wire."""
 
+TIMES = 6
+"""How often each of these renewals says it. A header that the wire has damaged may claim the next 256 bytes (see
+``FrameFinder``): so five renewals are more than it can swallow. They are 60 bytes each, 5 ms on the wire."""
+
+ENOUGH = 5
+"""How often it is said at last, at once: nothing follows that could free a stop which was swallowed."""
+
 ASKING = 0.5
 """Seconds between questions for what the base has not yet told of itself."""
 
@@ -159,7 +166,7 @@ class KobukiBase(SteeredBase, Panel):
         self._stop_for_good()
 
     def _stop_for_good(self) -> None:
-        for _ in range(3):  # one of them may be garbled on the wire
+        for _ in range(ENOUGH):
             self.stop()
 
     def _renew(self, now: float) -> None:
@@ -174,15 +181,17 @@ class KobukiBase(SteeredBase, Panel):
             velocity = self._mux.velocity(now, felt)
             if velocity != STILL:
                 self._moved_at = now
-            if now - self._moved_at < SETTLED or now - self._sent_at >= RESTING:
+            if now - self._moved_at < SETTLED:
+                self._send(velocity, TIMES if velocity == STILL else 1)
+            elif now - self._sent_at >= RESTING:
                 self._send(velocity)
             steering = self._mux.steering
         self._renewed_at = now
         self._tell_steering(steering)
 
-    def _send(self, velocity: Velocity) -> None:
+    def _send(self, velocity: Velocity, times: int = 1) -> None:
         self._sent_at = self._clock.now()
-        self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)))
+        self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)) * times)
 
     def _hears(self, now: float) -> bool:
         """True while reports arrive on this connection."""
@@ -202,7 +211,7 @@ class KobukiBase(SteeredBase, Panel):
 
     def _stand(self) -> None:
         with suppress(NotConnected):
-            self._send(STILL)
+            self._send(STILL, TIMES)
 
     def _silence(self, now: float) -> tuple[str, str]:
         """Say what is the matter with an open port without reports, and what to try."""

@@ -28,12 +28,12 @@ from drivers.api import (
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
-from drivers.kobuki.driver import SILENT_AFTER, KobukiBase
+from drivers.kobuki.driver import SILENT_AFTER, TIMES, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
 from drivers.kobuki.senses import Senses, battery_percent
-from drivers.kobuki.wire import BAUD, FrameFinder, Part, decode, encode
+from drivers.kobuki.wire import BAUD, HEADER, FrameFinder, Part, decode, encode
 from drivers.link import Link, Talker
 from drivers.sim.body import COMMAND_TIMEOUT
 from drivers.sim.timeline import Timeline
@@ -276,7 +276,7 @@ def test_that_it_is_to_stand_is_renewed_after_every_report_at_first_and_seldom_l
     bench.base.stop()
     before = len(bench.link.velocities())
     bench.link.run(0.4)
-    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 20
+    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 20 * TIMES
     bench.link.run(0.6)
     before = len(bench.link.velocities())
     bench.link.run(2.0)
@@ -359,7 +359,41 @@ def test_asked_to_drive_while_nothing_is_heard_it_tells_the_base_to_stand_still(
     sent = len(bench.link.velocities())
     with pytest.raises(NotConnected, match="open but silent"):
         bench.base.drive(Velocity(0.3, 0.0))
-    assert bench.link.velocities()[sent:] == [(0.0, 0.0)]
+    assert bench.link.velocities()[sent:] == [(0.0, 0.0)] * TIMES
+
+
+LENGTHS = pytest.mark.parametrize("length", [3, 85, 254, 255])
+
+
+@LENGTHS
+@pytest.mark.parametrize("frozen", [False, True], ids=["with reports", "without reports"])
+def test_no_damaged_header_swallows_the_stops(length: int, frozen: bool) -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.device.feed(HEADER + bytes([length]), bench.clock.now())  # the bytes that follow are counted as its own
+    bench.device.frozen = frozen
+    bench.base.stop()
+    bench.link.run(0.25 if frozen else 0.12)
+    assert bench.device.wheels.velocity == STILL
+
+
+@LENGTHS
+def test_no_damaged_header_swallows_the_last_word(length: int) -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.device.feed(HEADER + bytes([length]), bench.clock.now())
+    bench.base.close()
+    bench.link.run(0.02)
+    assert bench.device.wheels.velocity == STILL
+
+
+def test_stops_leave_most_of_the_wire_free() -> None:
+    bench = Bench()
+    bench.drive(1.0, 0.3)
+    bench.base.stop()
+    bench.link.sent.clear()
+    bench.link.run(0.4)
+    assert 10 * sum(map(len, bench.link.sent)) / BAUD < 0.4 / 3  # ten bits each
 
 
 def test_the_last_word_of_the_links_thread_is_to_stand_still() -> None:
