@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import cv2
+
 from config.colours import COLOURS
 from config.robot import Section
 from drivers.api import Base, Camera, DeviceStatus, Head, Report
@@ -37,6 +39,8 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
     base: Base | None = made.get("base")
     head: Head | None = made.get("head")
     world = wishes.world
+    if place.simulation is None:
+        cv2.setNumThreads(1)  # to share a small picture out among threads costs half as much again as to search it
     sight = vision(
         lambda stamp: gaze(stamp, base, head),
         place.clock,

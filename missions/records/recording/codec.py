@@ -126,7 +126,8 @@ def _plain(value: object) -> object:
     raise TypeError(f"cannot be written: {value!r:.80}")
 
 
-_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_plain)
+_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain)
+"""What it is given was just made, and holds nothing that holds itself."""
 
 
 class _Coder(NamedTuple):

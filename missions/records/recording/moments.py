@@ -5,6 +5,7 @@ chunk can be read without those before it, and one that is lost takes nothing el
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, get_args
 
 from missions.executive.tick_record import Answer, Kind, TickRecord
@@ -46,12 +47,22 @@ class Shortened:
         return dumps(fields)[:-1] + b',"answers":[' + answers + b"]}"
 
     def _answer(self, part: str, what: str, arguments: tuple[object, ...], value: object) -> bytes:
-        question = dumps([part, what, [tagged(each) for each in arguments]])
+        question = _question(part, what, arguments) if arguments else _plain(part, what)
         told = dumps(tagged(value))
         if self._before.get(question) == told:
             return question
         self._before[question] = told
         return question[:-1] + b"," + told + b"]"
+
+
+def _question(part: str, what: str, arguments: tuple[object, ...]) -> bytes:
+    return dumps([part, what, [tagged(each) for each in arguments]])
+
+
+@lru_cache(maxsize=256)
+def _plain(part: str, what: str) -> bytes:
+    """Return a question without arguments: a run asks the same few in every tick."""
+    return _question(part, what, ())
 
 
 class Restored:
