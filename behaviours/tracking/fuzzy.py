@@ -58,6 +58,8 @@ class Controller:
         faults = [f"{self.name}: rule {n} '{rule}': {what}" for n, rule, what in self._faults()]
         if faults:
             raise ValueError("\n".join(faults))
+        if self.multilinear:
+            return  # each case has its rule, and at any value some term of each input holds
         for values in product(*(variable.grid(2) for variable in self.inputs)):
             if not any(strength for _, strength in self.fired(values)):
                 case = " and ".join(v.described(value) for v, value in zip(self.inputs, values, strict=True))
