@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -35,7 +35,12 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> Outcome:
 
 
 class Process:
-    """A ``mission`` process whose lines on stdout are gathered as they come."""
+    """A ``mission`` process whose lines on stdout are gathered as they come.
+
+    ``running`` are those that nobody has ended yet.
+    """
+
+    running: ClassVar[set["Process"]] = set()
 
     def __init__(self, *arguments: str, folder: Path | None = None) -> None:
         self.lines: list[str] = []
@@ -45,6 +50,7 @@ class Process:
         self.errors: list[str] = []
         for thread in self._threads:
             thread.start()
+        self.running.add(self)
 
     def wait_for_line(self, wanted: Callable[[str], bool], *, seconds: float = PATIENCE) -> str:
         """Return the first line that ``wanted`` likes; fail the test when none comes in time."""
@@ -69,6 +75,7 @@ class Process:
             self.process.wait()
             pytest.fail("the process did not end")
         finally:
+            self.running.discard(self)
             for thread in self._threads:
                 thread.join(5.0)
             for stream in (self.process.stdout, self.process.stderr):

@@ -350,7 +350,7 @@ class Held:
         self.process = Process("run", "held.yaml", *options, folder=folder)
 
     def wait_for_event(self, words: str) -> None:
-        wait_until(lambda: self.events.exists() and words in self.events.read_text(), seconds=20.0)
+        wait_until(lambda: self.events.exists() and words in self.events.read_text())
 
     @property
     def speed(self) -> float:

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.clock import SystemClock
 from tests.browser import Browser
-from tests.missions.studio.lossy import lossy
+from tests.missions.studio.lossy import AGAIN, lossy
 from tests.missions.studio.page import Page
 from tests.missions.studio.running import Client, run_of
 from tests.missions.studio.serving import Served, studio
@@ -118,23 +118,21 @@ def test_stop_takes_no_longer_where_two_connections_lose_it(
         served.port = network.port
         page = Page(browser, served, view="#live")
         page.wait_for("waiting", "mission")
-        client, clock, took = Client(str(process.process.pid)), SystemClock(), list[float]()
-        for stop in range(9):
-            losing[:] = lost
+        client, clock = Client(str(process.process.pid)), SystemClock()
+        took: dict[tuple[int, ...], list[float]] = {lost: [], (): []}
+        for stop, lose in enumerate([*took] * 9):  # by turns: both on an equally busy machine
+            losing[:] = lose
             began = clock.now()
             page.tab.evaluate("document.querySelector('.stop').dispatchEvent(new PointerEvent('pointerdown'))")
             client.hear(partial(tells_of, stop + 1))
-            took.append(clock.now() - began)
-        assert client.ask("release", stop=9)["ok"]  # one for each press
+            took[lose].append(clock.now() - began)
+        assert client.ask("release", stop=18)["ok"]  # one for each press
         client.link.close()
-    assert median(took) < BOUND, took
+    assert median(took[lost]) < median(took[()]) + AGAIN * DELAY / 2, took
 
 
 DELAY = 0.1
 """Seconds from the page to the studio, and as long back."""
-
-BOUND = 0.2
-"""Seconds within which a stop is to be latched, with that delay and with losses."""
 
 
 def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
