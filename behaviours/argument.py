@@ -17,8 +17,9 @@ class Argument:
     "outcomes" (a list of statuses), "joint" (a name), "joints" (a joint, a group of them, or a list of both), or
     "gesture", "move", "gait", "controller" or "object" (looked up by name), "new move" (the name of what is to be
     recorded), "file" (a path from the mission's folder), "face" (a variable that holds one, or nothing), "phrases"
-    (what may be said: one text, or a list of them, known before the mission starts), or "choice" (one of the words in
-    ``choices``).
+    (what may be said: one text, or a list of them, known before the mission starts), "choice" (one of the words in
+    ``choices``), or a kind of part of which a robot may have several, "head" or "arm": its name, and the leaf sees that
+    one as its robot's only one.
     ``span`` asks for two values, [low, high]; ``by_joint`` for one value for each of some joints, {elbow: 30 deg}.
     ``low`` and ``high`` are bounds in SI units. The ``principal`` one may be written without its name.
     ``attribute`` is the leaf's attribute that holds the value.

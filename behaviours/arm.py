@@ -1,5 +1,6 @@
 """The leaf that plays a gesture."""
 
+from behaviours.joint_motion import ON_ARM
 from behaviours.leaf import argument
 from behaviours.played import Played
 from drivers.api import Gesture as Movement
@@ -16,6 +17,7 @@ class Gesture(Played):
     word = "gesture"
     gesture: Movement = argument("gesture", "which one", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.1, high=2.0)
+    on: str = ON_ARM
 
     @property
     def movement(self) -> Movement:

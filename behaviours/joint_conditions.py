@@ -5,7 +5,7 @@ from abc import abstractmethod
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import positions
+from behaviours.joint_motion import ON_ARM, positions
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import Angle, JointState
@@ -25,6 +25,7 @@ class JointAt(Leaf):
     joint: str = argument("joint", "which one")
     angle: float = argument("angle", "where")
     tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=0.0)
+    on: str = ON_ARM
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.beyond([{self.joint: self.angle}])
@@ -50,6 +51,7 @@ class _AnyJoint(Leaf):
     stores = "the joints of which it is so, as a list"
     keeps = list[str]
     joints: tuple[str, ...]
+    on: str = ON_ARM
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.unknown(self.joints)

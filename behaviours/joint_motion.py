@@ -7,7 +7,7 @@ from typing import Protocol
 
 from py_trees.common import Status
 
-from behaviours.leaf import SUCCESS, Leaf
+from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.tracking_error import Sample
 from drivers.api import Joints, JointState, Reading
 
@@ -28,6 +28,10 @@ MARGIN = 1.1
 
 SLOWEST = 0.1
 """rad/s: under load, slower orders do not move a small servo evenly."""
+
+
+ON_ARM: str = argument("arm", "which arm, of a robot that has several", default="arm")
+"""The argument of leaves that move or feel joints, under the name ``on``."""
 
 
 class Path(Protocol):

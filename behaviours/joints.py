@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, off, positions
+from behaviours.joint_motion import LONGEST_STEP, ON_ARM, off, positions
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument
 from drivers.api import Duration
@@ -35,6 +35,7 @@ class MoveJoints(Leaf):
     )
     tolerance: float = argument("angle", "how near is there", default=math.radians(3), low=math.radians(0.2))
     patience: float = argument("duration", "how much longer than the way should take it may take", default=3.0, low=0.1)
+    on: str = ON_ARM
     _goals: Mapping[str, float] | None = None
     _limit = 0.0  # how long it may take
     _time = 0.0  # that it has been at it; lost connections and pauses do not count
@@ -99,6 +100,7 @@ class Torque(Leaf):
     drives = frozenset({"arm"})
     stiff: bool = argument("flag", "on, or off for limp", principal=True)
     joints: tuple[str, ...] = argument("joints", "which; else all", default=())
+    on: str = ON_ARM
     _names: tuple[str, ...] = ()
     _asked_at: float | None = None  # None while there is nobody to ask
     _told_at = 0.0

@@ -54,7 +54,7 @@ class Leaf(Stopping):
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
-    head_name: ClassVar[str] = "head"
+    named_parts: ClassVar[Mapping[str, str]] = {}
 
     robot: Robot
     result: object = None
@@ -89,18 +89,19 @@ class Leaf(Stopping):
         return cls.senses
 
     @classmethod
-    def of_head(cls, name: str) -> "type[Leaf]":
-        """Return the leaf that turns the head of this name: that one it needs and claims, and sees as its robot's."""
-        if name == cls.head_name:
+    def with_part(cls, kind: str, name: str) -> "type[Leaf]":
+        """Return the leaf that means the part of this name, of a kind of which robots may have several.
+
+        That one it needs and claims, and sees as its robot's only one.
+        """
+        if name == kind:
             return cls
-        own = {
-            part: {name if each == cls.head_name else each for each in getattr(cls, part)}
-            for part in ("needs", "drives")
+        words = ("needs", "drives", "uses")
+        own: dict[str, Any] = {
+            word: frozenset(name if each == kind else each for each in getattr(cls, word)) for word in words
         }
-        sets = {part: frozenset(names) for part, names in own.items()}
-        return type(
-            cls.__name__, (cls,), {"__module__": cls.__module__, "__doc__": cls.__doc__, "head_name": name, **sets}
-        )
+        own["named_parts"] = {**cls.named_parts, kind: name}
+        return type(cls.__name__, (cls,), {"__module__": cls.__module__, "__doc__": cls.__doc__, **own})
 
     @property
     def claims(self) -> frozenset[str]:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, RUN_IN
+from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
 from drivers.api import Coupling, JointLimits
@@ -28,6 +28,7 @@ class _Led(Leaf):
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
     ends = frozenset({"failure"})
+    on: str = ON_ARM
     _couplings: tuple[Coupling, ...] = ()
     _stiff: tuple[str, ...] = ()  # the leaders that were not limp before
     _at: Mapping[str, float] = {}  # where the joints are, by the readings of this tick

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import RUN_IN
+from behaviours.joint_motion import ON_ARM, RUN_IN
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
 from behaviours.played import Played
@@ -30,6 +30,7 @@ class Play(Played):
     keeps = Mapping[str, JointError]
     move: Movement = argument("move", "which one: a name, or a file: .yaml, .csv, .xls, .xlsx or .ods", principal=True)
     speed: float = argument("number", "1 plays it as recorded, 0.5 at half the speed", default=1.0, low=0.05, high=2.0)
+    on: str = ON_ARM
     run_in = RUN_IN
     tracking: Tracking
     _begins = 0.0
@@ -96,6 +97,7 @@ class RecordMove(Leaf):
     move: NewMove = argument("new move", "a name, for NAME.yaml in the current folder, or a path", principal=True)
     joints: tuple[str, ...] = argument("joints", "which; else all", default=())
     duration: float | None = argument("duration", "how long; else until it is halted", default=None, low=0.1)
+    on: str = ON_ARM
     _recording: Recording
 
     def joint_violations(self, reach: JointRanges) -> list[str]:

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.tracking.lag import Lag
 from drivers.api import Base, Head, Imu, Joints, Ranger, Ros2, Screen, Voice
+from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -15,13 +16,23 @@ Part = TypeVar("Part")
 
 
 @dataclass(frozen=True, slots=True)
+class Other:
+    """One more ``part`` of a ``kind``, under a name of its own; ``groups`` as those of a robot's arm."""
+
+    kind: str
+    part: Any
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Robot:
     """The parts that a leaf may use; what this robot lacks is None. Leaves use the properties, which never are.
 
     ``eye`` is where the camera sits: (x, y, z) in metres from the middle of the base on the floor, with the axes of REP
     103. The head turns about it. ``groups`` are joints of the arm that go by one name, such as ``left_arm``. ``lag`` is
-    how long the base takes to begin what it is told: all that turn it learn it together. ``heads`` are those that carry
-    no camera, by their own names, such as ``lidar_mast``: a leaf that is told to turn one sees it as its ``head``.
+    how long the base takes to begin what it is told: all that turn it learn it together. ``others`` are further parts
+    of a kind by their own names, such as ``lidar_mast``, a head without a camera: a leaf that is told to turn that one
+    sees it as its ``head``.
     ``places`` are those of its map by name: x, y (m), heading (rad), and the frame that they are in.
 
     The checker has made sure that a leaf's ``needs`` are there, so BadRequest from a property means that the leaf
@@ -41,7 +52,7 @@ class Robot:
     ros2_part: Ros2 | None = None
     imu_part: Imu | None = None
     lag: Lag = field(default_factory=Lag, compare=False)
-    heads: Mapping[str, Head] = field(default_factory=dict)
+    others: Mapping[str, Other] = field(default_factory=dict)
     places: Mapping[str, tuple[float, float, float, str]] = field(default_factory=dict)
 
     @property
@@ -99,9 +110,18 @@ class Robot:
         """The nodes of ROS 2."""
         return _there(self.ros2_part, "ros2")
 
-    def of_head(self, name: str) -> "Robot":
-        """Return the robot as who turns the head of a name sees it: that one is its head."""
-        return self if name == "head" else replace(self, head_part=self.heads.get(name))
+    def of(self, named: Mapping[str, str]) -> "Robot":
+        """Return the robot as who means these parts sees it, each named by its kind: that one is its only one."""
+        robot = self
+        for kind, name in named.items():
+            if name == kind:
+                continue
+            other = self.others.get(name)
+            found: dict[str, Any] = {f"{KINDS[kind].field}_part": None if other is None else other.part}
+            if kind == "arm" and other is not None:
+                found["groups"] = other.groups
+            robot = replace(robot, **found)
+        return robot
 
 
 def _there(part: Part | None, name: str) -> Part:

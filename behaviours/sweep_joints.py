@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import RUN_IN, JointMotion
+from behaviours.joint_motion import ON_ARM, RUN_IN, JointMotion
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import argument
 from behaviours.playing import Playing, slowed
@@ -60,6 +60,7 @@ class Sweep(JointMotion):
     phases: Mapping[str, float] = argument(
         "angle", "how far ahead a joint is, where 360 deg is once to and fro", default={}, by_joint=True
     )
+    on: str = ON_ARM
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         if unknown := reach.unknown(self.joints):

@@ -77,6 +77,15 @@ class RobotConfig:
         """The names of the parts that it has."""
         return frozenset(self.sections)
 
+    @property
+    def others(self) -> Mapping[str, str]:
+        """The kinds of further parts, by their own names."""
+        return {name: section.driver.kind for name, section in self.sections.items() if section.name}
+
+    def kind_of(self, part: str) -> Kind:
+        """Return the kind of a part that it has."""
+        return KINDS[self.sections[part].driver.kind]
+
     def keys(self, cls: type[K]) -> K | None:
         """Return the keys of the part whose keys are of a class: of a kind (``ArmKeys``), or of one driver."""
         return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
@@ -98,8 +107,9 @@ class RobotConfig:
 
     @property
     def arm(self) -> ArmKeys | None:
-        """The section ``arm``."""
-        return self.keys(ArmKeys)
+        """The section ``arm``, not those of other arms."""
+        found = self.sections.get("arm")
+        return None if found is None else found.keys
 
     @property
     def range(self) -> RangeKeys | None:

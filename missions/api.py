@@ -149,7 +149,7 @@ def load(
         return Mission(runner.executive, runner=runner)
     parts = Robot() if robot is None else robot
     has = frozenset(part for part, device in _devices(parts).items() if device is not None)
-    target = None if robot is None else Target("this robot", has, None if parts.arm_part is None else parts.reach)
+    target = None if robot is None else _target(parts, has)
     own = behaviour_files(str(path), files)
     plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(own))
     run = Run(SystemClock(), seed=seed)
@@ -159,7 +159,7 @@ def load(
     base = asking.base_part
     guard = None if base is None else Guard(base, Reflexes(), run, stream)
     run.variables.update(state_of(asking, run, guard))
-    root = build(plan, run, lambda node: asking.of_head(getattr(node, "head_name", "head")))
+    root = build(plan, run, lambda node: asking.of(getattr(node, "named_parts", {})))
     executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
     return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
 
@@ -236,4 +236,13 @@ def _texts(params: Params | None) -> dict[str, str]:
 
 
 def _devices(robot: Robot) -> dict[str, object | None]:
-    return {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()} | dict(robot.heads)
+    own = {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()}
+    return own | {name: other.part for name, other in robot.others.items()}
+
+
+def _target(robot: Robot, has: frozenset[str]) -> Target:
+    """Return what the checker must know of a robot that is there."""
+    others = {name: other.kind for name, other in robot.others.items()}
+    arms = {"arm": robot} if robot.arm_part is not None else {}
+    arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
+    return Target("this robot", has, {name: arm.reach for name, arm in arms.items()}, others)

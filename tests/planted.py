@@ -90,7 +90,7 @@ FAULTS = (
     Planted(
         "pause does not hold",
         EXECUTIVE,
-        "self.run.safe_stop(frozenset(part for part in self.root.claims if kind_of(part).moves))",
+        "self.run.safe_stop(self.root.claims - SOUNDING)",
         "pass",
     ),
     Planted(

@@ -58,7 +58,17 @@ KINDS: Mapping[str, Kind] = {
             step=1,
             several=True,
         ),
-        Kind("arm", "arm", "Joints.", ArmKeys, "drivers.api:Joints", still=lambda it: it.hold(), wired=True, step=2),
+        Kind(
+            "arm",
+            "arm",
+            "Joints.",
+            ArmKeys,
+            "drivers.api:Joints",
+            still=lambda it: it.hold(),
+            wired=True,
+            step=2,
+            several=True,
+        ),
         Kind("imu", "imu", "What feels how the robot leans.", ImuKeys, "drivers.api:Imu", wired=True),
         Kind("range", "ranger", "A range finder that turns.", RangeKeys, "drivers.api:Ranger", wired=True, step=5),
         Kind(
@@ -119,16 +129,17 @@ KINDS: Mapping[str, Kind] = {
 last the nodes of ROS 2, by which others say their last word."""
 
 
-def kind_of(part: str) -> Kind:
-    """Return the kind of a part of a robot, by its name: what has a name of its own is one more head."""
-    return KINDS.get(part, KINDS["head"])
-
+SEVERAL = tuple(kind.name for kind in KINDS.values() if kind.several)
+"""The kinds of which a robot may have several. A leaf says which one it means by an argument of such a kind."""
 
 STILLED = tuple(kind.name for kind in KINDS.values() if kind.still is not None)
 """The kinds of parts that a stop reaches: those that move, and a voice, which is silenced."""
 
 MOVING = tuple(name for name in STILLED if KINDS[name].moves)
 """The parts with actuators."""
+
+SOUNDING = frozenset(STILLED).difference(MOVING)
+"""The parts that a stop reaches, and that move nothing."""
 
 WIRED = tuple(kind.name for kind in KINDS.values() if kind.wired)
 """The parts that have a port."""

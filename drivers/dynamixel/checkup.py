@@ -22,7 +22,7 @@ NEARLY = 10
 def checkup(keys: DynamixelKeys, site: Site) -> Iterator[Finding]:
     """Look at each servo of the robot file."""
     patience = VIRTUAL_REPLY_TIMEOUT if site.virtual else REPLY_TIMEOUT
-    bus = Bus(site.port, site.clock, baud=keys.baud, name="arm", patience=patience, framing=keys.framing)
+    bus = Bus(site.port, site.clock, baud=keys.baud, name=site.part, patience=patience, framing=keys.framing)
     try:
         bus.open()
         for name, spec in joints(keys).items():

@@ -22,8 +22,6 @@ class CommandedJoints(Enabling, ABC):
     when it is back. ``report`` hears what the servos tell, ``changed`` is called after every round of readings.
     """
 
-    name = "arm"
-
     def __init__(
         self,
         joints: Mapping[str, Joint],
@@ -33,7 +31,9 @@ class CommandedJoints(Enabling, ABC):
         away: Away | None,
         report: Report,
         changed: Callable[[], None],
+        name: str,
     ) -> None:
+        self.name = name
         self._joints = joints
         self._limits = {joint: described.limits for joint, described in joints.items()}
         self._clock = clock

@@ -65,12 +65,13 @@ class DynamixelJoints(CommandedJoints):
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
         loop: MakeLoop = ThreadLoop,
+        name: str = "arm",
     ) -> None:
-        check(self.name, dict(joints))
+        check(name, dict(joints))
         if not 0 < rate <= 1000:
-            raise BadRequest(f"{self.name}: joints are read 1 to 1000 times a second, not {rate}")
+            raise BadRequest(f"{name}: joints are read 1 to 1000 times a second, not {rate}")
         described = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in joints.items()}
-        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed)
+        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
         self._bus = bus
         self._rate = rate
         self._lock = RLock()

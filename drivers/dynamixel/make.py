@@ -20,13 +20,14 @@ def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
     """Return the driver of the arm's servos."""
     patience = VIRTUAL_REPLY_TIMEOUT if site.virtual else REPLY_TIMEOUT
     return DynamixelJoints(
-        Bus(site.port, site.clock, baud=keys.baud, name="arm", patience=patience, framing=keys.framing),
+        Bus(site.port, site.clock, baud=keys.baud, name=site.part, patience=patience, framing=keys.framing),
         joints(keys),
         site.clock,
         rate=keys.rate,
         at_rest=keys.at_end,
         away=keys.away,
         report=site.report,
+        name=site.part,
     )
 
 

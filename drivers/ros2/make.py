@@ -112,7 +112,7 @@ def _joints(part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, To
 
 def arm(keys: Ros2ArmKeys, site: Site) -> TopicJoints:
     """Return the driver of an arm."""
-    return _joints("arm", keys, joints_of_arm(keys), site)
+    return _joints(site.part, keys, joints_of_arm(keys), site)
 
 
 def axis(keys: Ros2AxisKeys) -> JointAxis:

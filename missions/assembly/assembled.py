@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from drivers.api import Device, DeviceStatus, Health, Report
-from drivers.api.kinds import KINDS, STILLED, kind_of
+from drivers.api.kinds import KINDS, SOUNDING, STILLED
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
 from missions.assembly.lags import Lags
@@ -59,12 +59,13 @@ class Assembled:
     @property
     def stilled(self) -> tuple[str, ...]:
         """The parts that a stop reaches: those that move, and a voice, which is silenced."""
-        return tuple(part for part in (*STILLED, *self.robot.heads) if part in self.devices)
+        others = (name for name, other in self.robot.others.items() if other.kind in STILLED)
+        return tuple(part for part in (*STILLED, *others) if part in self.devices)
 
     @property
     def moving(self) -> tuple[str, ...]:
         """The parts with actuators."""
-        return tuple(part for part in self.stilled if kind_of(part).moves)
+        return tuple(part for part in self.stilled if part not in SOUNDING)
 
     def open(self) -> None:
         """Start everything; returns at once, hardware or not."""
@@ -113,10 +114,10 @@ class Assembled:
 
         Each for itself, whatever goes wrong with another; that is told in the log.
         """
-        parts = {kind.name: getattr(self.robot, f"{kind.field}_part") for kind in KINDS.values()}
-        for name, part in {**parts, **self.robot.heads}.items():
-            still = kind_of(name).still
-            if still is None or part is None or name not in claims:
+        parts = [(kind.name, kind, getattr(self.robot, f"{kind.field}_part")) for kind in KINDS.values()]
+        parts += [(name, KINDS[other.kind], other.part) for name, other in self.robot.others.items()]
+        for name, kind, part in parts:
+            if (still := kind.still) is None or part is None or name not in claims:
                 continue
             try:
                 still(part)

@@ -65,7 +65,8 @@ def check_robot(
         for part, findings in zip(named, pool.map(look_at, named), strict=True):
             robot = f"{called} --port {named[part]}" if part in ports else called
             for finding in findings:
-                cure = finding.cure.replace("--robot ROBOT", f"--robot {robot}").replace("ROBOT", called)
+                which = f" --arm {part}" if part in config.others and " servo " in finding.cure else ""
+                cure = finding.cure.replace("--robot ROBOT", f"--robot {robot}{which}").replace("ROBOT", called)
                 yield Checked(part, replace(finding, cure=cure.replace("PORT", named[part])))
 
 
@@ -93,7 +94,7 @@ def _part(
     elif section.driver.checkup:
         where = str(machine.at(port.path)) if wired else ""
         virtual = str(Path(where).resolve()).startswith(VIRTUAL)
-        site = Site(clock, where, state=None if virtual else state_folder())
+        site = Site(clock, where, state=None if virtual else state_folder(), part=section.part)
         yield from _examined(section, replace(keys, port=where) if wired else keys, site)
     elif wired and section.driver.probe:
         yield _asked(section, port, machine, clock)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from config.robot import RobotConfig
-from drivers.api.kinds import KINDS, kind_of
+from drivers.api.kinds import KINDS
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
@@ -22,7 +22,7 @@ def making_order(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
         if part in made or part not in chosen or part not in config.sections:
             return
         made.add(part)
-        for before in (*config.sections[part].driver.needs, *kind_of(part).after):
+        for before in (*config.sections[part].driver.needs, *config.kind_of(part).after):
             yield from make(before)
         yield part
 

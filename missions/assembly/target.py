@@ -5,19 +5,17 @@ from functools import partial
 
 from behaviours.joint_ranges import JointRanges
 from config.robot import RobotConfig
-from drivers.api.sections import HeadKeys
+from drivers.api.sections import ArmKeys, HeadKeys
 from drivers.api.senses import MicrophoneKeys
 from missions.language.claims import Target
 
 
 def target_of(robot: RobotConfig) -> Target:
     """Return what the checker must know of a robot."""
-    reach = None
-    if robot.arm is not None:
-        reach = JointRanges(robot.arm.limits, robot.arm.groups)
-    heads = {part: section.keys for part, section in robot.sections.items() if isinstance(section.keys, HeadKeys)}
-    necks = {joint: part for part, keys in heads.items() for joint in keys.joints_led}
-    target = Target(robot.name, robot.parts, reach, necks=necks)
+    keys = {part: section.keys for part, section in robot.sections.items()}
+    reaches = {part: JointRanges(it.limits, it.groups) for part, it in keys.items() if isinstance(it, ArmKeys)}
+    necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.joints_led}
+    target = Target(robot.name, robot.parts, reaches, robot.others, necks=necks)
     if robot.microphone is None:
         return target
     ears = robot.microphone

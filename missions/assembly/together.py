@@ -4,12 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from behaviours.robot import Robot
+from behaviours.robot import Other, Robot
 from config.robot import RobotConfig, Section
 from drivers.api import Base, Device, Head, Report, Steered, ignore
 from drivers.api.driver import resolved
-from drivers.api.kinds import KINDS, kind_of
+from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
+from drivers.api.sections import ArmKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
@@ -77,17 +78,24 @@ def put_together(config: RobotConfig, chosen: frozenset[str], stands: Stands) ->
     seen: dict[str, object] = {}
     for part in making_order(config, chosen):
         made[part], seen[part] = stands.make(part, config.sections[part], made)
-    opened = sorted(made, key=lambda part: (list(KINDS).index(kind_of(part).name), part not in KINDS))
+    opened = sorted(made, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
     return robot_of_parts(config, seen), {part: made[part] for part in opened}
 
 
 def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
     """Return the robot that leaves see, of parts by name; the others it lacks."""
     fields: dict[str, Any] = {f"{KINDS[kind].field}_part": part for kind, part in parts.items() if kind in KINDS}
-    heads: dict[str, Any] = {name: part for name, part in parts.items() if name not in KINDS}
-    arm = config.arm
+    others = {
+        name: Other(kind, parts[name], groups(config, name)) for name, kind in config.others.items() if name in parts
+    }
     places = {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
-    return Robot(**fields, heads=heads, eye=eye(config), groups={} if arm is None else arm.groups, places=places)
+    return Robot(**fields, others=others, eye=eye(config), groups=groups(config), places=places)
+
+
+def groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[str, ...]]:
+    """Return the groups of an arm's joints; none for what is no arm of the robot."""
+    section = config.sections.get(part)
+    return section.keys.groups if section is not None and isinstance(section.keys, ArmKeys) else {}
 
 
 def eye(config: RobotConfig) -> tuple[float, float, float]:

@@ -10,7 +10,6 @@ import numpy as np
 from config.robot import RobotConfig, Section
 from config.world import WorldConfig
 from drivers.api import CameraFrame, Device, Image
-from drivers.api.kinds import kind_of
 from drivers.api.senses import CameraKeys
 from drivers.sim.render import Renderer
 from drivers.sim.stage import Stage
@@ -71,7 +70,7 @@ def twin_robot(
     place = _Place(twins, config, world, audience, interests, seed, truth=truth)
     robot, devices = put_together(config, chosen, place)
     place.conversation.begin()
-    steps = {part: step for part in twins.parts if (step := kind_of(part).step) is not None}
+    steps = {part: step for part in twins.parts if (step := config.kind_of(part).step) is not None}
     for part in sorted(steps, key=lambda it: steps[it]):
         twin = twins.parts[part]
         timeline.every(twin.PERIOD, twin.step)

@@ -4,7 +4,7 @@ That is so whether a run is recorded or not, and it is what makes a record enoug
 whatever a tree is told from outside comes through here. A command that is not permitted is refused here too, as a
 driver would; and a leaf sees the robot so that what it commands is told, with its name on it. In answers the parts go
 by the names that they have in ``behaviours.robot.Robot``: base, head, arm, ranger, voice, sight, hearing, screen, and
-other heads by their own.
+further parts of a kind by their own.
 Arguments are those of the protocol in its order, with what may be left out.
 """
 
@@ -17,7 +17,7 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from drivers.api import Utterance
 from drivers.api.driver import resolved
-from drivers.api.kinds import KINDS, kind_of
+from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from missions.executive.answers import Answers
 from missions.executive.proxy import Permit, always, for_leaf, proxied
@@ -29,17 +29,20 @@ FIELDS = tuple(kind.field for kind in KINDS.values())
 
 
 @cache
-def protocol_of(part: str) -> type:
-    """Return the protocol of what leaves see of a part, by its name in answers."""
-    kind = next((kind for kind in KINDS.values() if kind.field == part), kind_of(part))
-    protocol: type = resolved(kind.seen or kind.device)
+def protocol_of(kind: str) -> type:
+    """Return the protocol of what leaves see of a kind of part, by its name, or that in answers."""
+    found = next(each for each in KINDS.values() if kind in (each.field, each.name))
+    protocol: type = resolved(found.seen or found.device)
     return protocol
 
 
 @cache
-def commands_of(part: str) -> frozenset[str]:
-    """Return what a part is told; the rest it is asked. A voice is told to cancel what it says, by its number."""
-    return commands(protocol_of(part)) | (commands(Utterance) if part == "voice" else frozenset())
+def commands_of(kind: str) -> frozenset[str]:
+    """Return what a kind of part is told, by its name in answers; the rest it is asked.
+
+    A voice is told to cancel what it says, by its number.
+    """
+    return commands(protocol_of(kind)) | (commands(Utterance) if kind == "voice" else frozenset())
 
 
 def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
@@ -49,27 +52,31 @@ def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
         {
             part: voice_proxy(device, answers)
             if part == "voice"
-            else proxied(part, protocol_of(part), device, answers, permit)
-            for part, device in _parts(robot)
+            else proxied(part, protocol_of(kind), device, answers, permit)
+            for part, kind, device in _parts(robot)
         },
     )
 
 
 def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
     """Return a ``robot`` that ``asked`` has made as ``node`` sees it: each command that it gives is told."""
-    robot = robot.of_head(getattr(node, "head_name", "head"))
+    robot = robot.of(getattr(node, "named_parts", {}))
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-    return _with(robot, {part: for_leaf(proxy, source, tell) for part, proxy in _parts(robot) if commands_of(part)})
+    told = {part: for_leaf(proxy, source, tell) for part, kind, proxy in _parts(robot) if commands_of(kind)}
+    return _with(robot, told)
 
 
-def _parts(robot: Robot) -> Iterator[tuple[str, Any]]:
+def _parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:
+    """Yield the name of each part in answers, that of its kind there, and what stands for it."""
     for part in FIELDS:
         device = getattr(robot, f"{part}_part")
         if device is not None:
-            yield part, device
-    yield from robot.heads.items()
+            yield part, part, device
+    for name, other in robot.others.items():
+        yield name, KINDS[other.kind].field, other.part
 
 
 def _with(robot: Robot, parts: Mapping[str, Any]) -> Robot:
-    heads = {part: device for part, device in parts.items() if part not in FIELDS}
-    return replace(robot, heads=heads, **{f"{part}_part": parts[part] for part in parts.keys() - heads.keys()})
+    fields: dict[str, Any] = {f"{part}_part": device for part, device in parts.items() if part in FIELDS}
+    others = {name: replace(other, part=parts.get(name, other.part)) for name, other in robot.others.items()}
+    return replace(robot, others=others, **fields)

@@ -9,7 +9,7 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.run import Run
-from drivers.api.kinds import kind_of
+from drivers.api.kinds import SOUNDING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
 from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
@@ -147,7 +147,7 @@ class Executive:
             elif self._paused:
                 if not held:
                     # A sentence is not broken off for a pause.
-                    self.run.safe_stop(frozenset(part for part in self.root.claims if kind_of(part).moves))
+                    self.run.safe_stop(self.root.claims - SOUNDING)
                     held = True
                 self.idle(GLANCE)
                 self._woken.clear()

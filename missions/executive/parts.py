@@ -127,8 +127,10 @@ class PartsWatch:
 
     def _measured(self, part: str, now: float) -> Measured | None:
         """Return the newest reading of a part; None for one that measures nothing."""
-        robot = self._robot
-        match part:
+        robot, kind = self._robot, part
+        if (other := self._robot.others.get(part)) is not None:
+            robot, kind = robot.of({other.kind: part}), other.kind
+        match kind:
             case "base" if robot.base_part is not None:
                 return _measured(robot.base_part.state(), _of_base)
             case "head" if robot.head_part is not None:
@@ -141,8 +143,6 @@ class PartsWatch:
                 return _measured(robot.ranger_part.scan(), lambda scan: {"nearest": scan.nearest()})
             case "camera" if self._looked is not None and (stamp := self._looked()) is not None:
                 return Measured(stamp, silent="no new picture" if now - stamp > PICTURE_TIME else "")
-            case _ if part in robot.heads:
-                return _measured(robot.heads[part].pose(), lambda pose: {"pan": pose.pan, "tilt": pose.tilt})
             case _:
                 return None
 

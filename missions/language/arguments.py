@@ -11,6 +11,7 @@ from behaviours.leaf import Argument, Leaf
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
+from drivers.api.kinds import SEVERAL
 from missions.language.faces import KIND as FACE
 from missions.language.faces import as_face, read_face
 from missions.language.finding import finder
@@ -21,7 +22,7 @@ from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
 from missions.language.values import UNREAD, Convert, Value, in_si, shown, whole
 
-NAMES = ("text", "joint", "joints", "choice", "file", "head")
+NAMES = ("text", "joint", "joints", "choice", "file", *SEVERAL)
 """Kinds whose values are texts, whatever they look like."""
 
 SWITCHED = {"on": True, "off": False}
@@ -264,7 +265,7 @@ _PLAIN: dict[str, Callable[[Argument, object], object]] = {
     "joints": _joints,
     "person": _name,
     "place": _name,
-    "head": _name,
+    **dict.fromkeys(SEVERAL, _name),
     "value": _anything,
     "outcomes": _outcomes,
     FACE: lambda _, value: as_face(value),

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
+from config.faults import did_you_mean
 from config.units import article
 from missions.language.nodes import AT_ONCE
 from missions.language.notes import Notes
@@ -21,8 +22,9 @@ def none_of(texts: Sequence[str]) -> tuple[()]:
 
 
 class Target(NamedTuple):
-    """The robot that a mission is for: its name, its parts, and how far its joints reach, where that is known.
+    """The robot that a mission is for: its name, its parts, and how far the joints of its arms reach, as far as known.
 
+    ``reaches`` are by the name of the arm; ``others`` are the kinds of further parts, by their own names.
     ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
     phrases that they easily take for each other. ``necks`` are the joints of the arm of which heads are made, each with
     the name of its head.
@@ -30,7 +32,8 @@ class Target(NamedTuple):
 
     name: str
     parts: frozenset[str]
-    reach: JointRanges | None = None
+    reaches: Mapping[str, JointRanges] = MappingProxyType({})
+    others: Mapping[str, str] = MappingProxyType({})
     unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
     confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
     necks: Mapping[str, str] = MappingProxyType({})
@@ -61,34 +64,42 @@ def _claimant(step: Step, part: str) -> Step:
 
 
 def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
-    """Note every leaf that needs a part which the robot does not have."""
+    """Note every leaf that needs a part which the robot does not have, or names one of another kind."""
     for step in tree.walk():
-        for part in sorted(step.own_needs - robot.parts):
+        named = {name: kind for kind, name in step.named_parts.items()}
+        for part in sorted((step.own_needs - robot.parts).difference(named)):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
+        for name, kind in named.items():
+            known = [*({kind} & robot.parts), *(other for other, its in robot.others.items() if its == kind)]
+            if name not in known:
+                has = f"its {kind}s are {', '.join(sorted(known))}" if known else f"it has no {kind}"
+                told = f"'{step.kind}' needs {article(name)}; robot '{robot.name}' has none ({has})"
+                notes.fault_at(step, told, did_you_mean(name, known))
 
 
 def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
     """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now."""
-    if robot.reach is None:
-        return
     for step in tree.walk():
-        for misfit in _misfits(step, robot.reach):
+        reach = robot.reaches.get(step.named_parts.get("arm", "arm"))
+        for misfit in () if reach is None else _misfits(step, reach):
             notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")
 
 
 def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
     """Note every leaf that moves a joint of which a head is made while another can turn that head."""
-    if robot.reach is None:
+    reach = robot.reaches.get("arm")
+    if reach is None:
         return
     for joint, head in robot.necks.items():
-        others = replace(robot.reach, joints={name: each for name, each in robot.reach.joints.items() if name != joint})
+        others = replace(reach, joints={name: each for name, each in reach.joints.items() if name != joint})
         for step in tree.walk():
             turning = [child for child in step.children if head in child.claims] if step.kind in AT_ONCE else []
             moving = [child for child in step.children if turning and "arm" in child.claims]
             for child, rival in ((child, rival) for child in moving for rival in turning if rival is not child):
                 for leaf in child.walk():
-                    if len(_misfits(leaf, others)) > len(_misfits(leaf, robot.reach)):
+                    led = "arm" not in leaf.named_parts
+                    if led and len(_misfits(leaf, others)) > len(_misfits(leaf, reach)):
                         by = _claimant(rival, head)
                         notes.fault_at(
                             leaf,

@@ -94,6 +94,11 @@ class Step:
         return asked | self.leaf.senses_with(frozenset(given))
 
     @property
+    def named_parts(self) -> Mapping[str, str]:
+        """The further parts that it names, by their kinds."""
+        return {} if self.leaf is None else self.leaf.named_parts
+
+    @property
     def own_needs(self) -> frozenset[str]:
         """The parts that it needs itself, not those of what is below it."""
         known = frozenset(PART_OF_STATE[read.name] for read in self._reads if read.name in PART_OF_STATE)

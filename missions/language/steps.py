@@ -10,6 +10,7 @@ from config.kinds import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import ours_for
 from config.units import seen
+from drivers.api.kinds import SEVERAL
 from missions.language.arguments import read_arguments
 from missions.language.counts import COUNTS, read_counts
 from missions.language.for_each import read_for_each
@@ -29,9 +30,6 @@ BESIDE = ("name", "as", "with", "returns", *COUNTS)
 
 ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """What stands only beside one behaviour."""
-
-HEAD = "head"
-"""The kind of an argument that says which of the robot's heads a leaf turns."""
 
 LISTED = "`mission behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
 MISSING = "a behaviour is missing here"
@@ -139,7 +137,7 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
             shown,
             key.mark,
             notes.source,
-            leaf=_turning(notes, leaf, arguments, key),
+            leaf=_meaning(notes, leaf, arguments, key),
             arguments=arguments,
             text=_text(value),
             written=written_arguments(leaf, value),
@@ -158,14 +156,16 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
     return Step(key.text, shown, key.mark, notes.source, children, arguments=counts, written=written)
 
 
-def _turning(notes: Notes, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
-    """Return the leaf, which turns the head that its arguments name, if they do."""
-    named = (values.get(argument.name) for argument in leaf.arguments.values() if argument.kind == HEAD)
-    value = next((each for each in named if each is not None), None)
-    if value is not None and value.template is not None:
-        told = f"'{leaf.word}': which head it turns must be known before the mission runs"
-        notes.fault(key.mark, told, "write the name of the head itself")
-    return leaf.of_head(value.constant) if value is not None and isinstance(value.constant, str) else leaf
+def _meaning(notes: Notes, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
+    """Return the leaf, which means the parts that its arguments name, of those of which a robot may have several."""
+    for argument in leaf.arguments.values():
+        value = values.get(argument.name) if argument.kind in SEVERAL else None
+        if value is not None and value.template is not None:
+            told = f"'{leaf.word}': which {argument.kind} it means must be known before the mission runs"
+            notes.fault(key.mark, told, f"write the name of the {argument.kind} itself")
+        if value is not None and isinstance(value.constant, str):
+            leaf = leaf.with_part(argument.kind, value.constant)
+    return leaf
 
 
 def _text(node: Node | None) -> str:

@@ -22,6 +22,7 @@ WRITTEN: dict[str, object] = {
     "face": "${person}",
     "phrases": ["yes", "no"],
     "head": "lidar_mast",
+    "arm": "right_arm",
 }
 """A value of each kind that has no unit, as a mission writes it."""
 

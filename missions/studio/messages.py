@@ -151,7 +151,8 @@ class State:
     ] = None
     pose: Annotated[Sequence[float] | None, "Where the base is by its odometry: x, y (m), heading (rad)."] = None
     joints: Annotated[
-        Mapping[str, Sequence[float]] | None, "Of the arm, by name: position (rad), load, temperature (degrees C)."
+        Mapping[str, Sequence[float]] | None,
+        "Of the arm, by name, and of further arms as `right_arm.elbow`: position (rad), load, temperature (degrees C).",
     ] = None
     scan: Annotated[Sequence[Sequence[float]] | None, "The range finder's points, x and y (m) on the robot."] = None
     percept: Annotated[Mapping[str, object] | None, "What was seen last: the event `percept`."] = None

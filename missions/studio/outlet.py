@@ -1,11 +1,12 @@
 """What a run tells its clients: all that is so far, and then what is new, in few messages."""
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
 from threading import Lock
 
 from behaviours.robot import Robot
+from drivers.api import JointState, Reading
 from drivers.clock import Clock, SystemClock
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, PerceptSeen, Ticked, VariableSet
 from missions.executive.parts import PartsWatch
@@ -134,13 +135,12 @@ class Outlet:
         robot = self._robot
         if robot.base_part is not None and (base := robot.base_part.state().value) is not None:
             told["pose"] = [round(base.pose.x, 4), round(base.pose.y, 4), round(base.pose.heading, 4)]
-        if robot.arm_part is not None:
-            states = ((name, reading.value) for name, reading in robot.arm_part.states().items())
-            told["joints"] = {
-                name: [round(state.position, 3), round(state.load, 3), state.temperature]
-                for name, state in states
-                if state is not None
-            }
+        if joints := {
+            name: [round(state.position, 3), round(state.load, 3), state.temperature]
+            for name, reading in _joints(robot)
+            if (state := reading.value) is not None
+        }:
+            told["joints"] = joints
         points = self._scan(robot)
         if points is not None:
             told["scan"] = points
@@ -160,6 +160,15 @@ class Outlet:
         x, y, _ = robot.ranger_part.place
         across = np.stack([x + ranges * np.cos(bearings), y + ranges * np.sin(bearings)], axis=1)[known]
         return [[float(a), float(b)] for a, b in np.round(across, 3)]
+
+
+def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
+    """Yield the joints of all arms; those of further ones after the arm's name: `right_arm.elbow`."""
+    if robot.arm_part is not None:
+        yield from robot.arm_part.states().items()
+    for name, other in robot.others.items():
+        if other.kind == "arm":
+            yield from ((f"{name}.{joint}", reading) for joint, reading in other.part.states().items())
 
 
 def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:

@@ -9,7 +9,6 @@ from config.faults import did_you_mean, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import article, seen
-from drivers.api.kinds import KINDS
 from missions.language.arguments import default_value
 from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
@@ -42,19 +41,19 @@ def read_given(fields: Fields, setting: Setting) -> tuple[tuple[MockSpec, ...], 
 
 
 def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
-    heads = setting.config.parts - KINDS.keys()
-    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown, sorted(heads))
+    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown, setting.config.others)
     if not mishap.state or setting.plan is None:
         return mishap
     if mishap.part not in setting.parts | {RUN}:
         parts = ", ".join(sorted(setting.parts)) or "nothing"
         hint = f"it uses {parts}"
         fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
-    elif mishap.state in JOINT and setting.config.arm is not None:
-        joints = setting.config.arm.limits
+    elif mishap.state in JOINT:
+        joints = setting.config.sections[mishap.part].keys.limits
         if mishap.detail not in joints:
             hint = one_of(mishap.detail, joints)
-            fields.fault(node.mark, f"the arm of '{setting.config.name}' has no joint {seen(mishap.detail)}", hint)
+            told = f"the {mishap.part} of '{setting.config.name}' has no joint {seen(mishap.detail)}"
+            fields.fault(node.mark, told, hint)
     return mishap
 
 

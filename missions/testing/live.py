@@ -11,10 +11,11 @@ def read_live(words: str, runner: Runner) -> Mishap:
     """Return what is to go wrong with a run. Raises ValueError, with what may have been meant."""
     faults: list[Diagnostic] = []
     phrase = Phrase(Source("", words), Scalar(Mark(1, 1, len(words)), words, words), faults)
-    mishap = read_mishap(phrase, lambda _: "", sorted(runner.config.parts))
+    mishap = read_mishap(phrase, lambda _: "", runner.config.others)
     for fault in faults:
         raise ValueError(f"'{words}': {fault.message}" + (f"; {fault.suggestion}" if fault.suggestion else ""))
-    joints = {} if runner.config.arm is None else runner.config.arm.limits
+    section = runner.config.sections.get(mishap.part)
+    joints = {} if section is None or mishap.state not in JOINT else section.keys.limits
     if mishap.state in JOINT and mishap.detail not in joints:
         raise ValueError(f"'{words}': no joint '{mishap.detail}'; {one_of(mishap.detail, joints)}")
     return mishap

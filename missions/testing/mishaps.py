@@ -1,8 +1,9 @@
 """What goes wrong with the robot during a test, as its file writes it: ``camera frozen from 5 s to 8 s``."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from drivers.api.kinds import KINDS
 from drivers.api.steering import BUTTONS
@@ -39,6 +40,9 @@ PASSING = ("stalled", "paused", "stopped")
 JOINT = {"overloaded": "elbow", "turned": "elbow to 30 deg"}
 """States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain."""
 
+NO_OTHERS: Mapping[str, str] = MappingProxyType({})
+"""A robot without further parts of a kind."""
+
 WHEN = ("from", "at", "for", "when")
 
 
@@ -59,16 +63,16 @@ class Mishap:
     moment: EventSpec | None = None
 
 
-def read_mishap(phrase: Phrase, known: KnownNode, heads: Collection[str] = ()) -> Mishap:
+def read_mishap(phrase: Phrase, known: KnownNode, others: Mapping[str, str] = NO_OTHERS) -> Mishap:
     """Read ``PART STATE [from T [to T] | at T [for T] | [for] T | when MOMENT [for T]]``.
 
-    ``heads`` are further parts of this robot, by names of their own.
+    ``others`` are the kinds of further parts of this robot, by names of their own.
     """
-    part = phrase.took(*KINDS, RUN, *heads)
+    part = phrase.took(*KINDS, RUN, *others)
     if not part:
-        phrase.wrong("what something happens to", (*KINDS, RUN, *heads))
+        phrase.wrong("what something happens to", (*KINDS, RUN, *others))
         return Mishap("", "")
-    states = STATES.get(part, UNPLUGGED)
+    states = STATES.get(others.get(part, part), UNPLUGGED)
     state = phrase.took(*states)
     if not state:
         phrase.wrong(f"what happens to the {part}", states)

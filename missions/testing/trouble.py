@@ -9,8 +9,8 @@ from functools import partial
 from drivers.api import Sides, Source, Velocity
 from drivers.errors import DriverError
 from drivers.sim.twins.base import BaseTwin
+from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.plug import Plug
-from missions.assembly.twins import Twins
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mishaps import RUN, Mishap
@@ -77,14 +77,15 @@ class Trouble:
     def _switch(self, mishap: Mishap, *, on: bool) -> None:
         """Begin or end it. The checker has made sure that the part is there."""
         twins = self._twins
-        plug = _plug(twins, mishap.part)
+        twin = twins.parts.get(mishap.part)
+        plug: Plug | None = None if twin is None else twin.plug
         match mishap.state:
             case "unplugged" if plug is not None:
                 plug.unplug() if on else plug.plug_in()
-            case "overloaded" if twins.arm is not None:
-                twins.arm.overload(mishap.detail)
-            case "turned" if twins.arm is not None:
-                twins.arm.turn_by_hand(mishap.detail, mishap.amount)
+            case "overloaded" if isinstance(twin, JointsTwin):
+                twin.overload(mishap.detail)
+            case "turned" if isinstance(twin, JointsTwin):
+                twin.turn_by_hand(mishap.detail, mishap.amount)
             case "frozen" if twins.camera is not None:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
@@ -144,8 +145,3 @@ class Trouble:
 def _sides(mishaps: list[Mishap], state: str) -> Sides:
     sides = {mishap.detail for mishap in mishaps if mishap.state == state}
     return Sides(left="left" in sides, centre="centre" in sides, right="right" in sides)
-
-
-def _plug(twins: Twins, part: str) -> Plug | None:
-    twin = twins.parts.get(part)
-    return None if twin is None else twin.plug

@@ -316,3 +316,18 @@ def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
     assert told["base", "port"]["what"] == "nothing is plugged in at /dev/USER"
     assert told["base", "port"]["verdict"] == "wrong"
     assert all(each["verdict"] != "ok" for each in kept["ailing"])
+
+
+@pytest.mark.real_time
+def test_the_cure_of_a_second_arm_names_it(mission: Mission, desk: RecordedMachine, tmp_path: Path) -> None:
+    file = tmp_path / "pair.yaml"
+    file.write_text(
+        "robot: pair\nright_arm:\n  kind: arm\n  driver: dynamixel\n  port: /dev/u2d2\n  joints:\n    lift: {id: 1}\n"
+    )
+    servo = VirtualServo(1)
+    servo.overload()
+    with closing(Terminal("u2d2", VirtualServoBus([servo]), SystemClock())) as terminal:
+        terminal.open()
+        desk.port("ttyUSB0", "0403:6014", behind=terminal.path, rule="u2d2")
+        told = mission("--robot", str(file), "--root", str(desk.root), "--json")
+    assert findings(told)["right_arm", "lift (servo 1)"]["cure"].endswith(f"--robot {file} --arm right_arm")

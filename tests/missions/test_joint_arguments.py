@@ -213,7 +213,7 @@ def test_what_is_known_only_when_it_runs_is_left_to_the_run() -> None:
 
 
 def test_a_robot_without_an_arm_is_told_as_such_and_nothing_else() -> None:
-    target = HUMANOID._replace(parts=frozenset({"voice"}), reach=None)
+    target = HUMANOID._replace(parts=frozenset({"voice"}), reaches={})
     with pytest.raises(InvalidFileError) as caught:
         check_plan(Source("m.yaml", "mission: m\ntree: {play: gait}\n"), LEAVES, THINGS, robot=target)
     (fault,) = caught.value.faults

@@ -415,6 +415,25 @@ def test_one_more_head_gets_a_name_of_its_own(bench: Workbench) -> None:
     assert "kit_lidar_mast" in (config_folder() / "robots/kit.rules").read_text()
 
 
+@pytest.mark.real_time
+def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench) -> None:
+    plug_so101(bench)
+    second = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
+    bench.plug("ttyACM1", second, "1a86:55d3", "5A7A02")
+    names = {"one more arm": "right_arm", "servo 1 of the right_arm": "lift", "servo 2 of the right_arm": "grip"}
+    bench.session(
+        Person({**ADA, r"like\?": "so101", "which is it": "feetech at /dev/serial/by-id/usb-5A7A01", **names})
+    )
+    config = load_robot(find("robots", "ada"))
+    assert config.others == {"right_arm": "arm"}
+    keys = config.sections["right_arm"].keys
+    assert {name: joint.id for name, joint in keys.joints.items()} == {"lift": 1, "grip": 2}
+    assert keys.port == "/dev/serial/by-id/usb-5A7A02"
+    assert config.arm is not None
+    assert len(config.arm.limits) == 6
+    assert bench.instructions("ttyACM1") == READS
+
+
 def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     parts = "head.arduino, head.arduino_second, voice.print"
     person = Person(

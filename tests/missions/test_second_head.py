@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.robot import Robot
+from behaviours.robot import Other, Robot
 from config.faults import InvalidFileError, Source
 from config.library import find
 from config.robot import RobotConfig
@@ -71,7 +71,10 @@ def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
 @pytest.mark.parametrize(
     ("mast", "told"),
     [
-        (MAST.replace("kind: head", "kind: arm"), "'kind' cannot be 'arm': only of head a robot may have several"),
+        (
+            MAST.replace("kind: head", "kind: base"),
+            "'kind' cannot be 'base': only of head and arm a robot may have several",
+        ),
         (MAST.replace("servo: 2", "servo: 1"), "servo 1 is the tilt of the 'head'"),
         (MAST.replace("servo: 2", "servo: 3"), "'pan' and 'tilt' are both on servo 3"),
         (MAST + MAST.replace("lidar_mast", "other"), "servo 2 is the pan of 'lidar_mast'"),
@@ -135,7 +138,7 @@ def test_a_record_of_it_decides_the_same_again(tmp_path: Path, capsys: pytest.Ca
         ("look: {pan: 3 deg, on: lidar_mats}", "needs a lidar_mats; robot 'masted' has none"),
         (
             "sequence: [{set: {which: lidar_mast}}, {look: {pan: 3 deg, on: '${which}'}}]",
-            "which head it turns must be known before the mission runs",
+            "which head it means must be known before the mission runs",
         ),
         ("track_face: {on: lidar_mast}", "has no argument 'on'"),
     ],
@@ -152,7 +155,7 @@ def test_the_checker_knows_which_head_a_leaf_drives(
 def test_a_stop_reaches_it_by_its_name() -> None:
     bench = Bench()
     mast = RecordedHead(bench.clock)
-    robot = Robot(head_part=bench.head, heads={"lidar_mast": mast})
+    robot = Robot(head_part=bench.head, others={"lidar_mast": Other("head", mast)})
     assembled = Assembled("masted", robot, {"head": bench.head, "lidar_mast": mast})
     assert assembled.moving == ("head", "lidar_mast")
     assembled.safe_stop(frozenset({"lidar_mast"}))

@@ -40,11 +40,12 @@ class JointsTwin(CommandedJoints):
         away: Away | None = None,
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
+        name: str = "arm",
     ) -> None:
-        check(self.name, dict(joints))
+        check(name, dict(joints))
         self._servos = {joint: self._servo(joint, spec) for joint, spec in joints.items()}
         described = {joint: servo.joint for joint, servo in self._servos.items()}
-        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed)
+        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
         self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
         self._following = Following()
         self._read_at = -inf

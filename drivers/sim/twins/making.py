@@ -109,11 +109,13 @@ def second_head(keys: SecondKeys, stage: Stage) -> HeadTwin:
 
 def arm(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
     """Return the twin of an arm, whose servos carry the robot's body where there are physics."""
-    if stage.scene is not None:
+    if stage.scene is not None and stage.part == "arm":  # of which the body is made
         return RigidJoints(
             joints(keys), stage.clock, stage.scene, at_rest=keys.at_end, away=keys.away, report=stage.report
         )
-    return JointsTwin(joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report)
+    return JointsTwin(
+        joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report, name=stage.part
+    )
 
 
 def neck(keys: NeckKeys, stage: Stage) -> NeckTwin:

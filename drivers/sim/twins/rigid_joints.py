@@ -96,9 +96,10 @@ class RigidJoints(JointsTwin):
         away: Away | None = None,
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
+        name: str = "arm",
     ) -> None:
         self.scene = scene
-        super().__init__(joints, clock, at_rest=at_rest, away=away, report=report, changed=changed)
+        super().__init__(joints, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
 
     def _servo(self, name: str, spec: JointSpec) -> ServoTwin:
         return RigidServo(name, spec, self.scene)

@@ -24,13 +24,19 @@ class StiffJoints(JointsTwin):
     """A ``JointsTwin`` of ``joints`` that hold their position from the beginning, and cannot be made limp."""
 
     def __init__(
-        self, joints: Mapping[str, TopicJoint], clock: Clock, *, away: Away | None = None, report: Report = ignore
+        self,
+        joints: Mapping[str, TopicJoint],
+        clock: Clock,
+        *,
+        away: Away | None = None,
+        report: Report = ignore,
+        name: str = "arm",
     ) -> None:
         specs = {
             name: JointSpec(number, MOTOR, lower=max(its.lower, -REACH), upper=min(its.upper, REACH), speed=its.speed)
             for number, (name, its) in enumerate(((name, each.limits) for name, each in joints.items()), 1)
         }
-        super().__init__(specs, clock, away=away, report=report)
+        super().__init__(specs, clock, away=away, report=report, name=name)
         for servo in self._servos.values():
             servo.joint.wanted = True
 
@@ -63,7 +69,7 @@ class HeadTwin(NeckTwin):
 
 def arm(keys: Ros2ArmKeys, stage: Stage) -> StiffJoints:
     """Return the twin of an arm."""
-    return StiffJoints(joints_of_arm(keys), stage.clock, away=keys.away, report=stage.report)
+    return StiffJoints(joints_of_arm(keys), stage.clock, away=keys.away, report=stage.report, name=stage.part)
 
 
 def head(keys: Ros2HeadKeys, stage: Stage) -> HeadTwin:

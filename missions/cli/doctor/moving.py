@@ -56,22 +56,23 @@ def tried(
 def trials(part: str, section: Section) -> Iterator[Trial]:
     """Yield what there is to try of a part."""
     kind = section.driver.kind
+    of, which = ("", "") if part == kind else (f", on: {part}", f" --arm {part}")
     if kind == "base":
         does = "it turns by 10 degrees to its left, and back; the floor around it must be free"
         cure = "look whether the plugs of its wheels or motors are swapped"
         yield Trial("turning", does, ("turn: 10 deg", "turn: -10 deg"), "Did it turn to its left first?", cure)
     elif kind == "head":
-        of = "" if part == "head" else f", on: {part}"
         poses = ((0, 0), (8, 0), (0, 0), (0, -8), (0, 0))
         steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
         does = "it looks straight ahead, a little to its left, and a little up"
         cure = "in the robot file, turn the axis round that went wrong; askew: mission head trim --robot ROBOT"
         yield Trial("looking", does, steps, "Did it look ahead, then to its left, then up?", cure)
     elif kind == "arm" and isinstance(section.keys, ArmKeys):
+        cure = "mission servo scan --robot ROBOT  (has it the ID of another joint?)"
+        cure = cure.replace("ROBOT", f"ROBOT{which}")
         for joint in section.keys.limits:
-            does = f"{joint} goes 4 degrees to one side, and back; the arm becomes stiff"
-            cure = "mission servo scan --robot ROBOT  (has it the ID of another joint?)"
-            yield Trial(joint, does, (f"nudge: {joint}",), f"Did {joint} move, and nothing else?", cure)
+            does = f"{joint} goes 4 degrees to one side, and back; the {part} becomes stiff"
+            yield Trial(joint, does, (f"nudge: {{joint: {joint}{of}}}",), f"Did {joint} move, and nothing else?", cure)
     elif kind == "voice":
         cure = "speaker-test -t wav -c 1 -l 1  (do you hear that? else: alsamixer)"
         yield Trial("speaking", "it says a few words", ("say: one, two, three",), "Did you hear it?", cure)

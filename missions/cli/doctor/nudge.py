@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import JointMotion, positions
+from behaviours.joint_motion import ON_ARM, JointMotion, positions
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import RUNNING, SUCCESS, argument
 from behaviours.tracking_error import Sample
@@ -41,6 +41,7 @@ class Nudge(JointMotion):
 
     word = "nudge"
     joint: str = argument("joint", "which joint", principal=True)
+    on: str = ON_ARM
     _begun: Mapping[str, float]
     _moved = 0.0
 

@@ -20,6 +20,7 @@ from drivers.finding.survey import Desk
 from missions.cli.robot.desk import Found
 from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.parts import Part
+from missions.library.catalogue import WRITTEN
 from missions.library.drivers import Table, load_robot
 
 NONE = "none"
@@ -126,7 +127,7 @@ def _which(talk: Dialogue, kind: str, found: Sequence[Found], model: Model | Non
 def _add(talk: Dialogue, parts: Parts, key: str, driver: Driver, part: Part, at: str = "") -> None:
     """Ask how one more part of a kind is called; missions say that name."""
     kind = driver.kind
-    reserved = {each.word for each in declared(RobotKeys)} | set(KINDS)
+    reserved, such = {each.word for each in declared(RobotKeys)} | set(KINDS), WRITTEN[kind]
 
     def check(answer: str) -> None:
         if answer == NONE:
@@ -134,10 +135,10 @@ def _add(talk: Dialogue, parts: Parts, key: str, driver: Driver, part: Part, at:
         if re.fullmatch(NAME, answer) is None:
             raise ValueError(f"'{answer:.40}' is no name: small letters, digits and _, beginning with a letter")
         if answer in parts or answer in reserved:
-            raise ValueError(f"'{answer}' is taken: give another name, such as lidar_mast")
+            raise ValueError(f"'{answer}' is taken: give another name, such as {such}")
 
     usual = next(name for number in count(2) if (name := f"{kind}{number}") not in parts)
-    question = f"one more {kind}, {driver.name}{at}: what is it called, such as lidar_mast? '{NONE}' leaves it out"
+    question = f"one more {kind}, {driver.name}{at}: what is it called, such as {such}? '{NONE}' leaves it out"
     name = talk.text(key, question, usual, check)
     if name != NONE:
         parts[name] = part

@@ -116,8 +116,8 @@ def _filled(
         while True:
             if issubclass(part.driver.keys, DynamixelKeys):
                 if part.port is not None:
-                    part_ids(talk, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
-                name_joints(talk, part)
+                    part_ids(talk, kind, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
+                name_joints(talk, kind, part)
             figures(talk, kind, part)
             try:
                 robot_of(Source(name, robot_text(name, summary, _sections({**whole, kind: part}))))
@@ -142,8 +142,9 @@ def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: 
     """Find out by hand and by eye what no wire tells. What goes wrong is told, and left out."""
     paths = {kind: str(machine.at(part.port.path)) for kind, part in parts.items() if part.port is not None}
     try:
-        if "arm" in parts and "arm" in paths:
-            find_limits(talk, parts["arm"], config, paths["arm"], patience=max(patience, 0.004))
+        for name, part in parts.items():
+            if part.driver.kind == "arm" and name in paths:
+                find_limits(talk, name, part, config, paths[name], patience=max(patience, 0.004))
         if "head" in parts:
             needs = parts["head"].driver.needs or ("head",)
             there = machine.at(f"/dev/i2c-{getattr(config.head, 'bus', '')}").exists()

@@ -38,8 +38,8 @@ def opened(path: str, baud: int, patience: float) -> Iterator[Bus]:
         yield bus
 
 
-def name_joints(talk: Dialogue, part: Part) -> None:
-    """Give each servo of an arm the name of a joint, unless the robot that it is like has named them."""
+def name_joints(talk: Dialogue, arm: str, part: Part) -> None:
+    """Give each servo of an ``arm`` (its name) a joint's name, unless the robot that it is like has named them."""
     if "joints" in part.section:
         return
     joints: dict[str, dict[str, Any]] = {}
@@ -53,10 +53,12 @@ def name_joints(talk: Dialogue, part: Part) -> None:
     usual = JointKeys(id=0).model
     if not part.units:
         talk.tell("no servo has answered: their IDs are taken as you say")
-        count = int(talk.text("arm count", "how many servos has the arm?", "1", _count))
+        count = int(talk.text(f"{arm} count", f"how many servos has the {arm}?", "1", _count))
         part.units = tuple((number, usual, "") for number in range(1, count + 1))
     for number, model, _ in sorted(part.units):
-        name = talk.text(f"arm joint {number}", f"what moves servo {number} ({model})?", f"joint{number}", check)
+        of = "" if arm == "arm" else f" of the {arm}"
+        question = f"what moves servo {number}{of} ({model})?"
+        name = talk.text(f"{arm} joint {number}", question, f"joint{number}", check)
         joints[name] = {"id": number} | ({} if model in {usual, "?"} or model not in MODELS else {"model": model})
     part.section["joints"] = joints
 
@@ -66,17 +68,17 @@ def _count(answer: str) -> None:
         raise ValueError(f"say a number from 1 to {len(IDS)}")
 
 
-def part_ids(talk: Dialogue, part: Part, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
+def part_ids(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
     """Give servos that share an ID new ones, one after another: each write into the EEPROM is asked for."""
     if not any(trouble == TWO for _, _, trouble in part.units):
         return
     talk.tell("two servos have one ID; servos are delivered with ID 1")
-    if talk.yes or not talk.confirm("arm ids", "give them new IDs now? it writes their EEPROM", default=False):
+    if talk.yes or not talk.confirm(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
         talk.tell("left as they are: mission servo set-id 1 NEW --port PORT, with one plugged in alone")
         return
     baud, taken = int(part.section.get("baud", DELIVERED[0])), dict[int, str]()
     while True:
-        step = f"arm id {len(taken)}"
+        step = f"{arm} id {len(taken)}"
         question = "plug in one servo alone; how is its new ID? 'done' after the last"
         free = next(number for number in range(1, len(IDS)) if number not in taken)
         answer = talk.text(step, question, str(free), lambda said: said == "done" or _new_id(said, taken))
@@ -130,32 +132,34 @@ def _written(talk: Dialogue, bus: Bus, one: Found, new: int, baud: int) -> bool:
     return True
 
 
-def find_limits(talk: Dialogue, part: Part, config: RobotConfig, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
-    """Find how far joints go, moved by hand: torque goes off for that, where the user wants it."""
-    arm = config.keys(DynamixelKeys)
-    if arm is None or talk.yes or part.port is None:
+def find_limits(
+    talk: Dialogue, name: str, part: Part, config: RobotConfig, path: str, *, patience: float = REPLY_TIMEOUT
+) -> None:
+    """Find how far the joints of the arm ``name`` go, moved by hand: torque goes off, where the user wants it."""
+    arm = config.sections[name].keys
+    if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None:
         return
-    question = "find the limits of its joints by hand? they get limp: hold the arm, it falls"
-    if not talk.knows("arm ranges") and not talk.consent("arm limits", question):
+    question = f"find the limits of the {name}'s joints by hand? they get limp: hold the {name}, it falls"
+    if not talk.knows(f"{name} ranges") and not talk.consent(f"{name} limits", question):
         return
-    joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in specs(arm).items()}
+    joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in specs(arm).items()}
 
     def measure() -> dict[str, tuple[int, int]]:
         with opened(path, arm.baud, patience) as bus:
             return _turned(talk, bus, joints)
 
-    ends = talk.measured("arm ranges", measure)
-    kept = {str(name): dict(entries) for name, entries in part.section["joints"].items()}
-    for name, (lowest, highest) in ends.items():
-        turned = Turned(joints[name], lowest, highest)
+    ends = talk.measured(f"{name} ranges", measure)
+    kept = {str(joint): dict(entries) for joint, entries in part.section["joints"].items()}
+    for joint, (lowest, highest) in ends.items():
+        turned = Turned(joints[joint], lowest, highest)
         if (found := turned.within(MARGIN)) is None:
-            talk.tell(f"  {name} was hardly turned: left as it is")
+            talk.tell(f"  {joint} was hardly turned: left as it is")
             continue
-        new = ranged(arm.joints[name], found)
+        new = ranged(arm.joints[joint], found)
         if new.ticks is not None:
-            kept[name]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
+            kept[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
         else:
-            kept[name]["limits"] = [written(new.lower, "angle"), written(new.upper, "angle")]
+            kept[joint]["limits"] = [written(new.lower, "angle"), written(new.upper, "angle")]
     part.section["joints"] = kept
 
 

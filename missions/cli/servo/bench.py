@@ -12,7 +12,6 @@ import click
 from behaviours.joint_ranges import JointRanges
 from config.faults import one_of
 from config.library import find
-from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Joints, ignore
 from drivers.clock import Clock, SystemClock
@@ -30,7 +29,7 @@ from missions.assembly.assembled import CONNECT_TIME, REMARK_TIME
 from missions.assembly.simulation import Simulation
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
-from missions.cli.servo.target import Target
+from missions.cli.servo.target import ARM, Target
 from missions.studio.holders import holding
 
 REPLY_TIMEOUT = 0.004
@@ -132,14 +131,14 @@ def opened_bus(
             bus = Bus(str(target.port), clock, baud=baud, patience=REPLY_TIMEOUT, framing=framing or "own")
         else:
             config = target.config()
-            arm = _arm(config)
+            arm: DynamixelKeys = config.sections[target.arm].keys
             groups = arm.groups
             joints = {name: Joint(name, spec, MODELS[spec.model]) for name, spec in specs(arm).items()}
             port = arm.port
             if target.virtual:
-                simulation = closings.enter_context(closing(Simulation(config, frozenset({"arm"}), clock)))
+                simulation = closings.enter_context(closing(Simulation(config, frozenset({target.arm}), clock)))
                 simulation.open()
-                port = simulation.ports["arm"]
+                port = simulation.ports[target.arm]
             waits = patience if target.virtual else REPLY_TIMEOUT
             bus = Bus(port, clock, baud=arm.baud, patience=waits, framing=framing or arm.framing)
         closings.enter_context(closing(bus))
@@ -174,22 +173,23 @@ def opened_arms(*targets: Target) -> Iterator[list[Arm]]:
     for target in targets:
         target.require_joints()
     configs, clock = [target.config() for target in targets], SystemClock()
-    arms = [_arm(config) for config in configs]
+    arms = [config.sections[target.arm].keys for config, target in zip(configs, targets, strict=True)]
     virtual = targets[-1].virtual
     audience = Hooks(tell, ignore, click.echo, ignore, ignore)
     robots = []
-    for config in configs:
+    for config, target in zip(configs, targets, strict=True):
         wishes = Overrides(world=load_world(find("worlds", "empty")) if virtual else None)
-        robots.append(assemble(config, frozenset({"arm"}), clock, wishes, audience))
-    names = " and ".join(config.name for config in configs)
+        robots.append(assemble(config, frozenset({target.arm}), clock, wishes, audience))
+    names = " and ".join(dict.fromkeys(config.name for config in configs))
     with interruptible(), holding(names, simulated=virtual), ExitStack() as closings:
         for robot in robots:
             closings.enter_context(closing(robot))
             robot.open()
-        for robot in robots:
-            _wait_for(robot.robot.arm, clock)
+        seen = [robot.robot.of({ARM: target.arm}) for robot, target in zip(robots, targets, strict=True)]
+        for each in seen:
+            _wait_for(each.arm, clock)
         targets[-1].tell_if_simulated()
-        yield [Arm(robot.robot.arm, robot.robot.reach, arm, clock) for robot, arm in zip(robots, arms, strict=True)]
+        yield [Arm(each.arm, each.reach, arm, clock) for each, arm in zip(seen, arms, strict=True)]
 
 
 def _wait_for(joints: Joints, clock: Clock) -> None:
@@ -203,13 +203,6 @@ def _wait_for(joints: Joints, clock: Clock) -> None:
             remark = inf
             click.echo(f"waiting for it: {joints.health().detail}", err=True)
         pause()
-
-
-def _arm(config: RobotConfig) -> DynamixelKeys:
-    arm = config.keys(DynamixelKeys)
-    if arm is None:
-        raise click.UsageError(f"{config.name} has no arm")
-    return arm
 
 
 def tell(notice: DeviceStatus) -> None:

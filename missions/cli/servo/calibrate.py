@@ -66,8 +66,8 @@ def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float
     if target.robot is None:
         raise click.UsageError("which robot file is to be written? name it with --robot FILE")
     path = find("robots", target.robot)
-    arm = target.config().keys(FeetechKeys)
-    if arm is not None and arm.calibration:
+    arm = target.keys
+    if isinstance(arm, FeetechKeys) and arm.calibration:
         raise click.UsageError(f"how far its joints go is in {arm.calibration}: mission servo home{target.options}")
     require_terminal(seconds)
     try:
@@ -80,7 +80,7 @@ def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float
         if not kept:
             click.echo("no joint was turned: nothing is written", err=True)
             return FAILURE
-        before = keep_ranges(path, kept)
+        before = keep_ranges(path, kept, target.arm)
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"written into {path}; what it was is in {before}")

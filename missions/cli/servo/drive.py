@@ -98,9 +98,9 @@ def move(target: Target, joint: str, angle: tuple[str, ...], speed: str | None) 
         raise click.UsageError(f"--speed {speed}: it must be above 0, and at least {degrees(SLOWEST):g} deg/s")
     target.require_joints()
     config = target.config()
-    reach = target_of(config).reach
-    if reach is None or joint not in reach.joints:
-        wrong = [] if reach is None else reach.unknown([joint])
+    reach = target_of(config).reaches[target.arm]
+    if joint not in reach.joints:
+        wrong = reach.unknown([joint])
         raise BadRequest("; ".join(wrong) or f"'{joint}' is a group: name one joint")
     return _move(target, config, joint, goal, pace, reach.joints[joint])
 
@@ -111,8 +111,8 @@ def _move(
     """Move it within its limits (rad, rad/s), and say where it is then."""
     goal = min(max(wanted, limits.lower), limits.upper)
     clamped = "" if goal == wanted else f", its limit for {degrees(wanted):+.1f} deg"
-    speed = "" if pace is None else f", speed: {min(pace, limits.speed):.9f} rad/s"
-    code, leaf = run_leaf(target, config, MoveJoints, f"{{to: {{{joint}: {goal:.9f} rad}}{speed}}}")
+    speed = {} if pace is None else {"speed": f"{min(pace, limits.speed):.9f} rad/s"}
+    code, leaf = run_leaf(target, config, MoveJoints, {"to": f"{{{joint}: {goal:.9f} rad}}", **speed})
     state = leaf.robot.arm.states()[joint].value
     if state is not None:
         click.echo(f"{joint} is at {degrees(state.position):+.1f} deg{clamped}")

@@ -87,8 +87,8 @@ def home(
     to both its ends. The position offset and the limits go into the servos (EEPROM), after a question, and with the
     ranges into a calibration file that LeRobot reads too. Ctrl-C writes nothing; the joints stay limp either way.
     """
-    arm = target.config().keys(FeetechKeys)
-    if arm is None:
+    arm = target.keys
+    if not isinstance(arm, FeetechKeys):
         raise click.UsageError("the robot has no Feetech servos: mission servo calibrate  finds the limits of others")
     path = into or arm.calibration
     if not path:

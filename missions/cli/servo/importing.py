@@ -8,11 +8,13 @@ from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import Source, one_of
 from config.marked import read_source
 from config.writing import write_new
-from drivers.dynamixel.declared import ALIASES, DynamixelKeys, JointKeys
+from drivers.dynamixel.declared import ALIASES, JointKeys
 from drivers.dynamixel.models import MODELS
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
+from missions.cli.servo.ranges import arm_of
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
+from missions.cli.servo.target import ARM
 from missions.cli.servo.writing import robot_text
 from missions.library.drivers import robot_of
 
@@ -64,7 +66,7 @@ def _add(path: Path, found: RosJoints, text: str) -> None:
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)
     old = robot_of(source)
-    before = old.keys(DynamixelKeys)
+    before = arm_of(old, ARM)
     joints: dict[str, JointKeys] = {} if before is None else dict(before.joints)
     if there := [name for name in found.joints if name in joints]:
         raise NotEditableError(f"{path}: it has {', '.join(there)} already")
@@ -72,8 +74,8 @@ def _add(path: Path, found: RosJoints, text: str) -> None:
     new = source.text
     for line in reversed(lines):  # each is put in front of the others
         name, _, value = line.strip().partition(": ")
-        new = with_value(Source(source.name, new), ("arm", "joints", name), value)
-    arm = robot_of(Source(source.name, new)).keys(DynamixelKeys)
+        new = with_value(Source(source.name, new), (ARM, "joints", name), value)
+    arm = arm_of(robot_of(Source(source.name, new)), ARM)
     if arm is None or dict(arm.joints) != {**found.joints, **joints}:
         raise NotEditableError(
             f"{path}: its arm is written in a way that cannot be added to; write the joints yourself"

@@ -8,14 +8,13 @@ from threading import Event
 import click
 
 from drivers.api import Coupling, JointLimits
-from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.mirroring import Mirroring, by_range
 from drivers.errors import NotConnected
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Arm, opened_arms
-from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.target import ARM, Target, target_options
 from missions.cli.servo.until import patience, require_terminal, show
 
 ROUND = 0.05
@@ -28,20 +27,29 @@ GLANCE = 0.1
 @click.command(epilog="Example: mission servo mirror so101_leader --robot so101")
 @target_options
 @click.argument("leader")
+@click.option("--leader-arm", default=ARM, metavar="NAME", help="Which arm of the leader, where it has several.")
 @click.option("--leader-port", metavar="PATH", help="Where the leader is plugged in, instead of what its file says.")
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
               help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
 @click.option("--seconds", type=Real(min=0.1), metavar="N", help="Mirror for so long; else until Enter.")
-def mirror(target: Target, leader: str, leader_port: str | None, ranged: tuple[str, ...], seconds: float | None) -> int:
+def mirror(
+    target: Target,
+    leader: str,
+    leader_arm: str,
+    leader_port: str | None,
+    ranged: tuple[str, ...],
+    seconds: float | None,
+) -> int:
     """Let an arm copy another that is moved by hand.
 
-    LEADER is a robot (a name or a file) with joints of the same names, on another port. It goes limp: hold it. The arm
+    LEADER is a robot (a name or a file) with joints of the same names, on another port; it may be the same robot, where
+    that has two arms. It goes limp: hold it. The arm
     of --robot comes over slowly to where the leader stands, then follows at once. In the end the leader stays limp, and
     the follower comes to the rest that its file asks for.
     """
     require_terminal(seconds)
     target.require_joints()
-    first = replace(target, robot=leader, port=leader_port, baud=None, simulate=target.virtual)
+    first = replace(target, robot=leader, arm=leader_arm, port=leader_port, baud=None, simulate=target.virtual)
     first.check()
     couplings = coupled(_limits(first), _limits(target), ranged)  # a wrong leader is told before anything is opened
     with opened_arms(first, target) as (leading, following):
@@ -52,8 +60,7 @@ def mirror(target: Target, leader: str, leader_port: str | None, ranged: tuple[s
 
 
 def _limits(target: Target) -> Mapping[str, JointLimits]:
-    keys = target.config().keys(DynamixelKeys)
-    return {} if keys is None else keys.limits
+    return target.keys.limits
 
 
 def coupled(

@@ -13,9 +13,7 @@ from behaviours.moves import Play
 from behaviours.playing import Playing
 from behaviours.tracking_error import Sample
 from config.library import find, shipped
-from config.robot import RobotConfig
 from drivers.api import Gesture, JointLimits
-from missions.assembly.target import target_of
 from missions.cli.names import GESTURE
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
@@ -60,8 +58,8 @@ def play(
     target.require_joints()
     config = target.config()
     _check_files(plot, table, dry_run=dry_run)
-    movement = load_move(_find(name), rate=rate, arm=config.arm)
-    limits = _limits(config)
+    movement = load_move(_find(name), rate=rate, arm=target.keys)
+    limits = target.keys.limits
     playing = rehearsed(movement, limits, speed)
     click.echo(_summary(movement, playing, speed))
     if dry_run:
@@ -70,7 +68,7 @@ def play(
             _draw(plot, movement.name, _goals(playing), limits, None)
         return SUCCESS
     things = {"move": lambda _: movement}
-    code, leaf = run_leaf(target, config, Play, f"{{move: it, speed: {speed}}}", things=things)
+    code, leaf = run_leaf(target, config, Play, {"move": "it", "speed": speed}, things=things)
     tracking = getattr(leaf, "tracking", None)  # there is none where it never began
     if tracking is None:
         return code
@@ -110,11 +108,6 @@ def _summary(movement: Gesture, playing: Playing, speed: float) -> str:
         f"{movement.name}: {len(frames)} keyframes in {playing.duration:.1f} s{slower}; "
         f"before that to its first pose, at {degrees(RUN_IN)}/s at most"
     )
-
-
-def _limits(config: RobotConfig) -> Mapping[str, JointLimits]:
-    reach = target_of(config).reach
-    return {} if reach is None else reach.joints
 
 
 def _goals(playing: Playing) -> Curves:

@@ -43,15 +43,15 @@ def check_keepable(path: Path) -> None:
     require_own(path, AGAIN)
 
 
-def keep_ranges(path: Path, ranges: Mapping[str, Range]) -> Path:
-    """Write what was found of joints into a robot file, and nothing else; return where the file of before is kept.
+def keep_ranges(path: Path, ranges: Mapping[str, Range], part: str = "arm") -> Path:
+    """Write what was found of an arm's joints into a robot file, and nothing else; return where that of before is kept.
 
     Raises NotEditableError where that cannot be, InvalidFileError for a file that is no robot's, OSError.
     """
     check_keepable(path)
     source = read_source(path)
     old = robot_of(source)
-    arm = old.keys(DynamixelKeys)
+    arm = arm_of(old, part)
     if arm is None:
         raise NotEditableError(f"{old.name} has no arm of Dynamixel servos")
     joints = dict(arm.joints)
@@ -59,10 +59,10 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range]) -> Path:
     for name, found in ranges.items():
         new = ranged(joints[name], found)
         for keys, value in _entries(joints[name], new).items():
-            text = with_value(Source(source.name, text), ("arm", "joints", name, *keys), value)
+            text = with_value(Source(source.name, text), (part, "joints", name, *keys), value)
         joints[name] = new
-    wanted = old.with_keys("arm", replace(arm, joints=joints))
-    if not _is(Source(source.name, text), wanted):
+    wanted = old.with_keys(part, replace(arm, joints=joints))
+    if not _is(Source(source.name, text), wanted, part):
         raise NotEditableError(
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
         )
@@ -81,17 +81,23 @@ def _entries(old: JointKeys, new: JointKeys) -> dict[tuple[str, ...], str]:
     return entries
 
 
-def _is(source: Source, wanted: RobotConfig) -> bool:
+def arm_of(robot: RobotConfig, part: str) -> DynamixelKeys | None:
+    """Return what a robot file says of an arm of ours; None where it has none of that name."""
+    section = robot.sections.get(part)
+    return section.keys if section is not None and isinstance(section.keys, DynamixelKeys) else None
+
+
+def _is(source: Source, wanted: RobotConfig, part: str) -> bool:
     """Say whether a new text means the robot that it is to mean: an anchor may stand for more than one value."""
     try:
         new = robot_of(source)
     except InvalidFileError:
         return False
-    arm, meant = new.keys(DynamixelKeys), wanted.keys(DynamixelKeys)
+    arm, meant = arm_of(new, part), arm_of(wanted, part)
     if arm is None or meant is None or arm.joints.keys() != meant.joints.keys():
         return False
     same = all(_same(arm.joints[name], joint) for name, joint in meant.joints.items())
-    bare, other = (robot.with_keys("arm", replace(keys, joints={})) for robot, keys in ((new, arm), (wanted, meant)))
+    bare, other = (robot.with_keys(part, replace(keys, joints={})) for robot, keys in ((new, arm), (wanted, meant)))
     return same and bare == other
 
 

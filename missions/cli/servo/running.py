@@ -30,17 +30,24 @@ L = TypeVar("L", bound=Leaf)
 
 
 def run_leaf(
-    target: Target, config: RobotConfig, kind: type[L], arguments: str, *, things: Mapping[str, Lookup] = NOTHING
+    target: Target,
+    config: RobotConfig,
+    kind: type[L],
+    arguments: Mapping[str, object],
+    *,
+    things: Mapping[str, Lookup] = NOTHING,
 ) -> tuple[int, L]:
-    """Run a leaf on the arm, and show what happens; return the exit code, and the leaf that has run.
+    """Run a leaf that takes ``on`` on the arm, and show what happens; return the exit code, and the leaf that has run.
 
     ``arguments`` are its own as a mission has them; ``things`` find those among them that are kept in files. In the
     end the arm comes to the rest that its file asks for. Raises InvalidFileError for what cannot be, and then nothing
     was opened.
     """
-    source = Source(kind.word, f"mission: {kind.word}\ntree:\n  {kind.word}: {arguments}\n")
+    arguments = {**arguments, "on": target.arm}
+    told = ", ".join(f"{name}: {value}" for name, value in arguments.items())
+    source = Source(kind.word, f"mission: {kind.word}\ntree:\n  {kind.word}: {{{told}}}\n")
     plan = check_plan(source, {kind.word: kind}, things, robot=target_of(config))
-    ports = {} if target.port is None else {"arm": target.port}
+    ports = {} if target.port is None else {target.arm: target.port}
     order = RunRequest(kind.word, robot=target.robot, simulate="wire" if target.virtual else None, ports=ports)
     result, root = run_plan(plan, order, target.tell_if_simulated)
     return EXIT_CODES[result.result], next(node for node in root.iterate() if isinstance(node, kind))

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from config.faults import one_of
 from config.library import find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
@@ -16,15 +17,22 @@ from missions.cli.numbers import Whole
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 
+ARM = "arm"
+"""The name of an arm that has none of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Whose servos are meant: those of a robot file, simulated ones, or whatever is behind a port."""
+    """Whose servos are meant: those of a robot file, simulated ones, or whatever is behind a port.
+
+    ``arm`` is the name of the arm, of a robot that has several.
+    """
 
     robot: str | None = None
     simulate: bool = False
     port: str | None = None
     baud: int | None = None
+    arm: str = ARM
 
     @property
     def virtual(self) -> bool:
@@ -34,7 +42,8 @@ class Target:
     @property
     def options(self) -> str:
         """What of it was asked for, as it is typed, with a space before each: for the command that a hint names."""
-        given = (("--robot", self.robot), ("--port", self.port), ("--baud", self.baud))
+        arm = None if self.arm == ARM else self.arm
+        given = (("--robot", self.robot), ("--arm", arm), ("--port", self.port), ("--baud", self.baud))
         typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]
         return "".join(typed) + " --simulate" * self.simulate
 
@@ -47,10 +56,19 @@ class Target:
     def config(self) -> RobotConfig:
         """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
         robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
-        arm = robot.keys(DynamixelKeys)
+        arms = {part: it.keys for part, it in robot.sections.items() if isinstance(it.keys, DynamixelKeys)}
+        arm = arms.get(self.arm)
+        if arm is None and arms:
+            raise click.UsageError(f"{robot.name} has no {self.arm}; --arm: {one_of(self.arm, arms)}")
         if arm is None:
             raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
-        return robot.with_keys("arm", replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
+        return robot.with_keys(self.arm, replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
+
+    @property
+    def keys(self) -> DynamixelKeys:
+        """What the robot file says of the arm, as ``config`` reads it."""
+        found: DynamixelKeys = self.config().sections[self.arm].keys
+        return found
 
     def check(self) -> None:
         """Raise click.UsageError for options that contradict each other."""
@@ -64,14 +82,16 @@ class Target:
 
 
 def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callable[..., Any]:
-    """Add ``--robot``, ``--simulate``, ``--port`` and, unless told not to, ``--baud`` to a command.
+    """Add ``--robot``, ``--arm``, ``--simulate``, ``--port`` and, unless told not to, ``--baud`` to a command.
 
     It gets them as its first argument, a ``Target`` that was checked.
     """
 
     @functools.wraps(command)
-    def wrapped(robot: str | None, simulate: bool, port: str | None, baud: int | None = None, **others: object) -> Any:
-        target = Target(robot, simulate, port, baud)
+    def wrapped(
+        robot: str | None, simulate: bool, port: str | None, arm: str, baud: int | None = None, **others: object
+    ) -> Any:
+        target = Target(robot, simulate, port, baud, arm)
         target.check()
         return command(target, **others)
 
@@ -79,6 +99,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
                         "file's.")  # fmt: skip
     options = (
         click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
+        click.option("--arm", default=ARM, metavar="NAME", help="Which arm, of a robot that has several."),
         click.option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
         click.option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
                      "--port: simulated."),

@@ -47,17 +47,18 @@ class Figures:
         for part, what, arguments, value in moment.answers:
             newest[part, what] = value
             self._command(moment.t, part, what, arguments, value)
-        for value in newest.values():
+        joints: dict[str, object] = {}
+        for (part, what), value in newest.items():
+            if what == "states" and isinstance(value, Mapping):
+                joints |= {name if part == "arm" else f"{part}.{name}": state for name, state in value.items()}
             match value:
                 case Reading(value=BaseState() as state) as reading:
                     yield from self._base(moment.t, reading.stamp, str(reading.quality), state)
-                case Reading(value=HeadPose() as pose) as reading:
+                case Reading(value=HeadPose() as pose) as reading if part == "head":
                     yield from self._head(moment.t, reading.stamp, str(reading.quality), pose)
                 case Reading(value=RangeScan() as scan) if self._due("/scan", moment.t, scan.stamp, PERIOD):
                     yield Figure("/scan", moment.t, foxglove.scan(self._epoch.stamp(scan.stamp), scan))
-        states = newest.get(("arm", "states"))
-        if isinstance(states, Mapping):
-            yield from self._arm(moment.t, states)
+        yield from self._arms(moment.t, joints)
 
     def _command(self, t: float, part: str, what: str, arguments: tuple[object, ...], value: object) -> None:
         """Take in what a part was told, and what came of it."""
@@ -126,7 +127,7 @@ class Figures:
                 },
             )
 
-    def _arm(self, t: float, states: Mapping[str, object]) -> Iterator[Figure]:
+    def _arms(self, t: float, states: Mapping[str, object]) -> Iterator[Figure]:
         joints = {
             name: {"stamp": reading.stamp, "quality": str(reading.quality), **_fields(reading.value)}
             for name, reading in states.items()

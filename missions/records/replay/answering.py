@@ -3,9 +3,10 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from behaviours.robot import Robot
+from behaviours.robot import Other, Robot
 from drivers.api import (
     AS_USUAL,
     Device,
@@ -20,6 +21,11 @@ from missions.executive.asked import protocol_of
 from missions.executive.speaking import unusual
 from missions.records.replay.memory import Memory
 
+Groups = Mapping[str, tuple[str, ...]]
+"""Groups of joints."""
+
+NOTHING: Mapping[str, tuple[str, Groups]] = MappingProxyType({})
+
 LETTER_TIME = 0.06
 """Seconds that a letter takes to say, where nobody knows how long it took."""
 
@@ -33,17 +39,25 @@ def answering(
     now: Callable[[], float],
     *,
     eye: tuple[float, float, float],
-    groups: Mapping[str, tuple[str, ...]],
+    groups: Groups,
+    others: Mapping[str, tuple[str, Groups]] = NOTHING,
 ) -> Robot:
-    """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record."""
+    """Return a robot of these parts that answers out of ``memory``; ``now`` tells the time of the record.
+
+    ``others`` are the kinds of further parts, with the groups of the joints of those that are arms.
+    """
     fields: dict[str, Any] = {}
-    heads = {name: Answering(name, protocol_of(name), memory, name) for name in sorted(set(parts).difference(KINDS))}
+    further = {
+        name: Other(kind, Answering(name, protocol_of(kind), memory, name), its)
+        for name, (kind, its) in others.items()
+        if name in parts
+    }
     for kind in KINDS.values():
         if kind.name == "voice" and kind.name in parts:
             fields["voice_part"] = AnsweringVoice(memory, now)
         elif kind.name in parts:
             fields[f"{kind.field}_part"] = Answering(kind.name, protocol_of(kind.field), memory, kind.field)
-    return Robot(**fields, eye=eye, groups=groups, heads=heads)
+    return Robot(**fields, eye=eye, groups=groups, others=further)
 
 
 class Answering:

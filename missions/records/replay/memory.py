@@ -1,8 +1,9 @@
 """What a robot answered at each moment of a record, given out again to whoever asks the same."""
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from drivers.errors import DriverError
@@ -27,6 +28,9 @@ class Told:
         return f"{self.what}({', '.join(str(each) for each in self.arguments if each is not None)})"
 
 
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
 class NotHeardError(DriverError):
     """A part was asked what the record has no answer to."""
 
@@ -37,13 +41,19 @@ class Memory:
     A question that was asked several times in a moment, between commands, is answered in that order; one that was not
     asked in it, as the last time before. ``unheard(question)`` is told of one that has no answer at all,
     ``otherwise(part, then, now)`` of a command that is not as it was then; one of the two is None where there is none.
+    ``others`` are the kinds of further parts.
     """
 
     def __init__(
-        self, *, unheard: Callable[[str], None], otherwise: Callable[[str, Told | None, Told | None], None]
+        self,
+        *,
+        unheard: Callable[[str], None],
+        otherwise: Callable[[str, Told | None, Told | None], None],
+        others: Mapping[str, str] = NOTHING,
     ) -> None:
         self._unheard = unheard
         self._otherwise = otherwise
+        self._others = others
         self._answers: dict[Question, deque[object]] = {}
         self._latest: dict[Hashable, object] = {}
         self._commands: dict[str, deque[Told]] = {}
@@ -52,7 +62,7 @@ class Memory:
         """Begin a moment."""
         self._answers, self._commands = defaultdict(deque), defaultdict(deque)
         for part, what, arguments, value in answers:
-            if what in commands_of(part):
+            if what in commands_of(self._others.get(part, part)):
                 self._commands[part].append(Told(what, arguments, value))
             else:
                 self._answers[part, what, arguments].append(value)

@@ -13,7 +13,7 @@ from behaviours.run import Run
 from config.robot import RobotConfig
 from drivers.clock import ManualClock
 from missions.assembly.order import with_carriers
-from missions.assembly.together import eye
+from missions.assembly.together import eye, groups
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
@@ -124,7 +124,7 @@ class _Again:
     ) -> None:
         self._clock = ManualClock()
         self._run = run = Run(self._clock, seed=seed)
-        self._memory = Memory(unheard=self._note_unheard, otherwise=self._note_command)
+        self._memory = Memory(unheard=self._note_unheard, otherwise=self._note_command, others=config.others)
         answers, stream = Answers(), Stream()
         robot = asked(
             answering(
@@ -132,7 +132,8 @@ class _Again:
                 self._memory,
                 run.now,
                 eye=eye(config),
-                groups={} if config.arm is None else config.arm.groups,
+                groups=groups(config),
+                others={name: (kind, groups(config, name)) for name, kind in config.others.items()},
             ),
             answers,
         )

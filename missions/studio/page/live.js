@@ -90,7 +90,6 @@ export class Live {
     put(this.#facts, [plain(scene.robot), reality(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
     this.#tree.draw(scene.drawing);
     this.#plan.under(this.#link, scene.world);
-    this.#joints.panel.hidden = !scene.parts.includes("arm");
     for (const each of [this.#spoken, this.#log]) each.clear();
   }
 

@@ -93,7 +93,7 @@ export class Parts {
   }
 }
 
-/** The joints of the arm: where each is, its load and its temperature. */
+/** The joints of all arms, in a panel that is there where there are some: where each is, its load and its temperature. */
 export class Joints {
   node = el("table", { class: "joints" });
   #rows = new Map();
@@ -101,6 +101,7 @@ export class Joints {
   clear() {
     this.#rows.clear();
     this.node.replaceChildren();
+    this.panel.hidden = true;
   }
 
   show(joints) {
@@ -113,6 +114,7 @@ export class Joints {
       put(row.heat, `${Math.round(temperature)} °C`);
       row.node.classList.toggle("hot", temperature >= 60);
     }
+    this.panel.hidden = !this.#rows.size;
   }
 
   #add(name) {

@@ -38,7 +38,6 @@ export class Robot {
     this.node.classList.toggle("none", !scene);
     put(this.#title, scene ? plain(scene.robot) : "Nothing runs");
     put(this.#facts, scene ? `${plain(scene.mission)} · ${reality(scene.simulated)}` : "Start a mission from Run: its robot shows here.");
-    this.#joints.panel.hidden = !scene?.parts.includes("arm");
     if (state) this.#state(state);
     if (!lives) return;
     try {

@@ -8,6 +8,7 @@ from drivers.api import BaseState, HeadPose, Pose2D, Quality, Reading, Velocity
 from missions.executive.tick_record import Answer, TickRecord
 from missions.records.recording.figures import Figure, Figures
 from missions.records.recording.foxglove import Epoch, Json, camera_transform
+from missions.testing.recorders import Bench
 from perception.api import Gaze
 
 
@@ -55,6 +56,20 @@ def test_a_head_is_told_with_where_it_is_to_look() -> None:
     told = figures((1.0, [("head", "pose", (), pose), ("head", "look", (HeadPose(9.0, 0.0),), HeadPose(1.0, 0.0))]))
     (head,) = (figure.data for figure in told if figure.topic == "/state/head")
     assert (head["pan"], head["tilt"], head["wanted_pan"], head["wanted_tilt"]) == (0.1, 0.2, 1.0, 0.0)
+
+
+def test_another_head_turns_no_camera() -> None:
+    pose = Reading(HeadPose(0.1, 0.2), 1.0, Quality.GOOD)
+    assert figures((1.0, [("lidar_mast", "pose", (), pose)])) == []
+
+
+def test_the_joints_of_all_arms_are_told_together() -> None:
+    bench = Bench()
+    answers: list[Answer] = [(part, "states", (), bench.arm.states()) for part in ("arm", "right_arm")]
+    (arms,) = figures((1.0, answers))
+    joints = arms.data["joints"]
+    assert isinstance(joints, dict)
+    assert {"elbow", "right_arm.elbow"} <= joints.keys()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,247 @@
+"""A robot with two arms: the second is a part under a name of its own, which missions move by saying ``on``."""
+
+from collections.abc import Iterator
+from math import degrees, radians
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from behaviours.catalogue import LEAVES
+from behaviours.robot import Other, Robot
+from config.faults import InvalidFileError, Source
+from config.robot import RobotConfig
+from drivers.errors import DeviceFault
+from missions.assembly.assembled import Assembled
+from missions.cli.doctor.moving import trials
+from missions.executive.answers import Answers
+from missions.executive.asked import asked
+from missions.executive.events import CommandSent, Event
+from missions.executive.stop_latch import StopLatch
+from missions.library.drivers import robot_of
+from missions.order import RunRequest
+from missions.runner import Runner
+from missions.testing.recorders import HOLD, Bench, RecordedJoints
+from tests.drivers.arms import Make, making
+from tests.missions.command import Outcome, command
+
+PATIENCE = 20.0
+
+ARMS = """
+robot: pair
+arm:
+  driver: feetech
+  port: /dev/one
+  joints:
+    shoulder: {id: 1, limits: [-90 deg, 90 deg], speed: 120 deg/s}
+    elbow: {id: 2, limits: [-90 deg, 90 deg], speed: 120 deg/s}
+"""
+
+RIGHT = """
+right_arm:
+  kind: arm
+  driver: feetech
+  port: /dev/two
+  joints:
+    shoulder: {id: 1, limits: [-30 deg, 30 deg], speed: 120 deg/s}
+    elbow: {id: 2, limits: [-90 deg, 90 deg], speed: 120 deg/s}
+    gripper: {id: 3, limits: [0 deg, 60 deg], speed: 120 deg/s}
+  groups:
+    wrist: [elbow, gripper]
+"""
+
+BOTH = """
+mission: both
+tree:
+  sequence:
+    - parallel:
+        - move_joints: {to: {elbow: 30 deg}}
+        - move_joints: {to: {elbow: -40 deg}, on: right_arm}
+    - joint_at: {joint: elbow, angle: 30 deg}
+    - joint_at: {joint: elbow, angle: -40 deg, on: right_arm}
+    - torque: {stiff: off, joints: wrist, on: right_arm}
+"""
+
+
+def pair(right: str = RIGHT) -> RobotConfig:
+    return robot_of(Source("pair.yaml", ARMS + right))
+
+
+def written(folder: Path, mission: str = BOTH) -> tuple[str, str]:
+    robot, path = folder / "pair.yaml", folder / "both.yaml"
+    robot.write_text(ARMS + RIGHT)
+    path.write_text(mission)
+    return str(path), str(robot)
+
+
+def test_each_leaf_moves_the_arm_that_it_names(tmp_path: Path) -> None:
+    mission, robot = written(tmp_path)
+    events: list[Event] = []
+    result = Runner(RunRequest(mission, robot=robot, simulate="fast"), listeners=[events.append]).run()
+    goals = {
+        (event.to, event.values["elbow"])
+        for event in events
+        if isinstance(event, CommandSent) and "elbow" in event.values
+    }
+    assert result.result == "success"
+    assert goals == {("arm", round(radians(30), 4)), ("right_arm", round(radians(-40), 4))}
+    limp = [event.to for event in events if isinstance(event, CommandSent) and "relax" in event.values]
+    assert set(limp) == {"right_arm"}
+
+
+@pytest.mark.real_time
+def test_each_goes_over_its_own_wire(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mission, robot = written(tmp_path)
+    assert command(capsys, "run", mission, "--robot", robot, "--simulate", "wire").code == 0
+
+
+def test_a_record_of_both_decides_the_same_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mission, robot = written(tmp_path)
+    record = str(tmp_path / "both.mcap")
+    assert command(capsys, "run", mission, "--robot", robot, "--simulate", "fast", "--record", record).code == 0
+    again = command(capsys, "replay", record, "--rerun")
+    assert (again.code, "no difference" in again.out) == (0, True)
+
+
+def test_all_leaves_that_have_to_do_with_an_arm_alone_say_which() -> None:
+    of_arms = {
+        word: leaf.arguments for word, leaf in LEAVES.items() if "arm" in leaf.needs and "base" not in leaf.needs
+    }
+    assert "gesture" in of_arms
+    assert [word for word, arguments in of_arms.items() if "on" not in arguments] == []
+
+
+SWEEP = "sweep: {joints: elbow, between: [0 deg, 9 deg], on: right_arm}"
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (
+            "move_joints: {to: {elbow: 3 deg}, on: rigth_arm}",
+            "3:3: 'move_joints' needs a rigth_arm; robot 'pair' has none (its arms are arm, right_arm)",
+        ),
+        (
+            "look: {pan: 3 deg, on: right_arm}",
+            "3:3: 'look' needs a right_arm; robot 'pair' has none (it has no head)",
+        ),
+        (
+            f"parallel: [{{torque: {{stiff: on, on: right_arm}}}}, {{{SWEEP}}}]",
+            "can both drive the right_arm at the same time",
+        ),
+        (
+            "move_joints: {to: {shoulder: 60 deg}, on: right_arm}",
+            "shoulder at 60 deg is outside its limits (-30 deg to 30 deg)",
+        ),
+        ("move_joints: {to: {gripper: 9 deg}}", "the arm has no joint 'gripper'"),
+        (
+            "sequence: [{set: {which: right_arm}}, {torque: {stiff: on, on: '${which}'}}]",
+            "which arm it means must be known before the mission runs",
+        ),
+    ],
+)
+def test_the_checker_knows_which_arm_a_leaf_drives(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, told: str
+) -> None:
+    mission, robot = written(tmp_path, f"mission: both\ntree:\n  {line}\n")
+    checked = command(capsys, "check", mission, "--robot", robot)
+    assert checked.code == 2
+    assert told in checked.out + checked.err
+
+
+def test_what_is_right_for_the_arm_that_is_named_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = "sequence: [{move_joints: {to: {gripper: 9 deg}, on: right_arm}}, {move_joints: {to: {shoulder: 60 deg}}}]"
+    mission, robot = written(tmp_path, f"mission: both\ntree:\n  {lines}\n")
+    assert command(capsys, "check", mission, "--robot", robot).code == 0
+
+
+def test_two_arms_do_not_share_a_port() -> None:
+    with pytest.raises(InvalidFileError, match="port /dev/one is that of 'arm'"):
+        pair(RIGHT.replace("/dev/two", "/dev/one"))
+
+
+def test_what_goes_wrong_with_one_arm_is_told_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = "move_joints: {to: {elbow: 30 deg}}", "move_joints: {to: {gripper: 50 deg}, on: right_arm}"
+    _, robot = written(tmp_path, f"mission: both\ntree:\n  sequence: [{{{first}}}, {{{second}, timeout: 3 s}}]\n")
+    suite = tmp_path / "both.test.yaml"
+
+    def tested(given: str, expected: str) -> Outcome:
+        case = f"{{case: it, robot: {robot}, given: [{given}], expect: {{{expected}}}}}"
+        suite.write_text(f"tests: both.yaml\ncases:\n  - {case}\n")
+        return command(capsys, "test", str(suite))
+
+    whole = "result: success, ran: {move_joints: 2}"
+    assert tested("right_arm overloaded gripper at 0.3 s", "result: failure, ran: {move_joints: 2}").code == 0
+    assert tested("right_arm unplugged at 0.3 s", "result: failure, ran: {move_joints: 2}").code == 0
+    assert tested("arm unplugged when move_joints succeeds", whole).code == 0
+    assert "the arm of 'pair' has no joint 'gripper'" in tested("arm overloaded gripper", whole).err
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    with making() as maker:
+        yield maker
+
+
+@pytest.fixture
+def one_thread_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time stands still on hand-cranked wires: who starts a thread goes on once that has done what it can."""
+    start = Thread.start
+
+    def slowly(self: Thread) -> None:
+        start(self)
+        self.join(PATIENCE)
+
+    monkeypatch.setattr(Thread, "start", slowly)
+
+
+@pytest.mark.usefixtures("one_thread_after_another")
+def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_released(make: Make) -> None:
+    left, right = make().start(), make(name="right_arm").start()
+    robot = Robot(arm_part=left.joints, others={"right_arm": Other("arm", right.joints)})
+    assembled = Assembled("pair", robot, {"arm": left.joints, "right_arm": right.joints})
+    latch = StopLatch(assembled.devices, assembled.stilled, None, assembled.safe_stop, lambda _: None, lambda: None)
+    answers = Answers()
+    seen = asked(robot, answers, lambda _: latch.permit())
+    arms = {left: seen.arm, right: seen.of({"arm": "right_arm"}).arm}
+    for arm, joints in arms.items():
+        joints.move({"elbow": radians(80)}, speeds={"elbow": radians(30)})
+        arm.until(lambda arm=arm: arm.state("elbow").position > radians(5))  # type: ignore[misc]
+    assert latch.stop("Ada") == ["arm", "right_arm"]
+    stopped = {arm: arm.chain.servo(2).angle for arm in arms}
+    for arm, joints in arms.items():
+        with pytest.raises(DeviceFault, match="stopped by Ada"):
+            joints.move({"elbow": radians(80)})
+        begun = arm.clock.now()
+        arm.until(lambda arm=arm, begun=begun: arm.clock.now() > begun + 2.0)  # type: ignore[misc]
+        assert degrees(arm.chain.servo(2).angle) == pytest.approx(degrees(stopped[arm]), abs=1.0)
+        assert not arm.limp(2)
+    assert latch.release(1)
+    for arm, joints in arms.items():
+        joints.move({"elbow": radians(20)})
+        arm.until(lambda arm=arm: arm.at("elbow", radians(20)))  # type: ignore[misc]
+
+
+def test_one_is_held_without_the_other() -> None:
+    bench = Bench()
+    right = RecordedJoints(bench.clock)
+    robot = Robot(arm_part=bench.arm, others={"right_arm": Other("arm", right)})
+    assembled = Assembled("pair", robot, {"arm": bench.arm, "right_arm": right})
+    assert assembled.moving == ("arm", "right_arm")
+    assembled.safe_stop(frozenset({"right_arm"}))
+    assert (bench.arm.commands, right.commands) == ([], [HOLD])
+
+
+def test_doctor_tries_the_joints_of_the_second_arm_on_it() -> None:
+    tried = list(trials("right_arm", pair().sections["right_arm"]))
+    assert [trial.about for trial in tried] == ["shoulder", "elbow", "gripper"]
+    assert tried[0].steps == ("nudge: {joint: shoulder, on: right_arm}",)
+    assert "--robot ROBOT --arm right_arm" in tried[0].cure
+
+
+def test_the_servos_of_the_second_arm_are_moved_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, robot = written(tmp_path)
+    wrong = command(capsys, "servo", "move", "gripper", "20 deg", "--robot", robot, "--simulate", "--arm", "rigth_arm")
+    assert (wrong.code, "pair has no rigth_arm; --arm: did you mean 'right_arm'?" in wrong.err) == (2, True)
+    found = command(capsys, "servo", "scan", "--ids", "1-4", "--robot", robot, "--simulate", "--arm", "right_arm")
+    assert (found.code, "gripper" in found.out) == (0, True), found.out + found.err
