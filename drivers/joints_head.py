@@ -22,6 +22,7 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.guard import guarded
 from drivers.led import LedHead
+from drivers.loop import Loop, MakeLoop, ThreadLoop
 from drivers.pantilt import AHEAD, LARGEST_TRIM, PanTilt
 
 PERIOD = 0.02
@@ -228,6 +229,37 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
             self._report(
                 DeviceStatus(self.name, "offline", health.detail or f"{self.name}: a joint is gone", _cure(health))
             )
+
+
+class NeckDriver(JointsHead[Joints]):
+    """A ``JointsHead`` that steps itself, on a thread of its own, while it is open; its joints are opened besides."""
+
+    make_loop: MakeLoop = ThreadLoop
+    """Makes what steps it."""
+    _loop: Loop | None = None
+    _fault = ""
+
+    def open(self) -> None:
+        """Use the joints as soon as they are there; does nothing while it is open."""
+        super().open()
+        if self._loop is None:
+            self._loop = self.make_loop(f"{self.name} joints", self._turn, ignore)
+        self._loop.start()
+
+    def close(self) -> None:
+        """Take no step any more, and hold. Safe from any state, more than once."""
+        if self._loop is not None:
+            self._loop.end()
+        super().close()
+
+    def _turn(self) -> float:
+        try:
+            self.step()
+        except BaseException as error:  # SystemExit too: without this thread the head would not even brake
+            if (fault := f"{type(error).__name__}: {error}") != self._fault:
+                self._fault = fault
+                self._report(DeviceStatus(self.name, "fault", fault))
+        return PERIOD
 
 
 def _within(name: str, axis: JointAxis, joints: Joints) -> JointAxis:

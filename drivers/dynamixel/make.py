@@ -5,9 +5,8 @@ from drivers.api.driver import Site
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, NeckJointKeys, NeckKeys
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.head import DynamixelHead
 from drivers.dynamixel.joint import JointSpec
-from drivers.joints_head import JointAxis
+from drivers.joints_head import JointAxis, NeckDriver
 
 REPLY_TIMEOUT = 0.005
 """Seconds that a servo's reply may be late, beside its time on the wire."""
@@ -31,10 +30,10 @@ def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
     )
 
 
-def neck(keys: NeckKeys, site: Site) -> DynamixelHead:
+def neck(keys: NeckKeys, site: Site) -> NeckDriver:
     """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
     led: Joints = site.parts["arm"]
-    return DynamixelHead(
+    return NeckDriver(
         led,
         site.clock,
         pan=axis(keys.pan),

@@ -1,10 +1,10 @@
 """A head of two joints of a robot of ROS 2, led in small steps by their own topics."""
 
-from drivers.dynamixel.head import DynamixelHead
+from drivers.joints_head import NeckDriver
 from drivers.ros2.joints import TopicJoints
 
 
-class Ros2Head(DynamixelHead):
+class Ros2Head(NeckDriver):
     """A ``JointsHead`` that steps itself, and opens and closes the ``TopicJoints`` that it is made of."""
 
     _joints: TopicJoints

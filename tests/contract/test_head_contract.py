@@ -13,10 +13,9 @@ from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.head import DynamixelHead
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
-from drivers.joints_head import JointAxis
+from drivers.joints_head import JointAxis, NeckDriver
 from drivers.keeper.head import KeeperHead
 from drivers.pantilt import Trimmable
 from drivers.ros2.head import Ros2Head
@@ -175,7 +174,7 @@ class WireNeck(InSimulatedTime, HeadRig):
         bus = Bus("/dev/servos", self.clock, name="arm", dial=self.line.dial)
         self.joints = DynamixelJoints(bus, SPECS, self.clock, loop=by_hand(self.timeline))
         self.joints.open()
-        self.device = DynamixelHead(
+        self.device = NeckDriver(
             self.joints,
             self.clock,
             pan=NECK[0],

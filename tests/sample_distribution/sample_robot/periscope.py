@@ -2,16 +2,15 @@
 
 from drivers.api import Joints
 from drivers.api.driver import Site
-from drivers.dynamixel.head import DynamixelHead
-from drivers.joints_head import JointAxis
+from drivers.joints_head import JointAxis, NeckDriver
 from sample_robot.declared import PeriscopeKeys
 
 
-def make(keys: PeriscopeKeys, site: Site) -> DynamixelHead:
+def make(keys: PeriscopeKeys, site: Site) -> NeckDriver:
     """Return the driver."""
     arm: Joints = site.parts["arm"]
     pan, tilt = axes(keys, arm)
-    return DynamixelHead(
+    return NeckDriver(
         arm, site.clock, pan=pan, tilt=tilt, speed=keys.speed, acceleration=keys.acceleration, report=site.report
     )
 
