@@ -26,11 +26,11 @@ LED, SPEED, POSITION = AX["led"], AX["moving_speed"], AX["present_position"]
 class Bench:
     """A chain of three on a terminal, and the bus that has it open."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, patience: float = REPLY_TIMEOUT) -> None:
         self.clock = SystemClock()
         self.terminal = Terminal("servos", chain(3), self.clock)
         self.terminal.open()
-        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=REPLY_TIMEOUT)
+        self.bus = Bus(self.terminal.path, self.clock, name="arm", patience=patience)
         self.bus.open()
 
     def close(self) -> None:
@@ -61,6 +61,14 @@ def bench() -> Iterator[Bench]:
 
 
 @pytest.fixture
+def patient_bench() -> Iterator[Bench]:
+    """One on which no reply counts as late: a busy machine holds up 600 exchanges somewhere."""
+    bench = Bench(patience=10.0)
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
 def bare() -> Iterator[tuple[int, str]]:
     """A pseudo-terminal whose other end the test plays: its descriptor, and the name of the port."""
     master, slave = pty.openpty()
@@ -69,8 +77,8 @@ def bare() -> Iterator[tuple[int, str]]:
     os.close(slave)
 
 
-@pytest.mark.real_time
-def test_two_threads_on_one_bus_wait_for_each_other(bench: Bench) -> None:
+def test_two_threads_on_one_bus_wait_for_each_other(patient_bench: Bench) -> None:
+    bench = patient_bench
     failures: list[Exception] = []
 
     def ask(servo: int) -> None:
