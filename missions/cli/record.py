@@ -1,5 +1,6 @@
 """``mission record``: what a record holds, mending one that was not closed, pieces of it, and files made of it."""
 
+import json
 import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -144,6 +145,30 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
         if folder is not None:
             pictures, files, made = to_folder(record, folder, force=force)
             click.echo(f"wrote {pictures} pictures, {files} files and {made} tables to {folder}")
+
+
+@command.command(epilog="Example: mission record joints monday.mcap")
+@RECORD
+@click.option("--json", "as_what", flag_value="json", help="As JSON: degrees, seconds, joules.")
+@click.option("--csv", "as_what", flag_value="csv", help="As a table for a spreadsheet.")
+def joints(path: Path, as_what: str | None) -> None:
+    """Say how well each joint kept to its goal, what its motor did, and how warm its servo was.
+
+    `mission record export FILE --csv FOLDER` has every sample, in state_arm.csv; `mission report` draws them.
+    """
+    from missions.records.report import joint_tables  # noqa: PLC0415 - a report needs more than the others do
+    from missions.records.report.joints import figures_of, tracks_of  # noqa: PLC0415
+
+    with _in_words():
+        record = open_record(path)
+        found = figures_of(record, tracks_of(record))
+    if as_what == "json":
+        click.echo(json.dumps(joint_tables.as_json(found), indent=2, ensure_ascii=False))
+    elif as_what == "csv":
+        click.echo(joint_tables.as_csv(found), nl=False)
+    else:
+        for line in joint_tables.lines_of(found):
+            click.echo(line)
 
 
 @command.command(epilog="Example: mission record cut monday.mcap 2s 5s -o piece.mcap")

@@ -31,7 +31,7 @@ class Answers:
         self.said: list[Answer] = []
         self.refused: dict[tuple[str, Asked], DriverError] = {}
         self._memos: list[Memo] = []
-        self._sampled: list[Callable[[], object]] = []
+        self._sampled: list[tuple[str, Callable[[], object]]] = []
         self._fixed: list[Callable[[], object]] = []
 
     def memo(
@@ -48,7 +48,7 @@ class Answers:
         """
         memo = Memo(part, questions, self)
         self._memos.append(memo)
-        self._sampled += [partial(memo.sample, question, ask) for question, ask in (sampled or {}).items()]
+        self._sampled += [(question, partial(memo.sample, question, ask)) for question, ask in (sampled or {}).items()]
         self._fixed += [partial(memo.__getitem__, question) for question in fixed]
         return memo
 
@@ -69,10 +69,15 @@ class Answers:
         """Forget which questions a part has refused to answer."""
         self.refused = {asked: error for asked, error in self.refused.items() if asked[0] != part}
 
-    def sample(self) -> None:
-        """Ask what nobody has asked in this moment, for those who look at the record and for missions changed since."""
-        fixed, self._fixed = self._fixed, []
-        for ask in (*fixed, *self._sampled):
+    def sample(self, only: str = "") -> None:
+        """Ask what nobody has asked in this moment, for those who look at the record and for missions changed since.
+
+        With ``only``, that one question, of each part that has it.
+        """
+        fixed: list[Callable[[], object]] = []
+        if not only:
+            fixed, self._fixed = self._fixed, []
+        for ask in (*fixed, *(ask for question, ask in self._sampled if only in ("", question))):
             try:
                 ask()
             except DriverError:  # is an answer

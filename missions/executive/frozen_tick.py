@@ -1,14 +1,21 @@
 """The frozen tick: while the executive ticks, time stands still and every question has one answer."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 from behaviours.run import Run
+from drivers.api import JointState, Reading
 from missions.executive.answers import Answers
-from missions.executive.tick_record import Kind, TickRecord
+from missions.executive.tick_record import Answer, Kind, TickRecord
 from missions.executive.variables import Changes
 
 SAMPLE_EVERY = 10
 """Ticks from one look at the parts of the robot that a mission does not ask, to the next."""
+
+MOVING_EVERY = 2
+"""Ticks from one look at joints to the next while some are on the move: a leg makes a step in less than a second."""
+
+JOINTS = "states"
+"""The question that joints are looked at by."""
 
 OnMoment = Callable[[TickRecord], None]
 """Told of each frozen tick, on the thread that ticks, right after it: it must neither wait nor raise."""
@@ -23,6 +30,7 @@ class FrozenTick:
         self._changes = changes
         self._on_moment = on_moment
         self._begun_at = 0.0
+        self._moving = False
         answers.kept = on_moment is not None
 
     def tell_changes(self) -> None:
@@ -46,8 +54,22 @@ class FrozenTick:
         if on_moment is None:
             self._answers.close()
             return
-        if run.tick % SAMPLE_EVERY == 1:
-            self._answers.sample()
+        looked = run.tick % SAMPLE_EVERY == 1
+        if looked or (self._moving and run.tick % MOVING_EVERY == 1):
+            self._answers.sample("" if looked else JOINTS)
         answers, spent = self._answers.take(), run.wall.now() - self._begun_at
+        if looked:
+            self._moving = moving(answers)
         overheld, run.overstayed = run.overstayed, None
         on_moment(TickRecord(kind, run.tick, time, late, spent, answers, overheld))
+
+
+def moving(answers: Sequence[Answer]) -> bool:
+    """Say whether joints that were looked at are on the move."""
+    looks = [value for _, what, _, value in answers if what == JOINTS]
+    return any(
+        isinstance(reading, Reading) and isinstance(reading.value, JointState) and reading.value.moving
+        for look in looks
+        if isinstance(look, Mapping)
+        for reading in look.values()
+    )

@@ -11,7 +11,7 @@ from behaviours.driving.straight import Drive
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from behaviours.run import Run
-from drivers.api import BaseState, Pose2D, Reading, Reflexes, Sides, Steering, Velocity
+from drivers.api import BaseState, JointState, Pose2D, Reading, Reflexes, Sides, Steering, Velocity
 from drivers.clock import ManualClock
 from drivers.errors import DriverError
 from missions.executive.answers import Answers
@@ -67,7 +67,9 @@ class Interrupted(Leaf):
 class Scene:
     """An executive with one leaf and a base, all of whose moments and events are kept."""
 
-    def __init__(self, leaf: Leaf, base: RecordedBase | None = None, clock: ManualClock | None = None) -> None:
+    def __init__(
+        self, leaf: Leaf, base: RecordedBase | None = None, clock: ManualClock | None = None, *, arm: bool = False
+    ) -> None:
         self.bench = Bench(clock)
         self.base = self.bench.base if base is None else base
         self.base.reading = good(REST)
@@ -75,7 +77,7 @@ class Scene:
         self.moments: list[TickRecord] = []
         self.events: list[Event] = []
         stream, answers, run = Stream([self.events.append]), Answers(), self.bench.run
-        robot = asked(Robot(base_part=self.base), answers)
+        robot = asked(Robot(base_part=self.base, arm_part=self.bench.arm if arm else None), answers)
         self.bench.put(leaf)
         leaf.robot, leaf.key, leaf.line = robot, "1", 3
         guard = Guard(robot.base, Reflexes(), run, stream)
@@ -165,6 +167,18 @@ def test_the_parts_that_a_mission_does_not_ask_are_looked_at_now_and_then() -> N
         1 + SAMPLE_EVERY,
         1 + 2 * SAMPLE_EVERY,
     ]
+
+
+@pytest.mark.parametrize(("moving", "ticks"), [(True, [1, 3, 5, 7, 9, 11]), (False, [1, 1 + SAMPLE_EVERY])])
+def test_joints_that_move_are_looked_at_more_often_than_those_that_rest(moving: bool, ticks: list[int]) -> None:
+    scene = Scene(Dawdle("dawdle"), arm=True)
+    state = JointState(0.1, 0.5, 0.2, 0.0, 12.0, 35.0, moving=moving, torque=True)
+    scene.bench.arm.readings = {"elbow": good(state)}
+    for _ in range(SAMPLE_EVERY + 1):
+        scene.tick()
+    asked_for = [{(part, what) for part, what, _, _ in moment.answers} for moment in scene.moments]
+    assert [number for number, questions in enumerate(asked_for, 1) if ("arm", "states") in questions] == ticks
+    assert sum(("base", "steering") in questions for questions in asked_for) == 2
 
 
 def test_without_anybody_who_listens_nothing_is_kept(driving: Scene) -> None:

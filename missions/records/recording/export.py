@@ -111,12 +111,12 @@ def _row(topic: str, data: Mapping[str, Any], before: str = "") -> dict[str, obj
         if isinstance(value, dict):
             cells |= _row(topic, value, f"{before}{name}.")
         elif (topic, name) not in LEFT_OUT:
-            cell = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else _told(value)
-            cells[before + name] = cell
+            told = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else cell(value)
+            cells[before + name] = told
     return cells
 
 
-def _told(value: object) -> object:
+def cell(value: object) -> object:
     """Return what a cell may hold: no text of it is done by a spreadsheet, which an apostrophe tells it."""
     if not isinstance(value, str) or not value.startswith(_FORMULA) or value in ("-", "-inf"):
         return value

@@ -151,7 +151,7 @@ class Record:
 
         In a piece that was cut out, the newest changes of before its beginning come first.
         """
-        found = [event for event in self._read(self._event, *EVENTS.values(), "/moments") if event is not None]
+        found = [event for event in self.read(self._event, *EVENTS.values(), "/moments") if event is not None]
         found.sort(key=_order)
         status = "running"
         for event in found:  # a tick's result is what the root came to in it
@@ -172,22 +172,22 @@ class Record:
     def moments(self) -> Sequence[TickRecord]:
         """Every moment of the executive, with the answers that it got then."""
         restored = Restored()
-        return list(self._read(lambda _, data: restored.read(data), "/moments"))
+        return list(self.read(lambda _, data: restored.read(data), "/moments"))
 
     def views(self) -> Iterator[tuple[float, View]]:
         """Yield what perception found, and when it said so."""
-        return self._read(lambda _, data: (data["t"], from_json(data, View)), "/percepts")
+        return self.read(lambda _, data: (data["t"], from_json(data, View)), "/percepts")
 
     def frames(self) -> Iterator[tuple[float, bytes]]:
         """Yield when each picture was taken, and the picture as JPEG."""
-        return self._read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
+        return self.read(lambda _, data: (data["t"], base64.b64decode(data["data"])), "/camera")
 
     def series(self, name: str) -> tuple[list[float], list[float]]:
         """Return the times and values of one of ``SERIES``, where they are known. Raises KeyError for another name."""
         topic, field = SERIES[name]
         if topic not in self._figures:  # all that is drawn of a part stands in the same messages
             fields = [other for told, other in SERIES.values() if told == topic]
-            self._figures[topic] = list(self._read(lambda _, data: _told(data, fields), topic))
+            self._figures[topic] = list(self.read(lambda _, data: _told(data, fields), topic))
         found = [(time, known[field]) for time, known in self._figures[topic] if field in known]
         return [time for time, _ in found], [value for _, value in found]
 
@@ -200,7 +200,7 @@ class Record:
     @cached_property
     def states(self) -> Sequence[tuple[float, NodeChanged]]:
         """What each node was from when on: its changes and, with the same ``t``, its new messages while it ran on."""
-        news: list[NodeChanged | Feedback] = [*self._changes, *self._read(_feedback, "/feedback")]
+        news: list[NodeChanged | Feedback] = [*self._changes, *self.read(_feedback, "/feedback")]
         found: list[tuple[float, NodeChanged]] = []
         newest: dict[str, NodeChanged] = {}
         for new in sorted(news, key=lambda new: (new.t, isinstance(new, Feedback))):
@@ -235,7 +235,7 @@ class Record:
     def lost(self) -> Mapping[str, int]:
         """Return how many messages were lost while the run went on, by topic."""
         counts: Counter[str] = Counter()
-        for found in self._read(lambda _, data: from_json(data["counts"], _COUNTS), "/lost"):
+        for found in self.read(lambda _, data: from_json(data["counts"], _COUNTS), "/lost"):
             counts.update(found)
         return counts
 
@@ -260,7 +260,7 @@ class Record:
             return Logged(data["t"], from_json(data["kind"], str), from_json(data["message"], str))
         return from_json(data, _KINDS[topic])
 
-    def _read(self, read: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
+    def read(self, read: Callable[[str, Any], T], *topics: str) -> Iterator[T]:
         """Yield what ``read`` makes of each message on ``topics``, and of which of them it is on."""
         kept = not {"/camera"}.issuperset(topics)  # pictures are looked at one by one
         messages = size = 0

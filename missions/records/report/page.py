@@ -6,6 +6,7 @@ from importlib.resources import files
 
 from missions.records.report.chart import chart, route_chart, seen_from_above
 from missions.records.report.floor import floor, world_of
+from missions.records.report.joint_tables import joints_table
 from missions.records.report.lanes import timeline
 from missions.records.report.percepts import Picture
 from missions.records.report.slider import Moments, Texts, Variable, changes, compact, failures, value_at, variables
@@ -48,6 +49,7 @@ def page(study: Study) -> str:
         _section("Timeline", timeline(study.lanes, moments)),
         _sight(study),
         _traces(study),
+        _joints(study),
         _section("Faults and reflexes", faults_table(record, moments)),
         _section("Said and logged", log_table(record, moments)),
         _section("About this record", about(record), _source(study)),
@@ -167,6 +169,15 @@ def _traces(study: Study) -> Markup:
     return _section("Head and base", tag("div", *drawn, class_="charts"))
 
 
+def _joints(study: Study) -> Markup:
+    """Return the section of the joints; none for a robot that has none."""
+    if not study.joints:
+        return join()
+    drawn = [chart(each, study.moments) for each in study.joint_charts]
+    charts = tag("div", *drawn, class_="charts") if drawn else join()
+    return _section("Joints", joints_table(study.joints, study.moments), charts)
+
+
 def _source(study: Study) -> Markup:
     """Return the mission's file, to be unfolded."""
     data = study.record.files.get(study.record.head.file)
@@ -203,7 +214,7 @@ def _data(study: Study, texts: Texts) -> Mapping[str, object]:
             (moments.place(time), float(f"{value:.3g}"))
             for time, value in thinned(line.points, moments.begin, moments.span)
         ]
-        for drawn in study.charts
+        for drawn in (*study.charts, *study.joint_charts)
         for number, line in enumerate(drawn.lines)
     }
     return {

@@ -37,9 +37,10 @@ MAX_NAME_LENGTH = 34
 def draw(study: Study, folder: Path) -> Iterator[Path]:
     """Draw all that there is to draw into a folder, and yield where each picture is. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    for chart in study.charts:
+    begin, end = study.moments.begin, study.moments.begin + study.moments.span
+    for chart in (*study.charts, *study.joint_charts):
         figure, axes = _figure(2.2)
-        _chart(axes, chart, study.moments.begin, study.moments.end)
+        _chart(axes, chart, begin, end)
         yield _save(figure, folder / f"{chart.key}.png")
     if study.route.length > SHORTEST:
         figure, axes = _figure(4.0)
@@ -47,14 +48,15 @@ def draw(study: Study, folder: Path) -> Iterator[Path]:
         yield _save(figure, folder / "route.png")
     if study.lanes:
         figure, axes = _figure(0.9 + 0.24 * len(study.lanes))
-        _timeline(axes, study.lanes, study.moments.begin, study.moments.end)
+        _timeline(axes, study.lanes, begin, end)
         yield _save(figure, folder / "timeline.png")
 
 
 def _chart(axes: Axes, chart: Chart, begin: float, end: float) -> None:
     for line in chart.lines:
         _line(axes, line)
-    axes.set(xlabel="time (s)", ylabel=f"{chart.title.partition(',')[0]}\n({chart.unit})", xlim=(begin, end))
+    title = chart.title.partition(",")[0].replace("$", r"\$")
+    axes.set(xlabel="time (s)", ylabel=f"{title}\n({chart.unit})", xlim=(begin, end))
     if len(chart.lines) > 1:
         axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(chart.lines), borderpad=0.0)
     _quiet(axes)

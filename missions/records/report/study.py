@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from missions.executive.events import NodeChanged
 from missions.records.recording.read import Record
 from missions.records.report.following import Miss, tracking
+from missions.records.report.joints import JointFigures, figures_of, joint_charts, tracks_of
 from missions.records.report.percepts import Picture, Sighting, Views, pictures, sightings
 from missions.records.report.slider import Moments, moments_of
 from missions.records.report.timeline import Lane, lanes_of
@@ -30,6 +31,8 @@ class Study:
     views: Views
     pictures: Sequence[Picture]
     sightings: Sequence[Sighting]
+    joints: Sequence[JointFigures]
+    joint_charts: Sequence[Chart]
 
 
 def study(record: Record, *, most_pictures: int = 0) -> Study:
@@ -37,7 +40,7 @@ def study(record: Record, *, most_pictures: int = 0) -> Study:
     drawing, moments, views = record.drawing(), moments_of(record), list(record.views())
     changes = [event for event in record.events if isinstance(event, NodeChanged)]
     lanes = lanes_of(drawing, changes, record.statuses(moments.end), moments.end)
-    misses = tracking(record, views, lanes)
+    misses, tracks = tracking(record, views, lanes), tracks_of(record)
     return Study(
         record,
         drawing,
@@ -49,4 +52,6 @@ def study(record: Record, *, most_pictures: int = 0) -> Study:
         views,
         pictures(record, views, most_pictures),
         sightings(views),
+        figures_of(record, tracks),
+        joint_charts(tracks),
     )

@@ -6,6 +6,7 @@ from math import degrees
 from missions.executive.events import FaultRaised, NodeChanged, Ticked
 from missions.records.recording.read import Record
 from missions.records.report.following import rms
+from missions.records.report.joints import sentences as about_joints
 from missions.records.report.percepts import Sighting
 from missions.records.report.study import Study
 from missions.records.report.timeline import Lane
@@ -55,6 +56,7 @@ def sentences(found: Study) -> Iterator[str]:
     yield _faults(record)
     yield from _lateness(record)
     yield from _moved(found)
+    yield from about_joints(found.joints)
     yield from _battery(record)
     yield from _seen(found)
     yield from _missing(record)

@@ -4,7 +4,7 @@ All of its texts are hostile: a page must show them, and take none for more than
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,10 +149,11 @@ def write(
     *,
     head: Head = WHERE,
     drawing: Drawing = DRAWING,
+    files: Mapping[str, bytes] = FILES,
 ) -> Path:
     """Write a record; return its path."""
     with path.open("wb", buffering=0) as file:
-        writer = RecordWriter(Sink(file.fileno()), Contents(head, FILES, json.dumps(to_json(drawing)).encode()))
+        writer = RecordWriter(Sink(file.fileno()), Contents(head, files, json.dumps(to_json(drawing)).encode()))
         writer.begin()
         for item in unpacked(packed(what)):
             writer.add(item)

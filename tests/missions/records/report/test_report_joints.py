@@ -1,0 +1,219 @@
+"""How joints kept to their goals: what the figures are, where they are told, and what no file can do to them."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from math import nan, radians, sin, sqrt, tau
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from drivers.api import JointState, Quality, Reading
+from missions.cli.record import command
+from missions.executive.tick_record import TickRecord
+from missions.records.recording.codec import to_json
+from missions.records.recording.faults import InvalidRecordError
+from missions.records.recording.read import Record, open_record
+from missions.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
+from missions.records.report.page import page
+from missions.records.report.papers import draw
+from missions.records.report.study import study
+from missions.records.report.summary import sentences
+from missions.views.pictures.tree_json import to_json as drawing_to_json
+from tests.missions.records.recording.test_hostile_files import about
+from tests.missions.records.recording.test_hostile_files import write as write_foreign
+from tests.missions.records.report.told_record import DRAWING, WHERE, items, write
+from tests.missions.views.pictures.drawn import HOSTILE
+
+ARM = b"""robot: r
+summary: An arm.
+arm:
+  driver: dynamixel
+  port: /dev/null
+  joints:
+    elbow: {id: 1, model: AX-12A}
+"""
+
+STALL = 1.5
+"""Nm of an AX-12A, as its maker says."""
+
+AT_REST = JointState(0.0, 0.0, None, 0.0, 12.0, 35.0, moving=False, torque=True)
+
+At = Callable[[float], JointState]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fonts() -> None:
+    """Have Matplotlib open its fonts before the tests: it keeps their files open."""
+    FigureCanvasAgg(figure := Figure())
+    figure.suptitle("…")
+    figure.savefig(io.BytesIO())
+
+
+def waves(t: float) -> JointState:
+    """Return a joint that follows a sine of 30 deg, and is 2 deg late at most: 3 deg beyond its goal at 1.5 s."""
+    goal = radians(30) * sin(tau * t / 4)
+    off = radians(3.0) if t == 1.5 else radians(2.0) * sin(tau * t)
+    return JointState(goal + off, 1.0, goal, 0.5, 12.0, 35.0 + t, moving=True, torque=True)
+
+
+def record_of(path: Path, *, real: bool = True, quality: Quality = Quality.GOOD, **joints: At) -> Record:
+    """Write a record of joints, ten times a second for 4 s."""
+    ticks = [
+        TickRecord(
+            "tick", n, n / 10, 0.0, 0.0,
+            [("arm", "states", (), {name: Reading(at(n / 10), n / 10, quality) for name, at in joints.items()})],
+        )
+        for n in range(1, 41)
+    ]  # fmt: skip
+    head = replace(WHERE, simulate="" if real else "fast")
+    return open_record(write(path / "joints.mcap", ticks, head=head, files={"robot/r.yaml": ARM}))
+
+
+def figures(record: Record) -> dict[str, JointFigures]:
+    return {each.name: each for each in figures_of(record, tracks_of(record))}
+
+
+def test_the_error_of_a_joint_is_told_with_when_it_was_greatest(tmp_path: Path) -> None:
+    found = figures(record_of(tmp_path, elbow=waves))["elbow"]
+    # Of a sine the mean square is half of its peak's; one sample of 40, at which it is 0, is 3 deg off instead.
+    assert found.rms == pytest.approx(sqrt(2.0**2 / 2 + 3.0**2 / 40))
+    assert found.worst == pytest.approx(3.0)
+    assert (found.worst_at, found.samples) == (1.5, 40)
+    assert found.hottest == 39.0
+
+
+def test_the_energy_is_torque_times_speed_where_a_real_servo_tells_its_load(tmp_path: Path) -> None:
+    assert figures(record_of(tmp_path, elbow=waves))["elbow"].energy == pytest.approx(0.5 * STALL * 1.0 * 3.9)
+    simulated = figures(record_of(tmp_path, real=False, elbow=waves))["elbow"]
+    assert (simulated.energy, simulated.load) == (None, None)
+
+
+def test_a_joint_that_is_driven_by_what_it_carries_does_no_work(tmp_path: Path) -> None:
+    record = record_of(tmp_path, elbow=lambda t: replace(waves(t), load=-0.5))
+    assert figures(record)["elbow"].energy == 0.0
+
+
+def test_the_energy_of_a_servo_that_no_robot_file_names_is_not_known(tmp_path: Path) -> None:
+    found = figures(record_of(tmp_path, wing=waves))["wing"]
+    assert (found.energy, found.load) == (None, 0.5)
+
+
+@pytest.mark.parametrize(
+    "state", [AT_REST, replace(waves(1.0), torque=False), replace(waves(1.0), goal=nan)], ids=["idle", "limp", "nan"]
+)
+def test_a_joint_without_a_goal_and_a_limp_one_have_no_error(tmp_path: Path, state: JointState) -> None:
+    found = figures(record_of(tmp_path, elbow=lambda _: state))
+    assert all((each.rms, each.worst, each.samples) == (None, None, 0) for each in found.values())
+
+
+def test_what_a_silent_servo_said_before_does_not_count(tmp_path: Path) -> None:
+    assert figures(record_of(tmp_path, quality=Quality.STALE, elbow=waves)) == {}
+
+
+def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_none(tmp_path: Path) -> None:
+    record = record_of(tmp_path, elbow=waves, wrist=lambda _: AT_REST)
+    (drawn,) = joint_charts(tracks_of(record))
+    assert (drawn.key, drawn.title, [(line.name, line.asked) for line in drawn.lines]) == (
+        "joint_elbow",
+        "elbow",
+        [("goal", True), ("measured", False)],
+    )
+    assert {len(line.points) for line in drawn.lines} == {40}
+
+
+def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> None:
+    found = study(record_of(tmp_path, elbow=waves))
+    assert "The joints were 1.49° off their goals (root mean square), and 3.0° at most: elbow, at 1.50 s." in sentences(
+        found
+    )
+    assert "Their motors did 3 J." in sentences(found)
+    text = page(found)
+    assert "<h2>Joints</h2>" in text
+    assert "elbow, °" in text
+    assert [path.name for path in draw(found, tmp_path / "plots")] == ["joint_elbow.png"]
+
+
+def test_a_report_of_a_robot_without_joints_has_no_such_section(tmp_path: Path) -> None:
+    found = study(open_record(write(tmp_path / "m.mcap", items())))
+    assert "<h2>Joints</h2>" not in page(found)
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(command, ["joints", *map(str, arguments)])
+
+
+def test_the_command_tells_the_figures_as_a_table_as_json_and_for_a_spreadsheet(tmp_path: Path) -> None:
+    path = record_of(tmp_path, elbow=waves).path
+    told = run(path).output.splitlines()
+    assert " ".join(told[0].split()) == "joint rms deg at most deg at s motor J load % degC samples"
+    assert told[1].split() == ["elbow", "1.49", "+3.0", "1.50", "2.9", "+50", "39", "40"]
+    (joint,) = json.loads(run(path, "--json").output)["joints"]
+    (row,) = csv.DictReader(io.StringIO(run(path, "--csv").output))
+    assert joint["name"] == row["name"] == "elbow"
+    assert joint["rms"] == pytest.approx(float(row["rms"])) == pytest.approx(1.4916, abs=1e-3)
+
+
+def test_the_command_says_so_where_there_are_no_joints(tmp_path: Path) -> None:
+    result = run(write(tmp_path / "m.mcap", items()))
+    assert (result.exit_code, result.output) == (0, "no joint was heard of in this record\n")
+
+
+# --- files from strangers ---------------------------------------------------------------------------------------------
+
+
+def foreign(tmp_path: Path, joints: Iterable[tuple[str, dict[str, Any]]]) -> Record:
+    """Write a record of joints as a stranger would."""
+    state = to_json(waves(1.0))
+    assert isinstance(state, dict)
+    tree = json.dumps(drawing_to_json(DRAWING)).encode()
+    heard = {name: {"stamp": 1.0, "quality": "good", **state, **other} for name, other in joints}
+    said = [("/state/arm", {"t": float(t), "joints": heard}) for t in range(3)]
+    return open_record(write_foreign(tmp_path / "foreign.mcap", [about(), *said], {"tree.json": tree}))
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, "nan", "inf", "-inf", 1e18])
+@pytest.mark.parametrize("word", ["position", "velocity", "goal", "load", "temperature"])
+def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value: object) -> None:
+    assert figures(foreign(tmp_path, [("elbow", {word: value}), ("wrist", {})])).keys() == {"wrist"}
+
+
+@pytest.mark.parametrize("value", ["far", [], {}, 10**400, None])
+def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
+    record = foreign(tmp_path, [("elbow", {"position": value})])
+    with pytest.raises(InvalidRecordError, match="holds what this MissionTree does not understand"):
+        tracks_of(record)
+
+
+def test_the_greatest_numbers_that_are_believed_can_be_reckoned_with_and_drawn(tmp_path: Path) -> None:
+    most = dict.fromkeys(("velocity", "goal", "load", "temperature"), 0.9e9)
+    found = study(foreign(tmp_path, [("elbow", {"position": -0.9e9, **most})]))
+    assert "NaN" not in page(found)
+    list(draw(found, tmp_path / "plots"))
+
+
+def test_no_name_of_a_joint_is_markup_a_formula_or_a_path(tmp_path: Path) -> None:
+    names = (HOSTILE, "=cmd()", "../../evil", "$", "", "a" * 10_000, "\x1b[2J")
+    record = foreign(tmp_path, [(name, {"goal": 0.0}) for name in names])
+    found = study(record)
+    text = page(found)
+    assert HOSTILE not in text
+    assert "a" * 100 not in text
+    assert "'=cmd()" in run(record.path, "--csv").output
+    assert "\x1b" not in run(record.path).output
+    drawn = list(draw(found, tmp_path / "plots"))
+    assert {path.parent for path in drawn} == {tmp_path / "plots"}
+    assert run(record.path).exit_code == 0
+
+
+def test_of_very_many_joints_some_are_told(tmp_path: Path) -> None:
+    assert len(figures(foreign(tmp_path, [(f"j{n}", {}) for n in range(3 * MOST_JOINTS)]))) == MOST_JOINTS
