@@ -171,6 +171,31 @@ def joints(path: Path, as_what: str | None) -> None:
             click.echo(line)
 
 
+@command.command(epilog="Example: mission record compare monday.mcap tuesday.mcap")
+@RECORD
+@click.argument("other", metavar="OTHER", type=click.Path(path_type=Path))
+@click.option("--json", "json_wanted", is_flag=True, help="As JSON: seconds, metres, radians; joints in degrees.")
+def compare(path: Path, other: Path, json_wanted: bool) -> None:
+    """Put two runs of one mission on one robot side by side.
+
+    Says where their trees first decide differently, how they ended, how long each leaf took, how far joints were off
+    their goals, and where the base went. That a leaf takes longer is no decision; that it ends otherwise is one.
+    """
+    from missions.records.comparison import words  # noqa: PLC0415 - as for joints
+    from missions.records.comparison.runs import IncomparableError, compared  # noqa: PLC0415
+
+    try:
+        with _in_words():
+            found = compared(open_record(path), open_record(other))
+    except IncomparableError as error:
+        raise click.UsageError(str(error)) from error
+    if json_wanted:
+        click.echo(json.dumps(words.as_json(found), indent=2, ensure_ascii=False))
+        return
+    for line in words.lines_of(found):
+        click.echo(line)
+
+
 @command.command(epilog="Example: mission record cut monday.mcap 2s 5s -o piece.mcap")
 @RECORD
 @click.argument("start", metavar="FROM", type=SECONDS)
