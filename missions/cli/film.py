@@ -1,8 +1,11 @@
-"""A film of a run in simulated time: what the camera sees, beside the room from above and the robot's face."""
+"""A film of a run in simulated time: what the camera sees, beside the room from above and the robot's face.
+
+A robot in physics is shown itself, too; without a camera, in the place of what that would see.
+"""
 
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -12,6 +15,9 @@ from drivers.sim.render import Renderer
 from drivers.sim.topview import TopView
 from missions.assembly.twins import Twins
 from missions.cli.movie import Movie
+
+if TYPE_CHECKING:
+    from drivers.sim.rigid.filmed import BodyCamera
 
 RATE = 12.5
 """Pictures per second of simulated time."""
@@ -29,6 +35,7 @@ class Film:
         self._twins = twins
         self._renderer = Renderer(twins.world, twins.lens, noise=0.0)
         self._map = TopView(twins.world, (twins.lens.height * 4 // 3, twins.lens.height))
+        self._body = self._body_camera()
         self._trail: list[tuple[float, float]] = []
         self._open = False
 
@@ -47,7 +54,17 @@ class Film:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._open = False
+        if self._body is not None:
+            self._body.close()
         self._movie.__exit__(kind, error, trace)
+
+    def _body_camera(self) -> "BodyCamera | None":
+        """Return what draws the robot's body; None for a robot without physics."""
+        if self._twins.scene is None:
+            return None
+        from drivers.sim.rigid.filmed import BodyCamera  # noqa: PLC0415 - for physics alone
+
+        return BodyCamera(self._twins.scene, (self._twins.lens.width, self._twins.lens.height))
 
     def _take(self) -> None:
         if not self._open:
@@ -56,7 +73,11 @@ class Film:
         now, pose, view = twins.timeline.clock.now(), twins.pose(), twins.viewpoint()
         self._trail.append((pose.x, pose.y))
         above = self._map.draw(now, pose, camera=view, field_of_view=twins.lens.field_of_view, trail=self._trail)
-        panes = [self._renderer.draw(view, now), above]
+        panes = [above]
+        if self._body is not None:
+            panes.insert(0, self._body.draw(now))
+        if self._body is None or "camera" in twins.parts:
+            panes.insert(0, self._renderer.draw(view, now))
         if twins.screen is not None:
             shown, height = twins.screen.shown(), twins.lens.height
             panes.append(frame(expression(shown, now), shown.text, (height * 2 // 3, height)))

@@ -10,6 +10,7 @@ from config.library import find
 from drivers.legs.gait import Gait, blended, mirrored, scaled, sequence
 from drivers.legs.pressure import margins
 from missions.cli.controller import NO_PLOTS
+from missions.cli.movie import CODECS, Movie, check_place
 from missions.cli.names import GAIT, ROBOT
 from missions.cli.numbers import Real, Whole
 from missions.cli.outputs import writing
@@ -31,7 +32,7 @@ picture_option = click.option(
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PICTURE",
-    help="Draw it, as .png or .svg.",
+    help="Draw it, as .png or .svg; or film it, as .webm, .mp4 or .avi.",
 )
 output_option = click.option(
     "-o",
@@ -73,14 +74,15 @@ def check(files: tuple[str, ...], robot: str) -> None:
 def show(file: str, robot: str, output: Path | None) -> None:
     """Say what the legs do in a cycle: each joint with its limits and its speed, and how well it is supported.
 
-    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time.
+    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
+    lines from its right and from the front.
     """
     walker = _walker(robot)
     gait = _load(walker, file)
     for line in _shown(walker, gait):
         click.echo(line)
     if output is not None:
-        _draw(walker, gait, output)
+        (_film if output.suffix in CODECS else _draw)(walker, gait, output)
 
 
 @command.command(epilog="Example: mission gait make stroll -o stroll.csv --cycles 4")
@@ -174,14 +176,33 @@ def _draw(walker: Walker, gait: Gait, output: Path) -> None:
         from missions.hands.gait_plot import draw_gait  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
         raise click.UsageError(NO_PLOTS) from error
-    if gait.angles(walker.body)[1].any():
-        raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
+    _refuse_unreached(walker, gait)
     with writing(output, "-o"):
         try:
             draw_gait(output, gait, walker.body, walker.limits)
         except ValueError as error:
-            raise click.BadParameter(str(error), param_hint="-o") from error
+            told = f"{error}, a film in {', '.join(CODECS)}"
+            raise click.BadParameter(told, param_hint="-o") from error
     click.echo(f"wrote {output}", err=True)
+
+
+def _film(walker: Walker, gait: Gait, output: Path) -> None:
+    """Film a gait. Raises click.ClickException for one out of reach, and for a place where no film can be."""
+    from missions.hands.gait_film import RATE, gait_pictures  # noqa: PLC0415 - as for pictures
+
+    check_place(output, "-o")
+    _refuse_unreached(walker, gait)
+    with Movie(output, rate=RATE, option="-o") as movie:
+        for picture in gait_pictures(gait, walker.body):
+            movie.write(picture)
+    if movie.trouble:
+        raise click.ClickException(movie.trouble)
+    click.echo(f"wrote {output}", err=True)
+
+
+def _refuse_unreached(walker: Walker, gait: Gait) -> None:
+    if gait.angles(walker.body)[1].any():
+        raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
 
 
 def _save(output: Path, text: str) -> None:

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from drivers.errors import BadRequest
+from drivers.sim.rigid.stick import LEFT
 from missions.cli.root import mission
 from missions.order import RunRequest
 from missions.runner import Runner
@@ -46,6 +49,18 @@ def test_a_hard_push_throws_it_over(tmp_path: Path) -> None:
     )
     result = Runner(order).run()
     assert (result.result, result.reason) == ("failure", "the base is stopped: it has fallen")
+
+
+def test_a_film_of_it_shows_its_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.sim.rigid.filmed._has_egl", lambda: False)  # lines are the same on every machine
+    (tmp_path / "stand.yaml").write_text("mission: stand\ntree:\n  wait: 0.3 s\n")
+    run = ["run", str(tmp_path / "stand.yaml"), "--robot", "humanoid", "--simulate", "fast", "--physics"]
+    ran = CliRunner().invoke(mission, [*run, "--film", str(tmp_path / "film")])
+    assert ran.exit_code == 0, ran.output
+    pictures = [np.asarray(cv2.imread(str(path)), np.uint8) for path in sorted((tmp_path / "film").iterdir())]
+    assert len(pictures) == pytest.approx(0.3 * 12.5, abs=1)
+    body = pictures[0][:, : pictures[0].shape[1] * 3 // 7]
+    assert (np.abs(body.astype(int) - LEFT).max(axis=2) < 20).mean() > 0.005
 
 
 def test_a_robot_without_a_body_has_no_physics(tmp_path: Path) -> None:

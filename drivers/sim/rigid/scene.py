@@ -20,6 +20,9 @@ GRAVITY = 9.81
 FALLEN = 0.5
 """The cosine of the lean at which a robot has fallen: it lies, or will in a moment."""
 
+TILES = "tiles of the floor"
+"""The floor's material: tiles, so that films show how a robot moves. No name of a user's model is like it."""
+
 CLEARANCE = 0.0005
 """Metres over the floor from which a robot is set down."""
 
@@ -240,11 +243,17 @@ def _compiled(engine: Any, model: str | Path) -> Any:
                 break
         else:
             plane = engine.mjtGeom.mjGEOM_PLANE
-            spec.worldbody.add_geom(name="floor", type=plane, size=[50, 50, 1], rgba=[0.75, 0.75, 0.75, 1])
+            tiles = {"rgb1": [0.8, 0.8, 0.8], "rgb2": [0.7, 0.7, 0.7], "width": 64, "height": 64}
+            two, checker = engine.mjtTexture.mjTEXTURE_2D, engine.mjtBuiltin.mjBUILTIN_CHECKER
+            spec.add_texture(name=TILES, type=two, builtin=checker, **tiles)
+            material = spec.add_material(name=TILES, texrepeat=[2, 2], texuniform=True)
+            material.textures[engine.mjtTextureRole.mjTEXROLE_RGB] = TILES
+            spec.worldbody.add_geom(name="floor", type=plane, size=[50, 50, 1], material=TILES, rgba=[1, 1, 1, 1])
         spec.worldbody.add_light(pos=[0, 0, 4])
         spec.option.timestep = STEP
         spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.cone, spec.option.impratio = engine.mjtCone.mjCONE_ELLIPTIC, 10
+        spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.4] * 3, [0.5] * 3
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
         return spec.compile()
     except ValueError as error:

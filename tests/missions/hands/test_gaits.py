@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -9,12 +10,13 @@ from click.testing import CliRunner
 from config.faults import InvalidFileError
 from config.gait import load_gait
 from config.library import shipped
+from drivers.api import Image
 from drivers.errors import BadRequest
 from drivers.legs.engine import whole
 from drivers.legs.gait import blended, mirrored, scaled
 from drivers.legs.pressure import margins
 from missions.cli.gait import command
-from missions.hands.gaits import Walker
+from missions.hands.gaits import Walker, written
 from missions.library.drivers import load_robot
 
 GAITS = Path(__file__).parents[3] / "config" / "gaits"
@@ -130,7 +132,33 @@ def test_a_gait_is_drawn_with_its_soles_and_joints(tmp_path: Path, ending: str) 
         assert "hip pitch" in picture.read_text().replace("<!-- ", "")
     refused = CliRunner().invoke(command, ["show", str(STROLL), "-o", str(tmp_path / "stroll.txt")])
     assert refused.exit_code == 2
-    assert "a picture ends in .png or .svg" in refused.output
+    assert "a picture ends in .png or .svg, a film in .webm, .mp4, .avi" in refused.output
+
+
+def test_a_gait_is_filmed_for_two_cycles(tmp_path: Path) -> None:
+    file = tmp_path / "stroll.webm"
+    assert CliRunner().invoke(command, ["show", str(STROLL), "-o", str(file)]).exit_code == 0
+    film, pictures = cv2.VideoCapture(str(file)), list[Image]()
+    while (found := film.read())[0]:
+        pictures.append(np.asarray(found[1], np.uint8))
+    film.release()
+    walker = Walker(load_robot(shipped("robots")["humanoid"]))
+    assert len(pictures) == round(2 * 25 * walker.load(STROLL).period)
+    first, half = (pictures[number].astype(int) for number in (0, len(pictures) // 4))
+    assert np.abs(first - half).max() > 50  # half a cycle on, the other foot is in front
+    assert np.abs(first - pictures[len(pictures) // 2])[:400].mean() < 2  # and a cycle on it is as before
+
+
+def test_a_gait_out_of_reach_and_a_place_that_is_not_there_are_not_filmed(tmp_path: Path) -> None:
+    far = tmp_path / "far.yaml"
+    walker = Walker(load_robot(shipped("robots")["humanoid"]))
+    far.write_text(written(scaled(walker.load(STROLL), length=6.0), "far"))
+    for arguments, why in (([str(far), "-o", str(tmp_path / "x.webm")], "out of reach"),
+                           ([str(STROLL), "-o", "/nowhere/x.webm"], "no such folder")):  # fmt: skip
+        refused = CliRunner().invoke(command, ["show", *arguments])
+        assert refused.exit_code != 0
+        assert why in refused.output
+    assert not (tmp_path / "x.webm").exists()
 
 
 def test_a_gait_goes_by_the_name_of_its_file_whatever_that_is(tmp_path: Path) -> None:
