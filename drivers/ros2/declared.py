@@ -10,6 +10,18 @@ from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import ArmKeys, AxisKeys, BaseKeys, HeadKeys, RangeKeys, Ros2Keys, VoiceKeys
 from drivers.api.senses import CameraKeys
+from drivers.ros2 import wire
+
+JOINT = "{joint}"
+"""What stands for each joint in a topic of commands."""
+
+
+def _no_topics(section: object, *words: str) -> Iterator[Mistake]:
+    """Yield the keys of these words whose values no topic is called."""
+    for word in words:
+        name: str = getattr(section, word)
+        if name and not wire.is_name(name.replace(JOINT, "joint") if word == "command" else name):
+            yield Mistake(f"'{word}': {name!r:.80} is no name of a topic", (word,), hint=wire.NAMES)
 
 
 @keys
@@ -40,6 +52,7 @@ class ZenohKeys(Ros2Keys):
         for each in self.router.split(","):
             if each.strip().split("/")[0] not in {"tcp", "tls", "quic", "ws", "unixsock-stream"} or "/" not in each:
                 yield Mistake(f"'router': '{each.strip()}' is no address such as tcp/192.168.1.20:7447", ("router",))
+        yield from _no_topics(self, "namespace", "navigation", "through")
 
 
 ZENOH = Driver(
@@ -68,6 +81,11 @@ class Ros2BaseKeys(BaseKeys):
     sounds: str = key(default="", help="The topic of a Create 3's sounds; none without.")
     sensors: str = key(default="", help="The topic of a TurtleBot 3's bumper and cliff (SensorState); none without.")
 
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no topic is called."""
+        topics = ("cmd_vel", "odom", "battery", "hazards", "dock", "lights", "sounds", "sensors")
+        yield from _no_topics(self, *topics)
+
 
 BASE = Driver(
     "ros2",
@@ -88,6 +106,10 @@ class Ros2RangeKeys(RangeKeys):
 
     scan: str = key(default="scan", help="The topic of its scans (sensor_msgs/LaserScan).")
 
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no topic is called."""
+        yield from _no_topics(self, "scan")
+
 
 RANGE = Driver(
     "ros2",
@@ -107,6 +129,10 @@ class Ros2CameraKeys(CameraKeys):
     """The ``camera`` section of a robot whose pictures come by ROS 2."""
 
     image: str = key(default="image_raw", help="The topic of its pictures: Image or CompressedImage.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no topic is called."""
+        yield from _no_topics(self, "image")
 
 
 CAMERA = Driver(
@@ -166,6 +192,9 @@ class Ros2ArmKeys(ArmKeys):
             if (owner := owners.setdefault(joint.joint or name, name)) != name:
                 message = f"joint '{name}' is '{joint.joint or name}' of ROS 2, as '{owner}' is"
                 yield Mistake(message, ("joints", name), named=True, about=(("joints", name), ("joints", owner)))
+            if not wire.is_name(joint.joint or name) and JOINT in self.command:
+                yield Mistake(f"joint '{name}': its name cannot stand in a topic", ("joints", name), hint=wire.NAMES)
+        yield from _no_topics(self, "states", "command")
         yield from ArmKeys.mistakes(self)
 
 
@@ -199,6 +228,7 @@ class Ros2HeadKeys(HeadKeys):
         if self.pan.joint == self.tilt.joint:
             about = (("pan", "joint"), ("tilt", "joint"))
             yield Mistake(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
+        yield from _no_topics(self, "states", "command")
 
 
 @keys
@@ -206,6 +236,10 @@ class Ros2VoiceKeys(VoiceKeys):
     """The ``voice`` section of a robot that speaks by a topic of ROS 2."""
 
     topic: str = key(default="say", help="The topic of who speaks: each text is a std_msgs/String.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no topic is called."""
+        yield from _no_topics(self, "topic")
 
 
 HEAD = Driver(

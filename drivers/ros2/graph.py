@@ -10,7 +10,7 @@ from drivers.api import DeviceStatus, Health, Pose2D, Progress, Quality, Reading
 from drivers.api.ros2 import START, Place
 from drivers.api.sections import Ros2Keys
 from drivers.clock import Clock
-from drivers.errors import NotConnected
+from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.loop import ThreadLoop
 from drivers.ros2 import wire
@@ -80,8 +80,11 @@ class Ros2Graph:
         return node
 
     def full(self, topic: str) -> str:
-        """Return the whole name of a topic."""
-        return wire.whole(topic, self.keys.namespace)
+        """Return the whole name of a topic. Raises BadRequest for what no topic is called."""
+        try:
+            return wire.whole(topic, self.keys.namespace)
+        except ValueError as error:
+            raise BadRequest(f"ros2: {error}", hint=wire.NAMES) from error
 
     def anchor(self, start: Pose2D, frame: str) -> None:
         """Note where in the robot's odometry its pose is 0."""
@@ -158,7 +161,7 @@ class Ros2Graph:
 
     def publish(self, topic: str, kind: str, values: str) -> None:
         """Send a message. Raises BadRequest, NotConnected."""
-        node, name = self.node(), self.full(topic)
+        name, node = self.full(topic), self.node()
         listener = node.kind_of(wire.SUBSCRIBER, name, [kind] if kind else ())
         kind = kind or ("" if listener is None else listener.kind)
         if not kind:

@@ -103,7 +103,7 @@ def joints_of_head(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
 
 def _joints(part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, TopicJoint], site: Site) -> TopicJoints:
     nodes: Ros2Graph = site.parts["ros2"]
-    channels = channels_of(nodes.full(keys.states), nodes.full(keys.command), joints)
+    channels = channels_of(keys.states, keys.command, joints, nodes.full)
     line = link(part, nodes.node, channels, site.report)
     return TopicJoints(
         line, site.clock, channels, joints, name=part, away=keys.away, report=site.report, changed=site.changed

@@ -1,6 +1,6 @@
 """Joints as topics of ROS 2 have them: where each is, where it is sent, and what of that a controller is told."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import degrees, inf
 from typing import Any
 
@@ -9,6 +9,7 @@ from drivers.api.quick import dataclass
 from drivers.dynamixel.refusals import check_names
 from drivers.errors import BadRequest
 from drivers.ros2 import wire
+from drivers.ros2.declared import JOINT
 from drivers.ros2.line import Channel
 from drivers.ros2.types import types
 
@@ -56,13 +57,18 @@ class TopicJoint:
     direction: int = 1
 
 
-def channels_of(states: str, command: str, joints: Mapping[str, TopicJoint]) -> list[Channel]:
-    """Return the channels of joints: their states, then their command, one for each where it has ``{joint}`` in it."""
-    if "{joint}" in command:
-        each = [Channel(command.replace("{joint}", joint.there), (SINGLE,), sends=True) for joint in joints.values()]
-    else:
-        each = [Channel(command, (TRAJECTORY, ARRAY), sends=True)]
-    return [Channel(states, (STATE,)), *each]
+def channels_of(
+    states: str, command: str, joints: Mapping[str, TopicJoint], full: Callable[[str], str] = wire.whole
+) -> list[Channel]:
+    """Return the channels of joints: their states, then their command, one for each where it has ``{joint}`` in it.
+
+    ``full`` gives the full name of a topic.
+    """
+    names, kinds = [command], [TRAJECTORY, ARRAY]
+    if JOINT in command:
+        names, kinds = [command.replace(JOINT, joint.there) for joint in joints.values()], [SINGLE]
+    commands = [Channel(full(name), tuple(kinds), sends=True) for name in names]
+    return [Channel(full(states), (STATE,)), *commands]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ LATCHED = ":1:,10:,:,:,,"
 _ATTACHED = struct.Struct("<qqB")
 _GID = 16
 _FRAME = struct.Struct("<HI")
-_NAME = re.compile(r"[^/*$#?%\s]+")
+_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 
 ABOUT = 0xFFFF
 """The channel on which a line tells what it has found of the others."""
@@ -51,13 +51,23 @@ def key(domain: int, name: str, kind: str = "*", digest: str = "*") -> str:
 
 
 def whole(name: str, namespace: str = "") -> str:
-    """Return the full name of a topic: one that does not begin with "/" is within ``namespace``."""
-    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+    """Return the full name of a topic: one that does not begin with "/" is within ``namespace``.
+
+    Raises ValueError for what no topic is called: a wildcard of Zenoh would reach those of other robots.
+    """
+    full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+    if not is_name(full):
+        raise ValueError(f"{full!r:.80} is no name of a topic")
+    return full
 
 
-def valid(name: str) -> bool:
-    """Whether a topic may be called so on the wire: no wildcard of Zenoh, nothing empty."""
-    return all(_NAME.fullmatch(part) for part in name.strip("/").split("/"))
+def is_name(name: str) -> bool:
+    """Whether ROS 2 has topics, services and actions of this name."""
+    return _NAME.fullmatch(name) is not None
+
+
+NAMES = "names are of letters, digits and _, with / between, such as /robot1/cmd_vel"
+"""What to write."""
 
 
 @dataclass(frozen=True, slots=True)

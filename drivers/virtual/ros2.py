@@ -160,7 +160,7 @@ def ranger(keys: Ros2RangeKeys, stage: Stage) -> Plugged:
 def arm(keys: Ros2ArmKeys, stage: Stage) -> Plugged:
     """Return the joints of a virtual arm; its state are their angles in radians, by the names of the robot file."""
     full, joints = _full(stage), joints_of_arm(keys)
-    device = VirtualJoints(full(keys.states), full(keys.command), joints)
+    device = VirtualJoints(keys.states, keys.command, joints, full=full)
     _terminal(stage).devices.append(device)
 
     def state(now: float) -> object:
@@ -172,7 +172,7 @@ def arm(keys: Ros2ArmKeys, stage: Stage) -> Plugged:
 def head(keys: Ros2HeadKeys, stage: Stage) -> Plugged:
     """Return the two joints of a virtual head."""
     full, joints = _full(stage), joints_of_head(keys)
-    device = VirtualJoints(full(keys.states), full(keys.command), joints)
+    device = VirtualJoints(keys.states, keys.command, joints, full=full)
     _terminal(stage).devices.append(device)
 
     def angle(axis: Ros2AxisKeys, now: float) -> float:

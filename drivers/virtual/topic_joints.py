@@ -6,6 +6,7 @@ from math import inf
 from typing import Any
 
 from drivers.api import ignore
+from drivers.ros2 import wire
 from drivers.ros2.line import Channel
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.voice import STRING
@@ -27,12 +28,19 @@ class VirtualJoints(Topics):
     """
 
     def __init__(
-        self, states: str, command: str, joints: Mapping[str, TopicJoint], *, kind: str = TRAJECTORY, rates: bool = True
+        self,
+        states: str,
+        command: str,
+        joints: Mapping[str, TopicJoint],
+        *,
+        full: Callable[[str], str] = wire.whole,
+        kind: str = TRAJECTORY,
+        rates: bool = True,
     ) -> None:
-        channels = channels_of(states, command, joints)
+        channels = channels_of(states, command, joints, full)
         if channels[1].kinds != (SINGLE,):
             other = ARRAY if kind == TRAJECTORY else TRAJECTORY
-            channels[1] = Channel(command, (kind, other), sends=True)
+            channels[1] = Channel(channels[1].topic, (kind, other), sends=True)
         super().__init__(channels)
         self.shafts = {joint.there: Shaft(0.0, 0.0, FASTEST) for joint in joints.values()}
         self.silent = False

@@ -104,7 +104,7 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
             nodes.setdefault((each.namespace, each.node, each.zid), []).append(each)
         words = {wire.PUBLISHER: "sends", wire.SUBSCRIBER: "hears", wire.SERVER: "offers", wire.CLIENT: "asks"}
         for (namespace, name, _), entities in sorted(nodes.items()):
-            _line(wire.whole(name, namespace))
+            _line("/".join((namespace.rstrip("/"), name)))
             for each in sorted(entities, key=lambda it: (it.role, it.name)):
                 if each.role != wire.NODE:
                     _line(f"  {words.get(each.role, each.role):7} {each.name}  {each.kind}")

@@ -107,7 +107,7 @@ class Ride:
 
     def __init__(self, setting: Setting, timeline: Timeline, hand: Hand) -> None:
         self.moments: list[Moment] = []
-        self._timeline, self._hand, self._base = timeline, hand, hand.base
+        self._timeline, self._base = timeline, hand.base
         self._run = Run(timeline.clock)
         self._guard = Guard(hand.base, keys_for(setting).reflexes, self._run, Stream())
         wish = WISHES[setting.wish]

@@ -1,6 +1,6 @@
 """Arm, head and voice of a robot of ROS 2 behind a router of Zenoh on loopback: found, moved, lost, found again."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import radians
 
 import pytest
@@ -8,7 +8,8 @@ import pytest
 from config.faults import InvalidFileError, Source
 from drivers.api import DeviceStatus, HeadPose, Pose2D
 from drivers.api.driver import Site
-from drivers.clock import SystemClock
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import BadRequest
 from drivers.ros2.declared import (
     Ros2ArmKeys,
     Ros2AxisKeys,
@@ -186,3 +187,34 @@ def test_what_a_robot_file_says_of_its_joints_is_checked(joint: str, limit: str,
     with pytest.raises(InvalidFileError) as caught:
         robot_of(Source("tiago.yaml", text))
     assert any(wrong in str(fault) for fault in caught.value.faults)
+
+
+def test_a_wildcard_for_a_topic_is_a_mistake_of_the_robot_file() -> None:
+    base = "base: {driver: ros2, cmd_vel: /cmd*/**, odom: odometry/filtered, dock: 'a b'}"
+    with pytest.raises(InvalidFileError) as caught:
+        robot_of(Source("wild.yaml", f"robot: wild\nros2: {{driver: zenoh, namespace: /*}}\n{base}\n"))
+    found = [str(fault) for fault in caught.value.faults]
+    assert len(found) == 3
+    assert "wild.yaml:3:31: 'cmd_vel': '/cmd*/**' is no name of a topic" in "\n".join(found)
+
+
+@pytest.mark.parametrize(("command", "there"), [("{joint}/command", "left arm"), ("arm/*", "left_arm")])
+def test_nor_may_a_joint_make_one_of_it(command: str, there: str) -> None:
+    arm = f"arm: {{driver: ros2, command: '{command}', joints: {{wrist: {{joint: {there}}}}}}}"
+    with pytest.raises(InvalidFileError, match=r"cannot stand in a topic|is no name of a topic"):
+        robot_of(Source("wild.yaml", f"robot: wild\nros2: {{driver: zenoh}}\n{arm}\n"))
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda it: it.publish("/cmd*", "std_msgs/msg/String", "{}"),
+        lambda it: it.call("/robot1/**", "std_srvs/srv/Trigger", "{}"),
+        lambda it: it.begin("dock it", "", "{}"),
+        lambda it: it.latest("odom?"),
+    ],
+)
+def test_nor_does_a_mission_reach_others_by_it(asked: Callable[[Ros2Graph], object]) -> None:
+    nodes = make_graph(ZenohKeys(), Site(ManualClock()))
+    with pytest.raises(BadRequest, match="is no name of a topic"):
+        asked(nodes)

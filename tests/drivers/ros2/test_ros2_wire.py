@@ -123,6 +123,12 @@ def test_a_topic_within_a_namespace_is_one_that_does_not_begin_with_a_slash() ->
     assert wire.whole("/scan", "/tb4") == "/scan"
 
 
+@pytest.mark.parametrize("name", ["/cmd*", "**", "/tb4/$*/odom", "a b", "", "/", "/odom/", "/a//b", "odom?x", "/döck"])
+def test_no_topic_is_called_so_that_others_are_reached_besides(name: str) -> None:
+    with pytest.raises(ValueError, match="is no name of a topic"):
+        wire.whole(name, "/tb4")
+
+
 GID = bytes(16)
 
 
