@@ -11,8 +11,11 @@ from missions.executive.variables import Changes
 SAMPLE_EVERY = 10
 """Ticks from one look at the parts of the robot that a mission does not ask, to the next."""
 
-MOVING_EVERY = 2
-"""Ticks from one look at joints to the next while some are on the move: a leg makes a step in less than a second."""
+MOVING_EVERY = 3
+"""Ticks from one look at joints to the next while some are on the move: a leg makes a step in less than a second.
+
+Not 2 or 4: a walk of 0.8 s would be looked at in the same phases of its cycle all along, and its peaks be missed.
+"""
 
 JOINTS = "states"
 """The question that joints are looked at by."""
