@@ -1,19 +1,23 @@
 """A robot of rigid bodies: it stands, sinks under its weight, slides, falls, and does so the same each time."""
 
 import sys
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import pytest
 
 from drivers.api import Pose2D
+from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.motor import motor_of
 from drivers.errors import BadRequest
 from drivers.sim.rigid import scene as scenes
 from drivers.sim.rigid.links import Floor, Push
+from drivers.sim.rigid.mjcf import mjcf
 from drivers.sim.rigid.scene import Scene
-from tests.drivers.toy_humanoid import MOTOR, crouch, scene
+from drivers.sim.twins.rigid_joints import RigidServo
+from tests.drivers.toy_humanoid import MOTOR, crouch, figure, scene
 
 
 def test_a_servo_is_as_stiff_as_the_one_that_was_measured() -> None:
@@ -52,6 +56,17 @@ def test_a_joint_turns_no_faster_than_it_is_told() -> None:
     robot.go("l_hip_yaw", 0.5, 0.2)
     robot.advance(1.0)
     assert 0.1 < robot.angle("l_hip_yaw") <= 0.2  # the floor's friction keeps it back
+
+
+def test_a_servo_tells_its_load_as_a_share_of_the_stall_torque_whatever_it_may_use() -> None:
+    weak = replace(MOTOR, torque=MOTOR.torque / 4)
+    body = replace(figure(), links=[replace(link, motor=weak) for link in figure().links])
+    robot = Scene(mjcf(body), dict.fromkeys([link.name for link in body.links], MOTOR.backlash), Floor())
+    knee = RigidServo("l_knee", JointSpec(1, "XM430-W350"), robot)
+    crouch(robot, 1.9, speed=5.0)
+    robot.advance(0.3)
+    assert knee.state(0.3).load == pytest.approx(robot.torque("l_knee") / MODELS["XM430-W350"].stall_torque)
+    assert 0.2 < abs(knee.state(0.3).load) <= 0.25
 
 
 def test_limp_it_falls() -> None:

@@ -108,8 +108,11 @@ class Scene:
 
     def load(self, joint: str) -> float:
         """Return a servo's torque in -1..1 of its most."""
-        servo = self._servo[self._of[joint]]
-        return float(self.data.actuator_force[servo] / self._most[self._of[joint]])
+        return self.torque(joint) / float(self._most[self._of[joint]])
+
+    def torque(self, joint: str) -> float:
+        """Return the torque (Nm) that a servo gives."""
+        return float(self.data.actuator_force[self._servo[self._of[joint]]])
 
     # --- the body -----------------------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ from typing import Literal
 from drivers.api import Away, JointState, Report, ignore
 from drivers.clock import Clock
 from drivers.dynamixel.joint import JointSpec
+from drivers.dynamixel.models import MODELS
 from drivers.sim.rigid.scene import Scene
 from drivers.sim.servo import Shaft
 from drivers.sim.twins.joints import JointsTwin
@@ -36,6 +37,7 @@ class RigidServo(ServoTwin):
         super().__init__(name, spec)
         self._scene, self._name = scene, name
         self._shaft = RigidShaft(scene, name)
+        self._stall = MODELS[spec.model].stall_torque
         self.joint.torque, self.joint.goal = True, 0.0
 
     def go(self, goal: float, speed: float, now: float) -> None:
@@ -72,7 +74,7 @@ class RigidServo(ServoTwin):
             position=position,
             velocity=scene.rate(self._name),
             goal=joint.goal,
-            load=scene.load(self._name),
+            load=min(max(scene.torque(self._name) / self._stall, -1.0), 1.0),
             voltage=VOLTAGE,
             temperature=TEMPERATURE,
             moving=joint.goal is not None and abs(joint.goal - position) > ARRIVED,
