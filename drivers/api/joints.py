@@ -137,3 +137,8 @@ class Gesture:
     summary: str
     keyframes: tuple[Keyframe, ...]
     interpolation: Literal["minimum_jerk", "cubic"] = "minimum_jerk"
+
+
+def joint_called(arm: str, joint: str) -> str:
+    """Return what a joint is called among those of all arms: of a further arm, after its name: `right_arm.elbow`."""
+    return joint if arm == "arm" else f"{arm}.{joint}"

@@ -55,9 +55,9 @@ class Twins:
         return self._of("base", LegsTwin)
 
     @property
-    def arm(self) -> JointsTwin | None:
-        """The arm."""
-        return self._of("arm", JointsTwin)
+    def arms(self) -> Mapping[str, JointsTwin]:
+        """All arms, by the names of their parts."""
+        return {part: twin for part, twin in self.parts.items() if isinstance(twin, JointsTwin)}
 
     @property
     def microphone(self) -> HearingTwin[Words] | None:

@@ -7,6 +7,7 @@ from threading import Lock
 
 from behaviours.robot import Robot
 from drivers.api import JointState, Reading
+from drivers.api.joints import joint_called
 from drivers.clock import Clock, SystemClock
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, PerceptSeen, Ticked, VariableSet
 from missions.executive.parts import PartsWatch
@@ -168,7 +169,7 @@ def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
         yield from robot.arm_part.states().items()
     for name, other in robot.others.items():
         if other.kind == "arm":
-            yield from ((f"{name}.{joint}", reading) for joint, reading in other.part.states().items())
+            yield from ((joint_called(name, joint), reading) for joint, reading in other.part.states().items())
 
 
 def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:

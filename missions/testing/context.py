@@ -13,6 +13,8 @@ from config.marked import Listing, Mapping, Scalar
 from config.robot import RobotConfig
 from config.units import seen
 from config.world import load_world
+from drivers.api.joints import joint_called
+from drivers.api.sections import ArmKeys
 from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
 from missions.language.nodes import MODIFIERS
@@ -50,7 +52,9 @@ class Setting:
     @property
     def grammar(self) -> Grammar:
         """What expectations may name."""
-        joints = () if self.config.arm is None or "arm" not in self.parts else tuple(self.config.arm.limits)
+        keys = {part: self.config.sections[part].keys for part in sorted(self.parts)}
+        arms = {part: its.limits for part, its in keys.items() if isinstance(its, ArmKeys)}
+        joints = tuple(joint_called(part, joint) for part, limits in arms.items() for joint in limits)
         return Grammar(self.unknown, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people)
 
     def steps(self, name: str) -> list[Step]:

@@ -85,7 +85,8 @@ class ExpectKeys:
         default={},
         wrong="'{}' needs joints and their angles",
         hint="such as {elbow: 30 deg +- 5 deg}",
-        help="Where joints truly are in the end: `{elbow: 30 deg +- 5 deg}`; 3 deg where nothing is said.",
+        help="Where joints truly are in the end: `{elbow: 30 deg +- 5 deg, right_arm.elbow: 0 deg}`; 3 deg where "
+        "nothing is said.",
     )
     returns: Mapping[str, object] = key(
         default={},

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 from drivers.api import HeadPose, Pose2D, Velocity
+from drivers.api.joints import joint_called
 from drivers.errors import DriverError, NotConnected
 from missions.assembly.twins import Twins
 from missions.executive.events import Ended, Event
@@ -123,8 +124,8 @@ def _still(before: Posture, after: Posture, sway: float) -> bool:
 
 
 def _joints(twins: Twins) -> dict[str, float]:
-    arm, now = twins.arm, twins.timeline.clock.now()
-    return {} if arm is None else {joint: arm.true_angle(joint, now) for joint in arm.limits}
+    now, arms = twins.timeline.clock.now(), twins.arms.items()
+    return {joint_called(part, joint): arm.true_angle(joint, now) for part, arm in arms for joint in arm.limits}
 
 
 def _heard_by(twins: Twins) -> dict[str, list[str]]:

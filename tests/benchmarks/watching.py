@@ -15,8 +15,8 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import AsyncExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
@@ -124,21 +124,6 @@ async def asked(socket: ClientConnection, number: int, **command: object) -> Any
             return told
 
 
-async def watched(host: str, token: str, run: str, zero: float, asks: argparse.Namespace) -> Measured:
-    """Watch a run as so many pages, one of which stops it now and then, and one that reads nothing."""
-    found, until = Measured(), time.monotonic() + asks.seconds
-    pictures = 0.0 if asks.no_camera else 10.0
-    async with AsyncExitStack() as ends, asyncio.TaskGroup() as group:
-        deaf = await ends.enter_async_context(opened(host, token))
-        await say(deaf, do="watch", run=run, pictures=pictures)
-        for _ in range(asks.clients):
-            group.create_task(page(host, token, run, zero, until, pictures, found))
-            await say(await ends.enter_async_context(opened(host, token)), do="hello", version="1")
-        group.create_task(asyncio.to_thread(sleep_on, until, found))
-        group.create_task(stopper(host, token, run, until, found))
-    return found
-
-
 def notes_of(path: Path) -> list[dict[str, Any]]:
     """Return what a run has noted so far."""
     return [
@@ -153,11 +138,28 @@ def used(process: int) -> tuple[float, float]:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def measure(asks: argparse.Namespace) -> dict[str, object]:
-    """Run, look on for so long alone, then watch for as long."""
+@dataclass
+class Busy:
+    """A run with much to do, which notes what it does in a file, and a studio beside it, with its operator's token."""
+
+    run: Popen[bytes]
+    studio: Popen[str]
+    notes: Path
+    host: str
+    token: str
+
+    @property
+    def zero(self) -> float:
+        """When the run's own time began, by the machine's clock."""
+        return float(notes_of(self.notes)[0]["zero"])
+
+
+@contextmanager
+def busy(*, camera: bool) -> Iterator[Busy]:
+    """Have them until the end of the block, from when the run is under way."""
     with TemporaryDirectory() as folder, robot_beside("living_room") as beside:
         file, notes = Path(folder) / "busy.yaml", Path(folder) / "notes"
-        file.write_text(mission(camera=not asks.no_camera), encoding="utf-8")
+        file.write_text(mission(camera=camera), encoding="utf-8")
         words = [*beside.options, str(file)]
         os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = folder
         run = Popen([sys.executable, "-m", "tests.benchmarks.watched_run", str(notes), *words], stdout=DEVNULL)
@@ -170,20 +172,40 @@ def measure(asks: argparse.Namespace) -> dict[str, object]:
                 if run.poll() is not None:
                     raise RuntimeError("the run has ended")
                 time.sleep(0.2)
-            begin, start = time.monotonic(), (used(run.pid), used(studio.pid))
-            time.sleep(asks.seconds)
-            middle, before = time.monotonic(), (used(run.pid), used(studio.pid))
-            zero = notes_of(notes)[0]["zero"]
-            found = asyncio.run(watched(host.removeprefix("http://"), token, str(run.pid), zero, asks))
-            after = (used(run.pid), used(studio.pid))
-            end = time.monotonic()
+            yield Busy(run, studio, notes, host.removeprefix("http://"), token)
         finally:
             for process in (run, studio):
                 process.terminate()
                 process.wait()
                 if process.stdout is not None:
                     process.stdout.close()
-        return told(notes_of(notes), found, (begin, middle, end), (start, before, after))
+
+
+async def watched(its: Busy, asks: argparse.Namespace, *, stops: bool = True) -> Measured:
+    """Watch a run as so many pages, one of which may stop it now and then, and one that reads nothing."""
+    found, until = Measured(), time.monotonic() + asks.seconds
+    pictures, at, run, zero = 0.0 if asks.no_camera else 10.0, (its.host, its.token), str(its.run.pid), its.zero
+    async with AsyncExitStack() as ends, asyncio.TaskGroup() as group:
+        deaf = await ends.enter_async_context(opened(*at))
+        await say(deaf, do="watch", run=run, pictures=pictures)
+        for _ in range(asks.clients):
+            group.create_task(page(*at, run, zero, until, pictures, found))
+            await say(await ends.enter_async_context(opened(*at)), do="hello", version="1")
+        if stops:
+            group.create_task(asyncio.to_thread(sleep_on, until, found))
+            group.create_task(stopper(*at, run, until, found))
+    return found
+
+
+def measure(asks: argparse.Namespace) -> dict[str, object]:
+    """Run, look on for so long alone, then watch for as long."""
+    with busy(camera=not asks.no_camera) as its:
+        begin, start = time.monotonic(), (used(its.run.pid), used(its.studio.pid))
+        time.sleep(asks.seconds)
+        middle, before = time.monotonic(), (used(its.run.pid), used(its.studio.pid))
+        found = asyncio.run(watched(its, asks))
+        after, end = (used(its.run.pid), used(its.studio.pid)), time.monotonic()
+        return told(notes_of(its.notes), found, (begin, middle, end), (start, before, after))
 
 
 def told(
@@ -231,11 +253,12 @@ def main() -> None:
     words.add_argument("--json", action="store_true")
     asks = words.parse_args()
     found = measure(asks)
-    if asks.json:
-        print(json.dumps(found, indent=2))
-    else:
-        for name, value in found.items():
-            print(f"{name:<44} {_short(value)}")
+    print(json.dumps(found, indent=2) if asks.json else shown(found))
+
+
+def shown(found: Mapping[str, object]) -> str:
+    """Return figures as lines."""
+    return "\n".join(f"{name:<44} {_short(value)}" for name, value in found.items())
 
 
 def _short(value: object) -> str:

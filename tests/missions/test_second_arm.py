@@ -170,7 +170,7 @@ def test_what_goes_wrong_with_one_arm_is_told_by_its_name(tmp_path: Path, capsys
         suite.write_text(f"tests: both.yaml\ncases:\n  - {case}\n")
         return command(capsys, "test", str(suite))
 
-    whole = "result: success, ran: {move_joints: 2}"
+    whole = "result: success, ran: {move_joints: 2}, joints: {elbow: 30 deg, right_arm.gripper: 50 deg}"
     assert tested("right_arm overloaded gripper at 0.3 s", "result: failure, ran: {move_joints: 2}").code == 0
     assert tested("right_arm unplugged at 0.3 s", "result: failure, ran: {move_joints: 2}").code == 0
     assert tested("arm unplugged when move_joints succeeds", whole).code == 0

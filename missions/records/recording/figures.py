@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, JointState, RangeScan, Reading, Velocity
+from drivers.api.joints import joint_called
 from missions.executive.tick_record import TickRecord
 from missions.records.recording import foxglove
 from missions.records.recording.codec import number, to_json
@@ -50,7 +51,7 @@ class Figures:
         joints: dict[str, object] = {}
         for (part, what), value in newest.items():
             if what == "states" and isinstance(value, Mapping):
-                joints |= {name if part == "arm" else f"{part}.{name}": state for name, state in value.items()}
+                joints |= {joint_called(part, name): state for name, state in value.items()}
             match value:
                 case Reading(value=BaseState() as state) as reading:
                     yield from self._base(moment.t, reading.stamp, str(reading.quality), state)
