@@ -6,9 +6,10 @@ import os
 import socket
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from subprocess import Popen
 from typing import Any, cast
 
 import pytest
@@ -29,24 +30,33 @@ from missions.studio.wishes import Start, Tasks
 PATIENCE = 60.0
 
 
-class StandInRun:
-    """A control socket that counts what it is asked, and answers when it is let."""
+@pytest.fixture
+def number() -> Iterator[str]:
+    """The number of a process that may be ended: a run that answers too late is sent SIGTERM."""
+    with Popen(["sleep", "1000"]) as process:
+        yield str(process.pid)
+        process.kill()
 
-    def __init__(self) -> None:
+
+class StandInRun:
+    """A control socket of the process of this number that counts what it is asked, and answers when it is let."""
+
+    def __init__(self, number: str) -> None:
+        self.number = number
         self.asked: list[dict[str, Any]] = []
         self.answers = asyncio.Event()
 
     @asynccontextmanager
     async def served(self) -> AsyncIterator[None]:
-        listening = sockets.listen(sockets.path_of(str(os.getpid())))
+        listening = sockets.listen(sockets.path_of(self.number))
         server = await asyncio.start_unix_server(self._serve, sock=listening)
         async with server:
             yield
             server.close()
-        sockets.path_of(str(os.getpid())).unlink()
+        sockets.path_of(self.number).unlink()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.write(json.dumps({"say": "run", "run": str(os.getpid())}).encode() + b"\n")
+        writer.write(json.dumps({"say": "run", "run": self.number}).encode() + b"\n")
         while line := await reader.readline():
             self.asked.append(json.loads(line))
             await self.answers.wait()
@@ -71,9 +81,10 @@ def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
     return Studio(Audit(folder / "log"), launcher or Launcher(None), cast("Any", None), Access())
 
 
-def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path) -> None:
+@pytest.mark.real_time
+def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path, number: str) -> None:
     async def work() -> None:
-        run, studio = StandInRun(), studio_of(tmp_path)
+        run, studio = StandInRun(number), studio_of(tmp_path)
         async with run.served(), studio.hub:
             await studio.hub.look()
             first = asyncio.create_task(studio.hub.stop("", "first"))
@@ -84,14 +95,15 @@ def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_mo
             run.answers.set()
             told = await asyncio.gather(first, *others)
         assert [each["by"] for each in run.asked] == ["first", "others"]
-        assert all(each == {str(os.getpid()): {"parts": ["base"]}} for each in told)
+        assert all(each == {number: {"parts": ["base"]}} for each in told)
 
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
 
 
-def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path) -> None:
+@pytest.mark.real_time
+def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path, number: str) -> None:
     async def work() -> None:
-        run, studio, deaf = StandInRun(), studio_of(tmp_path), Deaf()
+        run, studio, deaf = StandInRun(number), studio_of(tmp_path), Deaf()
         run.answers.set()
         session = Session(cast("Any", deaf), "viewer", "deaf", studio)
         session.tell(Runs(runs=[]))
@@ -100,7 +112,7 @@ def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: 
         with studio.joined(session):
             async with run.served(), studio.hub:
                 await studio.hub.look()
-                assert str(os.getpid()) in await studio.stop("", "viewer 2")
+                assert number in await studio.stop("", "viewer 2")
         stuck.cancel()
 
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
