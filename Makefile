@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz storm planted golden soak claims check bench docs fleet constraints clean
+.PHONY: help setup demo test compiled fuzz storm planted kills golden soak claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -67,6 +67,10 @@ storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1
 
 planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many seeds the storm finds each; SEEDS=150
 	$(BIN)/python -m tests.planted --seeds $(or $(SEEDS),150)
+
+kills: $(STAMP) ## kill -9 runs, recorders and servers at 500 random moments each, and write down the figures
+	$(BIN)/python -m docs.claims "run killed" "recorder killed" "server killed"
+	$(BIN)/python docs/generate.py
 
 golden: $(STAMP) ## renew the golden records that are decided otherwise, which is meant: BECAUSE="why"
 	$(BIN)/python -m tests.missions.records.golden --because "$(BECAUSE)"

@@ -1,39 +1,46 @@
 """What must hold whatever happens: each a small function that yields what is wrong, with a line for people."""
 
-from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
-from math import isfinite
-from typing import Any
+from collections.abc import Callable, Iterator
+from math import inf, isfinite
 
 from drivers.api import ignore
 from missions.executive.events import NodeChanged, ReflexFired
 from missions.executive.telling import logging_to
 from missions.records.replay.rerun import rerun
-from missions.testing.storm.leaves import DOOMED
-from missions.testing.storm.witness import Truth, Witness
+from missions.testing.storm.leaves import DOOMED, LEFT
+from missions.testing.storm.looking import (
+    STILL,
+    back_within,
+    by_itself,
+    commanded,
+    neck_joints,
+    pairs,
+    reach,
+    recently,
+    returns,
+    turns,
+)
+from missions.testing.storm.witness import Witness
 
 Invariant = Callable[[Witness], Iterator[str]]
 
 BASE_RESTS, ALL_REST = 0.7, 1.0
 """Seconds after its end by which the base, and everything, must be at rest."""
 
-STILL = 0.002
-"""Radians, metres or either a second, below which nothing moves."""
-
 WAY_OUT = 1.0
 """Seconds for which something may move on after its leaf has ended: it brakes."""
-
-RETURN = 2.5
-"""Seconds that a head has, once it is there, to go where its board or its driver sends it by itself."""
 
 GIVEN_UP = 9.0
 """Seconds within which a mission ends that has to: its leaves have two, and the longest stall lasts six."""
 
-HAND = 1.0
-"""Seconds after somebody has turned a joint, or overloaded it."""
-
 SLACK = 0.03
 """Radians by which a servo may be beyond its limit: half a degree of rounding, and a step."""
+
+AWAY, AWAY_OUT = 1.2, 0.1
+"""Seconds from which on a part was away for long, and for which something may move once it is back."""
+
+NOTICED, HANGS = 5.0, 2.0
+"""Seconds within which a critical battery is told, which takes two looks; and for which a tick may hang in a stop."""
 
 AT_ONCE = 1e-6
 """Seconds within which two things happen at the same time, in whatever order."""
@@ -58,12 +65,12 @@ def invariant(about: str) -> Callable[[Invariant], Invariant]:
 @invariant(f"the base is at rest {BASE_RESTS:g} s after the end, all else after {ALL_REST:g} s, whatever the end")
 def at_rest(seen: Witness) -> Iterator[str]:
     """See the last samples."""
-    for before, now in _pairs(seen):
+    for before, now in pairs(seen):
         late = now.time - seen.ended
         if late > BASE_RESTS + 0.001 and max(map(abs, now.speeds)) > STILL:
             yield f"the base moves at {now.speeds} {late:.2f} s after the end"
-        for (part, axis), turned in _turned(before, now):
-            own_way = _by_itself(seen, part, now.time) or _back_within(seen, before, part, axis, turned)
+        for (part, axis), turned in turns(before, now):
+            own_way = by_itself(seen, part, now.time) or back_within(seen, before, part, axis, turned)
             if late > ALL_REST + 0.001 and abs(turned) > STILL and not own_way:
                 yield f"{axis} of the {part} turns {late:.2f} s after the end"
 
@@ -71,21 +78,21 @@ def at_rest(seen: Witness) -> Iterator[str]:
 @invariant("nothing moves that no running behaviour claims, nor is commanded by one that does not claim it")
 def claimed_motion(seen: Witness) -> Iterator[str]:
     """Compare what moves, and what is commanded, with claims."""
-    neck = _neck(seen)
+    neck = neck_joints(seen)
     by_hand = -1e9
-    for before, now in _pairs(seen):
+    for before, now in pairs(seen):
         by_hand = now.time if now.by_hand else by_hand
-        driven = now.time - by_hand <= WAY_OUT or _recent(seen.claimed.get("base"), now.time, WAY_OUT)
+        driven = now.time - by_hand <= WAY_OUT or recently(seen.claimed.get("base"), now.time, WAY_OUT)
         if max(map(abs, now.speeds)) > STILL and not driven:
             yield f"at {now.time:.2f} s the base moves at {now.speeds}, and nobody claims it"
-        for (part, axis), turned in _turned(before, now):
+        for (part, axis), turned in turns(before, now):
             owners = [part, "head"] if part == "arm" and axis in neck else [part]
             owners += ["arm"] if part == "head" and neck else []
             free = not any(
-                _recent(seen.claimed.get(owner), now.time, WAY_OUT) or _by_itself(seen, owner, now.time)
+                recently(seen.claimed.get(owner), now.time, WAY_OUT) or by_itself(seen, owner, now.time)
                 for owner in owners
             )
-            if abs(turned) > STILL and free and not _back_within(seen, before, part, axis, turned):
+            if abs(turned) > STILL and free and not back_within(seen, before, part, axis, turned):
                 yield f"at {now.time:.2f} s {axis} of the {part} turns, and nobody claims the {' or the '.join(owners)}"
     for command in seen.commands:
         leaf = seen.leaf(command)
@@ -108,16 +115,28 @@ def helpless(seen: Witness) -> Iterator[str]:
         lag = seen.lag if fault.part == "base" else 0.0
         ends = [each.start + each.seconds for each in others]
         over, by_hand = min(end for end in ends if end >= fault.start - AT_ONCE), -WAY_OUT
-        for before, now in _pairs(seen):
+        for before, now in pairs(seen):
             by_hand = now.time if now.by_hand else by_hand
             if not fault.start + BASE_RESTS + lag < now.time < min(over, seen.ended):
                 continue
             if max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                 yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"
-            for (part, axis), turned in _turned(before, now) if fault.state in ("stopped", "paused") else ():
-                own_way = _by_itself(seen, part, now.time) or _back_within(seen, before, part, axis, turned)
+            for (part, axis), turned in turns(before, now) if fault.state in ("stopped", "paused") else ():
+                own_way = by_itself(seen, part, now.time) or back_within(seen, before, part, axis, turned)
                 if abs(turned) > STILL and not own_way:
                     yield f"at {now.time:.2f} s {axis} of the {part} turns, though the run is {fault.state}"
+
+
+@invariant("a stop latches the base until it is released, or a person enables it")
+def latched(seen: Witness) -> Iterator[str]:
+    """See that its own driver holds it, from the stop on."""
+    stops = [each for each in seen.struck if each.state == "stopped"]
+    for stop in stops:
+        over = min(each.start + each.seconds for each in stops if each.start >= stop.start)
+        enabled = min((each.start for each in seen.struck if each.state == "button"), default=inf)
+        for now in seen.samples:
+            if stop.start + AT_ONCE < now.time < min(over, enabled, seen.ended) and not now.latched:
+                yield f"at {now.time:.2f} s the base is not latched, though the run was stopped at {stop.start:.2f} s"
 
 
 @invariant("no actuator has two owners")
@@ -132,20 +151,20 @@ def limits_kept(seen: Witness) -> Iterator[str]:
     """Compare commands and samples with the robot file."""
     limits = {part: twin.limits for part, twin in seen.twins.parts.items() if hasattr(twin, "limits")}
     for command in seen.commands:
-        yield from _commanded(command.to, command.values, limits)
+        yield from commanded(command.to, command.values, limits)
     base = limits.get("base")
-    for before, now in _pairs(seen):
+    for before, now in pairs(seen):
         if base is not None:
             for speed, most, what in zip(now.speeds, (base.speed, base.turn), ("speed", "turn rate"), strict=True):
                 if abs(speed) > most * 1.03 + 0.01:
                     yield f"at {now.time:.2f} s the base has a {what} of {speed:.3f}, and may have {most:.3f}"
-        for (part, axis), turned in _turned(before, now):
-            low, high, most = _of_axis(limits[part], axis)
+        for (part, axis), turned in turns(before, now):
+            low, high, most = reach(limits[part], axis)
             angle, step = now.angles[part, axis], now.time - before.time
-            moved = abs(turned) > STILL and not _by_itself(seen, part, now.time)
-            moved = moved and not _back_within(seen, before, part, axis, turned)
+            moved = abs(turned) > STILL and not by_itself(seen, part, now.time)
+            moved = moved and not back_within(seen, before, part, axis, turned)
             # Joints of a neck that the arm drives go as far as the arm may.
-            if part == "head" and _neck(seen) and _recent(seen.claimed.get("arm"), now.time, WAY_OUT):
+            if part == "head" and neck_joints(seen) and recently(seen.claimed.get("arm"), now.time, WAY_OUT):
                 continue
             if moved and not low - SLACK <= angle <= high + SLACK:
                 yield f"at {now.time:.2f} s {axis} of the {part} is at {angle:.3f}, and may be {low:.3f} to {high:.3f}"
@@ -166,13 +185,57 @@ def finite(seen: Witness) -> Iterator[str]:
             return
 
 
-@invariant("a battery that is critical ends the mission")
+@invariant("a battery that is critical ends the mission, which may be paused")
 def battery(seen: Witness) -> Iterator[str]:
-    """See how long it went on, which is longer where no tick comes."""
+    """See when that was told, and how long the mission went on, which is longer where no tick comes."""
     fired = (event for event in seen.events if isinstance(event, ReflexFired))
     for event in fired:
         if event.what == "battery_critical" and event.on and event.t + GIVEN_UP < seen.ended:
             yield f"it is critical at {event.t:.2f} s, and the mission goes on until {seen.ended:.2f} s"
+    told = [event.t for event in seen.events if isinstance(event, ReflexFired) and event.what == "battery_critical"]
+    stalls = [each for each in seen.struck if each.state == "stalled" or (each.state == "stopped" and each.detail)]
+    since = inf
+    for now in seen.samples:
+        stalled = any(each.start <= now.time <= each.start + max(each.seconds, HANGS) for each in stalls)
+        since = min(since, now.time) if now.weak and not stalled and now.time < seen.ended else inf
+        if now.time - since > NOTICED and not told[:1] <= [now.time]:
+            yield f"it is critical from {since:.2f} s on, and nobody says so by {now.time:.2f} s"
+            return
+
+
+@invariant("what was decided before a part was away for long moves it no more")
+def anew(seen: Witness) -> Iterator[str]:
+    """Look at what moves from its return on, until a behaviour begins that drives it."""
+    for part, owners in (("base", {"base"}), ("arm", {"arm", "head"} if neck_joints(seen) else {"arm"})):
+        leaves = {key: leaf for key, leaf in seen.leaves.items() if leaf.claims & owners}
+        if any(getattr(leaf, "way", "") == LEFT for leaf in leaves.values()):
+            continue  # what it has left moving goes on
+        begun = [
+            event.t
+            for event in seen.events
+            if isinstance(event, NodeChanged) and event.node in leaves and event.status in ("running", "success")
+        ]
+        for back in returns(seen, part, AWAY):
+            until = min([time for time in begun if time >= back], default=seen.ended)
+            by_hand = -WAY_OUT
+            for before, now in pairs(seen):
+                by_hand = now.time if now.by_hand else by_hand
+                if not back + AWAY_OUT + seen.lag < now.time < until:
+                    continue
+                if part == "base" and max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
+                    yield f"at {now.time:.2f} s the base moves at {now.speeds}, as before it was away"
+                for (owner, axis), turned in turns(before, now):
+                    own_way = by_itself(seen, part, now.time) or back_within(seen, before, part, axis, turned)
+                    if owner == part and abs(turned) > STILL and not own_way:
+                        yield f"at {now.time:.2f} s {axis} of the {part} turns, as before it was away"
+
+
+@invariant("a behaviour that does not stop is stopped, once its time for that is over")
+def halted(seen: Witness) -> Iterator[str]:
+    """Look at the rogues, which count how often they are asked too late."""
+    for leaf in seen.leaves.values():
+        if getattr(leaf, "overdue", 0) > 1:
+            yield f"{leaf.place} is still asked whether it stops, more than {leaf.halt_limit:g} s after it was halted"
 
 
 @invariant("every failure has a reason")
@@ -223,68 +286,3 @@ def nothing_left(seen: Witness) -> Iterator[str]:
 def broken(seen: Witness) -> dict[str, str]:
     """Return the first thing that is wrong by each invariant that does not hold."""
     return {name: first for name, (_, look) in INVARIANTS.items() if (first := next(look(seen), ""))}
-
-
-# --- what they look at ------------------------------------------------------------------------------------------------
-
-
-def _pairs(seen: Witness) -> Iterator[tuple[Truth, Truth]]:
-    return (
-        (before, now) for before, now in zip(seen.samples, seen.samples[1:], strict=False) if now.time > before.time
-    )
-
-
-def _turned(before: Truth, now: Truth) -> Iterator[tuple[tuple[str, str], float]]:
-    for axis, angle in now.angles.items():
-        if angle != before.angles[axis]:
-            yield axis, angle - before.angles[axis]
-
-
-def _recent(times: list[float] | None, now: float, seconds: float) -> bool:
-    """Whether one of the times lies that shortly before now."""
-    place = bisect_right(times, now) if times else 0
-    return times is not None and place > 0 and now - times[place - 1] <= seconds
-
-
-def _by_itself(seen: Witness, part: str, now: float) -> bool:
-    """Whether something may turn though nobody commands it: it has just come back, or a hand was at it."""
-    hands = [each.start for each in seen.struck if each.part == part and each.state in ("turned", "overloaded")]
-    carrier = "arm" if part == "head" and _neck(seen) else part
-    came = [*seen.back.get(part, []), *seen.back.get(carrier, [])]
-    return _recent(sorted(hands), now, HAND) or (part != "arm" and _recent(sorted(came), now, RETURN))
-
-
-def _back_within(seen: Witness, before: Truth, part: str, axis: str, turned: float) -> bool:
-    """Whether an axis that a hand has turned beyond its limits comes back: no servo holds what is beyond them."""
-    low, high, _ = _of_axis(seen.twins.parts[part].limits, axis)
-    angle = before.angles[part, axis]
-    return (angle < low and turned > 0) or (angle > high and turned < 0)
-
-
-def _neck(seen: Witness) -> set[str]:
-    """Return the joints of the arm that are the head's."""
-    head, arm = seen.config.head, seen.config.arm
-    named = {getattr(getattr(head, axis, None), "joint", "") for axis in ("pan", "tilt")}
-    return set() if arm is None else named & arm.limits.keys()
-
-
-def _of_axis(limits: Any, axis: str) -> tuple[float, float, float]:
-    """Return how far (radians) and how fast (rad/s) an axis may go."""
-    if isinstance(limits, Mapping):
-        return limits[axis].lower, limits[axis].upper, limits[axis].speed
-    low, high = getattr(limits, axis)
-    return low, high, limits.speed
-
-
-def _commanded(part: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what was told a part beyond its limits."""
-    known = limits.get(part)
-    if part == "base" and "linear" in values and known is not None:
-        if abs(values["linear"]) > known.speed + 1e-3 or abs(values["angular"]) > known.turn + 1e-3:
-            yield f"the base was told {dict(values)}, and may {known}"
-    elif known is not None:
-        for axis, goal in values.items():
-            if axis in ("pan", "tilt") or (isinstance(known, Mapping) and axis in known and isinstance(goal, float)):
-                low, high, _ = _of_axis(known, axis)
-                if not low - 1e-3 <= goal <= high + 1e-3:
-                    yield f"{axis} of the {part} was told {goal}, and may be at {low:.3f} to {high:.3f}"

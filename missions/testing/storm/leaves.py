@@ -58,12 +58,17 @@ class Rogue(Leaf):
     way: str = argument("text", f"how it misbehaves: {', '.join(WAYS)}", principal=True, default="raises")
     goal: str = argument("text", f"what it asks for: {', '.join(GOALS)}", default="mild")
     after: int = argument("count", "after so many ticks", default=2)
+    overdue = 0
+    """How often it was asked, after one halt, whether it still stops, though its time for that was over."""
     _ticks = 0
     _missed = 0
+    _halted_at: float | None = None
+    _late = 0
 
     def initialise(self) -> None:
         """Begin, or raise."""
-        self._ticks = 0
+        self._ticks = self._late = 0
+        self._halted_at = None
         if self.way == "raises at start":
             raise _error("raises")
 
@@ -90,6 +95,10 @@ class Rogue(Leaf):
 
     def halting(self) -> bool:
         """Take for ever, if that is its way."""
+        now = self.run.now()
+        self._halted_at = now if self._halted_at is None else self._halted_at
+        self._late += now > self._halted_at + self.halt_limit
+        self.overdue = max(self.overdue, self._late)
         return self.way in ENDLESS
 
     def _ask(self, goal: float) -> None:

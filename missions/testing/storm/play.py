@@ -153,8 +153,8 @@ def _run(weather: Weather, runner: Runner, witness: Witness) -> None:
                 timeline.run(timeline.clock.now() + weather.hangs)
 
         witness.at_command = strike
-        if weather.alone:
-            runner.latch.hold = ignore
+    if weather.alone:
+        runner.latch.hold = ignore
     timeline = witness.twins.timeline
     timeline.at(weather.seconds, lambda: runner.executive.stop("the storm is over"))
     try:

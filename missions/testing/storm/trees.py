@@ -5,13 +5,17 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from random import Random
 from typing import Any
 
-from missions.testing.storm.leaves import CARELESS, GOALS, WAYS
+from missions.testing.storm.leaves import CARELESS, GOALS, LEFT, WAYS
 
 OFTEN = 0.7
 """The share of missions that begin again once they have ended."""
 
 CONTESTS = 0.15
 """The share of missions in which a behaviour comes late, and takes what another one is moving."""
+
+CUT, LAST = 0.08, 0.08
+"""The share of missions in which something that moves is cut short, and nothing follows for a while; and of those that
+end while something moves."""
 
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
@@ -120,8 +124,14 @@ class Trees:
 
     def mission(self) -> str:
         """Return the text of a mission; whether it can be run is for the checker to say."""
-        tree = self._contest() if self._chance.random() < CONTESTS else self._tree(3)
-        if self._chance.random() < OFTEN:
+        kind = self._chance.random()
+        if kind < CUT:
+            tree, often = self._cut(), 1.0
+        elif kind < CUT + LAST:
+            tree, often = self._last(), 0.0
+        else:
+            tree, often = self._contest() if kind < CUT + LAST + CONTESTS else self._tree(3), OFTEN
+        if self._chance.random() < often:
             tree = {"sequence": [{**tree, "on_failure": "succeed"}, {"wait": "50 ms"}], "repeat": "forever"}
         return f"mission: storm\ntree: {json.dumps(tree)}\n"
 
@@ -145,6 +155,20 @@ class Trees:
         first = {**_rogue(chance), "way": "comes late"}
         second = {**_rogue(chance), "way": chance.choice(WAYS)}
         return {"reactive_selector": [{word: first}, {word: second}, self._tree(1)]}
+
+    def _cut(self) -> dict[str, Any]:
+        chance = self._chance
+        limbs = [word for word in self._words if word in ("rogue_head", "rogue_arm")]
+        endless = {"way": "never stops", "goal": "fast", "after": 1}
+        leaf = {chance.choice(limbs): endless} if limbs and chance.random() < 0.5 else self._leaf()
+        moved = {**leaf, "timeout": _seconds(chance, 0.2, 0.8), "on_failure": "succeed"}
+        return {"sequence": [moved, {"wait": _seconds(chance, 1.0, 4.0)}]}
+
+    def _last(self) -> dict[str, Any]:
+        rogues = [word for word in self._words if word.startswith("rogue_")]
+        if not rogues:
+            return self._tree(3)
+        return {self._chance.choice(rogues): {"way": LEFT, "goal": "fast", "after": self._chance.randint(1, 10)}}
 
     def _leaf(self) -> dict[str, Any]:
         chance = self._chance

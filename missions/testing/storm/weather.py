@@ -66,6 +66,9 @@ WALKERS = ("humanoid",)
 PLAIN = ("wave_rover",)
 """Robots whose base feels nothing."""
 
+UNWATCHED, LONG_PAUSE = 0.05, 7.0
+"""The share of runs whose battery empties in a pause, and how many seconds that lasts."""
+
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
@@ -168,7 +171,7 @@ def draw(seed: int) -> Weather:
     config = weather.robot_config()
     weather, plan = _with_mission(weather, config, chance)
     parts = sorted(with_carriers(config, plan.tree.parts))
-    faults = tuple(_schedule(weather, config, parts, chance))
+    faults = (*_schedule(weather, config, parts, chance), *_unwatched(weather, parts, chance))
     record: Record = chance.choice(["kept", "kept", "killed", "full"]) if chance.random() < RECORDED else ""
     stop_at = chance.choice([1, 2, 3, 5, 8, 13, 21]) if chance.random() < STOPPED else 0
     return replace(weather, faults=faults, record=record, stop_at=stop_at)
@@ -224,6 +227,14 @@ def _schedule(weather: Weather, config: RobotConfig, parts: list[str], chance: R
         lasting = any(f" {word}" in words for word in ("battery", "overloaded", "turned"))
         how_long = chance.choice([0.05, 0.2, 0.5, 0.9, 1.5, 3.0, 6.0])
         yield f"{words} {when}" + ("" if lasting else f" for {how_long} s")
+
+
+def _unwatched(weather: Weather, parts: list[str], chance: Random) -> Iterator[str]:
+    """Yield, in some runs, what empties the battery while a person has paused or stopped the run."""
+    if "base" in parts and weather.robot not in PLAIN and chance.random() < UNWATCHED:
+        start = chance.uniform(0.1, max(0.2, weather.seconds - LONG_PAUSE))
+        yield f"run {chance.choice(['paused', 'stopped'])} at {start:.2f} s for {LONG_PAUSE:g} s"
+        yield f"base battery at {chance.randint(1, 4)} % at {start + 0.2:.2f} s"
 
 
 RUN_FAULTS = ["run stalled", "run stopped", "run paused", "run stopped"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from behaviours.leaf import RUNNING, Leaf
 from config.robot import RobotConfig
-from drivers.api import ignore
+from drivers.api import BaseState, Reading, ignore
 from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
 from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
@@ -28,13 +28,16 @@ class Truth:
     """How everything truly is at a ``time``.
 
     There are the ``speeds`` of the base (m/s, rad/s), and the ``angles`` (radians) of every axis of every head and arm
-    by part and name. ``by_hand`` says that no mission has the wheels.
+    by part and name. ``by_hand`` says that no mission has the wheels, ``latched`` that the base stands until it is
+    enabled (as it does where there is none), ``weak`` that its battery is below what its reflexes call critical.
     """
 
     time: float
     speeds: tuple[float, float]
     by_hand: bool
     angles: Mapping[tuple[str, str], float]
+    latched: bool = True
+    weak: bool = False
 
 
 @dataclass(slots=True)
@@ -154,16 +157,23 @@ class Witness:
         twins, now = self.twins, self.twins.timeline.clock.now()
         for part in self._claiming | self._left if not self.ended else ():
             self.claimed.setdefault(part, []).append(now)
-        speeds, by_hand = (0.0, 0.0), False
+        speeds, by_hand, latched, weak = (0.0, 0.0), False, True, False
         angles: dict[tuple[str, str], float] = {}
         for part, twin in twins.parts.items():
             if part == "base":
                 velocity = twin.body.velocity
                 speeds, source = (velocity.linear, velocity.angular), twin.steering().source
                 by_hand = source is not None and source != "mission"
+                latched, weak = bool(twin.latched), self._weak(twin.state())
             elif part == "arm":
                 angles |= {("arm", joint): twin.true_angle(joint, now) for joint in twin.limits}
             elif hasattr(twin, "true_pose"):
                 pose = twin.true_pose(now)
                 angles |= {(part, "pan"): pose.pan, (part, "tilt"): pose.tilt}
-        self.samples.append(Truth(now, speeds, by_hand, angles))
+        self.samples.append(Truth(now, speeds, by_hand, angles, latched, weak))
+
+    def _weak(self, reading: Reading[BaseState]) -> bool:
+        state, base = reading.value, self.config.base
+        if state is None or base is None or not reading.good or state.charging:
+            return False
+        return state.battery_percent < base.reflexes.battery_critical

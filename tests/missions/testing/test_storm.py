@@ -1,10 +1,19 @@
 """The storm: a seed stands for all that happens, what must hold does, and what breaks is made small and told."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from behaviours.head import Look
+from behaviours.leaf import Leaf
+from behaviours.stopping import Stopping
+from drivers.api import ignore
+from drivers.kobuki.steered import SteeredBase
+from drivers.sim.twins.joints import JointsTwin
+from missions.executive.decided import Decided
+from missions.executive.executive import Executive
 from missions.testing.storm import invariants
 from missions.testing.storm.play import play, play_seed, played_twice
 from missions.testing.storm.shrink import as_test, shrunk
@@ -71,6 +80,48 @@ def test_a_voice_that_hangs_holds_up_what_waits_for_it() -> None:
     says = 'mission: says\ntree: {"say": "Hello"}\n'
     assert play(weather(mission=says)).result == "success"
     assert play(weather("voice hanging from 0.1 s", mission=says)).result == "interrupted"
+
+
+TURNS = (
+    'mission: turns\ntree: {"sequence": ['
+    '{"look": {"pan": "75 deg"}, "timeout": "0.5 s", "on_failure": "succeed"}, {"wait": "3 s"}]}\n'
+)
+LEAVES_IT = 'mission: leaves\ntree: {"rogue_arm": {"way": "leaves", "goal": "fast", "after": 3}}\n'
+NEVER_STOPS = (
+    'mission: never\ntree: {"sequence": [{"rogue_head": {"way": "never stops", "goal": "fast", "after": 3}, '
+    '"timeout": "0.5 s", "on_failure": "succeed"}, {"wait": "4 s"}]}\n'
+)
+PAUSED = ("run paused at 1 s for 7 s", "base battery at 3 % at 1.2 s")
+
+
+def never_stopped(leaf: Leaf) -> bool:
+    """Halt a leaf, and wait for it for ever."""
+    leaf.halting()
+    return False
+
+
+def slow(mission: str) -> Weather:
+    return replace(weather(mission=mission), robot="turtlebot2_arm", limbs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "fault", "shows", "promise"),
+    [
+        (SteeredBase, "latch", ignore, weather("run stopped at 1 s for 1 s"), "latched"),
+        (Executive, "_keep_watch", ignore, weather(*PAUSED), "battery"),
+        (Decided, "__call__", ignore, weather("base unplugged at 1 s for 2 s"), "anew"),
+        (Stopping, "_stopped", never_stopped, slow(NEVER_STOPS), "halted"),
+        (Stopping, "_stop_safely", ignore, slow(NEVER_STOPS), "claimed_motion"),
+        (Look, "terminate", ignore, slow(TURNS), "claimed_motion"),
+        (JointsTwin, "rest", ignore, slow(LEAVES_IT), "at_rest"),
+    ],
+)
+def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(
+    owner: type, name: str, fault: object, shows: Weather, promise: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert play(shows).broken == {}
+    monkeypatch.setattr(owner, name, fault)
+    assert promise in play(shows).broken
 
 
 @pytest.mark.usefixtures("no_bumps")
