@@ -35,23 +35,29 @@ SEED = 18
 """Of what is lost, and of how long the person waits between two presses."""
 
 
-def tells_of(stop: int, told: Any) -> bool:
-    """Say whether a run has been stopped so often."""
-    return told["say"] == "run" and int(told["stops"]) >= stop
+def stopped_again(stops: int, told: Any) -> bool:
+    """Say whether a run has been stopped more often than so."""
+    return told["say"] == "run" and int(told["stops"]) > stops
 
 
-def press(its: Busy, tab: Tab, presses: int) -> list[float]:
-    """Press, release and go on, again and again; return when each press was, by the clock of ``time.monotonic``."""
-    began, chance = list[float](), Random(SEED)  # noqa: S311 - no secret
+def press(its: Busy, tab: Tab, asks: argparse.Namespace) -> dict[int, float]:
+    """Press, release and go on, again and again; return when each press was, by the number of its stop.
+
+    Times are those of ``time.monotonic``. Nobody releases before what the page sends besides has come, too: then it
+    would be a new stop.
+    """
+    began, stops, chance = dict[int, float](), 0, Random(SEED)  # noqa: S311 - no secret
     client = Client(str(its.run.pid))
     with closing(client.link):
-        for stop in range(1, presses + 1):
+        for _ in range(asks.presses):
             apart = time.time() - time.monotonic()
-            began.append(tab.evaluate(PRESS) / 1000 - apart)
-            client.hear(partial(tells_of, stop))
-            client.ask("release", stop=stop)
+            pressed = tab.evaluate(PRESS) / 1000 - apart
+            stops = int(client.hear(partial(stopped_again, stops))["stops"])
+            began[stops] = pressed
+            time.sleep(0.25 + 9 * asks.delay)
+            client.ask("release", stop=stops)
             client.ask("resume")
-            time.sleep(chance.uniform(0.1, 0.4))
+            time.sleep(chance.uniform(0.05, 0.2))
     return began
 
 
@@ -74,14 +80,15 @@ def measure(asks: argparse.Namespace) -> dict[str, object]:
         tab = browser.open(f"http://{host}/?token={its.token}#live")
         wait_until(lambda: "sequence" in tab.text() and "operator" in tab.text())
         others.start()
-        began = press(its, tab, asks.presses)
+        began = press(its, tab, asks)
         others.join()
         notes = notes_of(its.notes)
-    took: dict[str, list[float]] = {}
+    found: dict[str, dict[int, float]] = {}
     for number, part, told, _ in (each["latched"] for each in notes if "latched" in each):
-        took.setdefault(part, [0.0] * len(began))
-        took[part][number - 1] = took[part][number - 1] or told - began[number - 1]
-    last = [max(each) for each in zip(*took.values(), strict=True)]
+        if number in began:
+            found.setdefault(part, {}).setdefault(number, told - began[number])
+    took = {part: list(each.values()) for part, each in found.items()}
+    last = [max(each[number] for each in found.values()) for number in began]
     bound = 0.2 if asks.delay else 0.05
     return {
         "press to driver, ms: median, p99": {
@@ -102,7 +109,7 @@ def main() -> None:
     words.add_argument("--no-camera", action="store_true")
     words.add_argument("--json", action="store_true")
     asks = words.parse_args()
-    asks.seconds = 0.6 * asks.presses + 5.0
+    asks.seconds = (0.5 + 10 * asks.delay) * asks.presses + 5.0
     found = measure(asks)
     print(json.dumps(found, indent=2) if asks.json else shown(found))
 

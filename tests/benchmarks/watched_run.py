@@ -23,28 +23,28 @@ def note_in(path: str) -> None:
     notes: list[object] = []
     file = open(path, "w", encoding="utf-8", buffering=1)  # noqa: SIM115, PTH123 - until the process ends
 
-    def around(kind: Any, name: str, told: Callable[[Any, tuple[Any, ...], float, float, float], object]) -> None:
+    def around(kind: Any, name: str, told: Callable[[Any, int, tuple[Any, ...], float, float, float], object]) -> None:
         plain = getattr(kind, name)
 
         def noted(self: Any, *given: Any, **named: Any) -> Any:
-            worked, began = time.thread_time(), time.monotonic()
+            stop, worked, began = getattr(self, "number", 0), time.thread_time(), time.monotonic()
             try:
                 return plain(self, *given, **named)
             finally:
-                notes.append(told(self, given, began, time.monotonic(), time.thread_time() - worked))
+                notes.append(told(self, stop, given, began, time.monotonic(), time.thread_time() - worked))
                 if len(notes) >= 20 or name != "tick":
                     file.write("".join(json.dumps(each) + "\n" for each in notes))
                     notes.clear()
 
         setattr(kind, name, noted)
 
-    def ticked(self: Executive, given: tuple[Any, ...], began: float, ended: float, work: float) -> object:
+    def ticked(self: Executive, _: int, given: tuple[Any, ...], began: float, ended: float, work: float) -> object:
         del given
         return {"tick": [began, ended - began, work], "zero": ended - self.time()}
 
-    def latched(self: StopLatch, given: tuple[Any, ...], began: float, ended: float, work: float) -> object:
+    def latched(_: StopLatch, stop: int, given: tuple[Any, ...], began: float, ended: float, work: float) -> object:
         del work
-        return {"latched": [self.number, given[0], began, ended]}
+        return {"latched": [stop, given[0], began, ended]}
 
     around(Executive, "tick", ticked)
     around(StopLatch, "_still", latched)

@@ -7,8 +7,10 @@ sent earlier. Connections lose for themselves.
 """
 
 import asyncio
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from threading import Thread
 
 SEGMENT = 1460
@@ -52,6 +54,11 @@ class Lossy:
         self, number: int, up: bool, data: bytes, source: asyncio.StreamReader, sink: asyncio.StreamWriter
     ) -> None:
         loop, last = asyncio.get_running_loop(), 0.0
+        coming = deque[Callable[[], object]]()  # in order: the loop has none among what is due at one moment
+
+        def come() -> None:
+            coming.popleft()()
+
         with suppress(OSError):
             data = data or await source.read(SEGMENT)
             while data:
@@ -59,9 +66,11 @@ class Lossy:
                 while self.loses(number, up):
                     due, wait = due + wait, 2 * wait
                 last = max(due, last)
-                loop.call_at(last, sink.write, data)
+                coming.append(partial(sink.write, data))
+                loop.call_at(last, come)
                 data = await source.read(SEGMENT)
-        loop.call_at(max(last, loop.time() + self._delay), sink.close)
+        coming.append(sink.close)
+        loop.call_at(max(last, loop.time() + self._delay), come)
 
 
 @contextmanager
