@@ -13,6 +13,7 @@ from missions.testing.storm.looking import (
     back_within,
     by_itself,
     commanded,
+    held_up,
     neck_joints,
     pairs,
     reach,
@@ -39,8 +40,8 @@ SLACK = 0.03
 AWAY, AWAY_OUT = 1.2, 0.1
 """Seconds from which on a part was away for long, and for which something may move once it is back."""
 
-NOTICED, HANGS = 5.0, 2.0
-"""Seconds within which a critical battery is told, which takes two looks; and for which a tick may hang in a stop."""
+NOTICED = 5.0
+"""Seconds within which a critical battery is told, which takes two looks."""
 
 AT_ONCE = 1e-6
 """Seconds within which two things happen at the same time, in whatever order."""
@@ -114,10 +115,13 @@ def helpless(seen: Witness) -> Iterator[str]:
         # A base without its cable is stopped by its firmware, and its wheels obey that as late as all else.
         lag = seen.lag if fault.part == "base" else 0.0
         ends = [each.start + each.seconds for each in others]
+        # The tick loop obeys a pause, once it comes to it.
+        late = [end for start, end in held_up(seen) if start <= fault.start <= end and fault.state == "paused"]
+        begin = max([fault.start, *late])
         over, by_hand = min(end for end in ends if end >= fault.start - AT_ONCE), -WAY_OUT
         for before, now in pairs(seen):
             by_hand = now.time if now.by_hand else by_hand
-            if not fault.start + BASE_RESTS + lag < now.time < min(over, seen.ended):
+            if not begin + BASE_RESTS + lag < now.time < min(over, seen.ended):
                 continue
             if max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                 yield f"at {now.time:.2f} s the base moves at {now.speeds}, though it is {fault.state}"
@@ -193,10 +197,10 @@ def battery(seen: Witness) -> Iterator[str]:
         if event.what == "battery_critical" and event.on and event.t + GIVEN_UP < seen.ended:
             yield f"it is critical at {event.t:.2f} s, and the mission goes on until {seen.ended:.2f} s"
     told = [event.t for event in seen.events if isinstance(event, ReflexFired) and event.what == "battery_critical"]
-    stalls = [each for each in seen.struck if each.state == "stalled" or (each.state == "stopped" and each.detail)]
+    stalls = list(held_up(seen))
     since = inf
     for now in seen.samples:
-        stalled = any(each.start <= now.time <= each.start + max(each.seconds, HANGS) for each in stalls)
+        stalled = any(start <= now.time <= end for start, end in stalls)
         since = min(since, now.time) if now.weak and not stalled and now.time < seen.ended else inf
         if now.time - since > NOTICED and not told[:1] <= [now.time]:
             yield f"it is critical from {since:.2f} s on, and nobody says so by {now.time:.2f} s"

@@ -14,6 +14,9 @@ STILL = 0.002
 RETURN = 2.5
 """Seconds that a head has, once it is there, to go where its board or its driver sends it by itself."""
 
+HANGS = 2.0
+"""Seconds for which a tick may hang in a stop."""
+
 HAND = 1.0
 """Seconds after somebody has turned a joint, or overloaded it."""
 
@@ -61,6 +64,13 @@ def returns(seen: Witness, part: str, seconds: float) -> Iterator[float]:
             if event.what == "online" and event.t - gone > seconds:
                 yield event.t
             gone = event.t if event.what == "offline" else inf
+
+
+def held_up(seen: Witness) -> Iterator[tuple[float, float]]:
+    """Yield from when to when no tick came, since one was held up, at the longest."""
+    for each in seen.struck:
+        if each.state == "stalled" or (each.state == "stopped" and each.detail):
+            yield each.start, each.start + max(each.seconds, HANGS)
 
 
 def neck_joints(seen: Witness) -> set[str]:

@@ -13,7 +13,7 @@ OFTEN = 0.7
 CONTESTS = 0.15
 """The share of missions in which a behaviour comes late, and takes what another one is moving."""
 
-CUT, LAST = 0.08, 0.08
+CUT, LAST = 0.1, 0.06
 """The share of missions in which something that moves is cut short, and nothing follows for a while; and of those that
 end while something moves."""
 
@@ -126,7 +126,7 @@ class Trees:
         """Return the text of a mission; whether it can be run is for the checker to say."""
         kind = self._chance.random()
         if kind < CUT:
-            tree, often = self._cut(), 1.0
+            tree, often = self._cut(), 0.0
         elif kind < CUT + LAST:
             tree, often = self._last(), 0.0
         else:
@@ -158,11 +158,12 @@ class Trees:
 
     def _cut(self) -> dict[str, Any]:
         chance = self._chance
-        limbs = [word for word in self._words if word in ("rogue_head", "rogue_arm")]
         endless = {"way": "never stops", "goal": "fast", "after": 1}
-        leaf = {chance.choice(limbs): endless} if limbs and chance.random() < 0.5 else self._leaf()
+        leaves = [{word: endless} for word in self._words if word in ("rogue_head", "rogue_arm")]
+        leaves += [{"look": {"pan": chance.choice(["-75 deg", "75 deg"])}}] if "look" in self._words else []
+        leaf = chance.choice([*leaves, self._leaf()])
         moved = {**leaf, "timeout": _seconds(chance, 0.2, 0.8), "on_failure": "succeed"}
-        return {"sequence": [moved, {"wait": _seconds(chance, 1.0, 4.0)}]}
+        return {"sequence": [moved, {"wait": _seconds(chance, 1.0, 4.0)}], "repeat": "forever"}
 
     def _last(self) -> dict[str, Any]:
         rogues = [word for word in self._words if word.startswith("rogue_")]

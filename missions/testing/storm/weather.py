@@ -66,8 +66,11 @@ WALKERS = ("humanoid",)
 PLAIN = ("wave_rover",)
 """Robots whose base feels nothing."""
 
-UNWATCHED, LONG_PAUSE = 0.05, 7.0
+UNWATCHED, LONG_PAUSE = 0.15, 7.0
 """The share of runs whose battery empties in a pause, and how many seconds that lasts."""
+
+ABSENT = 0.12
+"""The share of those in which the base goes while it moves, and is back later."""
 
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
@@ -163,7 +166,7 @@ def draw(seed: int) -> Weather:
         mast=robot == "turtlebot2_arm" and chance.random() < 0.3,
         physics=_physics(chance),
         eyes="pixels" if chance.random() < 0.03 else "truth",
-        limbs=chance.choice([1.0, 0.5, 0.2, 0.1]),
+        limbs=chance.choice([1.0, 0.5, 0.2, 0.1, 0.1, 0.1]),
         stop_for=chance.choice([1.0, 3.0]),
         hangs=chance.choice([0.0, 0.0, 2.0]),
         alone=chance.random() < 0.4,
@@ -171,7 +174,7 @@ def draw(seed: int) -> Weather:
     config = weather.robot_config()
     weather, plan = _with_mission(weather, config, chance)
     parts = sorted(with_carriers(config, plan.tree.parts))
-    faults = (*_schedule(weather, config, parts, chance), *_unwatched(weather, parts, chance))
+    faults = (*_schedule(weather, config, parts, chance), *_further(weather, parts, chance))
     record: Record = chance.choice(["kept", "kept", "killed", "full"]) if chance.random() < RECORDED else ""
     stop_at = chance.choice([1, 2, 3, 5, 8, 13, 21]) if chance.random() < STOPPED else 0
     return replace(weather, faults=faults, record=record, stop_at=stop_at)
@@ -229,12 +232,17 @@ def _schedule(weather: Weather, config: RobotConfig, parts: list[str], chance: R
         yield f"{words} {when}" + ("" if lasting else f" for {how_long} s")
 
 
-def _unwatched(weather: Weather, parts: list[str], chance: Random) -> Iterator[str]:
-    """Yield, in some runs, what empties the battery while a person has paused or stopped the run."""
-    if "base" in parts and weather.robot not in PLAIN and chance.random() < UNWATCHED:
-        start = chance.uniform(0.1, max(0.2, weather.seconds - LONG_PAUSE))
-        yield f"run {chance.choice(['paused', 'stopped'])} at {start:.2f} s for {LONG_PAUSE:g} s"
+def _further(weather: Weather, parts: list[str], chance: Random) -> Iterator[str]:
+    """Yield, in some runs, what empties the battery in a pause, or an absence of what moves."""
+    kind, spare = chance.random(), weather.seconds - LONG_PAUSE
+    if "base" not in parts:
+        return
+    if kind < UNWATCHED and spare > 0 and weather.robot not in PLAIN:
+        start = chance.uniform(0.1, 0.1 + spare)
+        yield f"run paused at {start:.2f} s for {LONG_PAUSE:g} s"
         yield f"base battery at {chance.randint(1, 4)} % at {start + 0.2:.2f} s"
+    elif UNWATCHED <= kind < UNWATCHED + ABSENT:
+        yield f"base unplugged when base moves for {chance.choice([1.5, 3.0])} s"
 
 
 RUN_FAULTS = ["run stalled", "run stopped", "run paused", "run stopped"]

@@ -21,6 +21,9 @@ from missions.service.work import Say, Stopping
 
 CHANNELS = ("one", "two")
 
+PATIENCE = 3000.0
+"""Seconds for notices that are still to be delivered: those of 20 000 tasks, at most."""
+
 
 def main(folder: Path) -> None:
     """Serve the queue in ``folder`` until it is empty."""
@@ -42,7 +45,7 @@ def main(folder: Path) -> None:
 
     with closing(open_db(database)) as connection, Courier(database, channel_of, now, print) as courier:
         Server(Queue(connection, lambda _: CHANNELS), work, now, lambda _: None).run(once=True)
-        courier.flush(60.0)
+        courier.flush(PATIENCE)
         assert Outbox(connection).waiting() == 0
 
 
