@@ -143,7 +143,6 @@ export class Lines {
   }
 
   add(events, lost = 0) {
-    const low = this.node.scrollHeight - this.node.scrollTop - this.node.clientHeight < 40;
     const rows = [];
     if (lost) rows.push(el("li", { class: "warn" }, el("span", null, `${lost} lines are missing: the link was too slow`)));
     for (const event of events ?? []) {
@@ -151,7 +150,8 @@ export class Lines {
       if (silent(event) || (this.#only && !this.#only.includes(kind))) continue;
       rows.push(el("li", { class: kind, "data-t": String(event.t) }, el("time", null, seconds(event.t)), el("span", null, kind === "said" ? `“${text}”` : text)));
     }
-    if (!rows.length) return;
+    if (!rows.length) return; // to ask where it is scrolled to costs a layout of the page
+    const low = this.node.scrollHeight - this.node.scrollTop - this.node.clientHeight < 40;
     this.node.append(...rows);
     while (this.node.childElementCount > LINES) this.node.firstChild.remove();
     if (low) this.node.scrollTop = this.node.scrollHeight;

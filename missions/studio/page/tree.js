@@ -83,6 +83,7 @@ export class Tree extends HTMLElement {
   #now = new Map();
   #waiting = new Map();
   #paint = soon(() => this.#patch(), 80);
+  #scroll = soon(() => this.#reveal(), 300); // it costs a layout of the page
   #t = 0;
   #ticked = 0;
   #drawn = "";
@@ -169,7 +170,7 @@ export class Tree extends HTMLElement {
       this.#ticked = now;
       for (const block of this.#blocks.values()) if (block.status === "running") block.tick(this.#t);
     }
-    if (moved && this.follow) this.#reveal();
+    if (moved && this.follow) this.#scroll();
   }
 
   /** Scroll to the deepest node that runs, and unfold what is above it. */
