@@ -22,10 +22,10 @@ Loses = Callable[[int, bool], bool]
 
 
 class Lossy:
-    """Passes on what comes to ``port`` to a ``target`` on this computer."""
+    """Passes on what comes to ``port`` to a ``target`` on this computer. ``upwards`` segments are on their way up."""
 
     def __init__(self, target: int, delay: float, loses: Loses) -> None:
-        self.port = 0
+        self.port = self.upwards = 0
         self.loses = loses
         self._target, self._delay = target, delay
         self._sockets = 0
@@ -58,6 +58,7 @@ class Lossy:
 
         def come() -> None:
             coming.popleft()()
+            self.upwards -= up
 
         with suppress(OSError):
             data = data or await source.read(SEGMENT)
@@ -67,9 +68,11 @@ class Lossy:
                     due, wait = due + wait, 2 * wait
                 last = max(due, last)
                 coming.append(partial(sink.write, data))
+                self.upwards += up
                 loop.call_at(last, come)
                 data = await source.read(SEGMENT)
         coming.append(sink.close)
+        self.upwards += up
         loop.call_at(max(last, loop.time() + self._delay), come)
 
 
