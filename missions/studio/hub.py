@@ -20,6 +20,10 @@ ENDING = 0.7
 """Seconds for which the answer to a stop waits for commands to end, which a page waits for a second for."""
 
 
+PRESSES = 3
+"""Presses that wait for one run, and are told it each by itself; all further ones are one more stop."""
+
+
 class Hub:
     """Keeps a connection to each run while it is entered, so that a stop has nothing to wait for.
 
@@ -33,7 +37,7 @@ class Hub:
         self._troubles: dict[str, str] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = asyncio.Lock()
-        self._following: dict[Link, asyncio.Task[Mapping[str, object]]] = {}
+        self._following: dict[Link, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
         self._ending: dict[Holder, asyncio.Task[bool]] = {}
 
     async def __aenter__(self) -> Self:
@@ -93,16 +97,27 @@ class Hub:
         return dict(zip(links, told, strict=True))
 
     async def _stop(self, link: Link, by: str, press: str) -> Mapping[str, object]:
-        """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link."""
-        following = self._following.get(link)
-        if following is None:
-            following = self._following[link] = asyncio.ensure_future(self._stop_next(link, by, press))
+        """Stop one run. Who asks while a stop is on its way shares the next one: so that many do not clog the link.
+
+        Another press is another stop all the same: else it would go with the release of the one that it shares.
+        """
+        if link not in self._following:
+            presses = [press]
+            self._following[link] = asyncio.ensure_future(self._stop_next(link, by, presses)), presses
+        following, presses = self._following[link]
+        if press not in presses:
+            presses.append(press if len(presses) < PRESSES else "")
         return await asyncio.shield(following)
 
-    async def _stop_next(self, link: Link, by: str, press: str) -> Mapping[str, object]:
+    async def _stop_next(self, link: Link, by: str, presses: list[str]) -> Mapping[str, object]:
         async with link.stopping:
             del self._following[link]
-            return await _stop(link, by, press)
+            told: Mapping[str, object] = {}
+            for press in dict.fromkeys(presses):
+                told = await _stop(link, by, press)
+                if "trouble" in told:
+                    break
+            return told
 
     async def _end_commands(self, by: str) -> dict[str, Mapping[str, object]]:
         """End them, each once, however many ask for it; return what became of each, by its process."""

@@ -101,6 +101,25 @@ def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_mo
 
 
 @pytest.mark.real_time
+def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_stop(tmp_path: Path, number: str) -> None:
+    async def work() -> None:
+        run, studio = StandInRun(number), studio_of(tmp_path)
+        async with run.served(), studio.hub:
+            await studio.hub.look()
+            asked = [asyncio.create_task(studio.hub.stop("", "viewer", "a"))]
+            while not run.asked:
+                await asyncio.sleep(0)
+            presses = ["a", "b", "a", *map(str, range(100))]
+            asked += [asyncio.create_task(studio.hub.stop("", "viewer", press)) for press in presses]
+            await asyncio.sleep(0)
+            run.answers.set()
+            await asyncio.gather(*asked)
+        assert [each.get("press", "") for each in run.asked] == ["a", "a", "b", "0", ""]
+
+    asyncio.run(asyncio.wait_for(work(), PATIENCE))
+
+
+@pytest.mark.real_time
 def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio, deaf = StandInRun(number), studio_of(tmp_path), Deaf()
