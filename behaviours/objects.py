@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from behaviours.leaf import argument
 from behaviours.search import Search
 from behaviours.seeing import LATELY, Seen
-from perception.api import Thing
-from perception.wanted import Wanted
+from perception.api import Thing, Wanted
 
 _STORED = "the object: id, name, colour, shape, yaw, pitch, distance"
 

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from perception.api import Box
-from perception.wanted import BALL, BOX
+from perception.api import BALL, BOX, Box
 
 Contour = npt.NDArray[np.int32]
 """The outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""

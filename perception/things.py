@@ -4,12 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, isnan, nan
 
-from perception.api import Box, Frame, Gaze, Percept, Thing
+from perception.api import ANY, Box, Frame, Gaze, Percept, Thing, Wanted
 from perception.colour import Colour
 from perception.geometry import Pinhole
 from perception.spots import Spot, SpotFinder
 from perception.tracks import Tracker, common
-from perception.wanted import ANY, Wanted
 
 NEAREST, FARTHEST = 0.1, 8.0
 """Metres. What would have to be nearer or farther away to be of the size that is looked for is something else."""

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from behaviours.leaf import argument
 from behaviours.objects import named
 from behaviours.tracking.track import Track
-from perception.api import Thing
-from perception.wanted import Wanted
+from perception.api import Thing, Wanted
 
 
 class TrackObject(Track):

@@ -16,7 +16,7 @@ from missions.assembly.detectors import face_detector
 from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
 from missions.assembly.watchful import WatchfulSight
-from perception.api import Face, Frame, Gaze, Marker, Thing, View, ignore
+from perception.api import Face, Frame, Gaze, Marker, Thing, View, Wanted, ignore
 from perception.change import MotionSense
 from perception.delay import Delay
 from perception.eyes import Eyes, Vision
@@ -24,7 +24,6 @@ from perception.finder import FaceDetector, FaceFinder
 from perception.identity import NamedFaces, Recogniser
 from perception.senses import FaceSense, Sense, Senses
 from perception.tracks import Tracker
-from perception.wanted import Wanted
 
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place

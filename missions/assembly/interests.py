@@ -7,7 +7,7 @@ from drivers.api.senses import CameraKeys
 from missions.language.phrases import phrases_of
 from missions.language.plan import Step
 from missions.library.things import looked_for
-from perception.wanted import Wanted
+from perception.api import Wanted
 
 if TYPE_CHECKING:
     from perception.markers import MarkerKind

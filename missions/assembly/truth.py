@@ -13,14 +13,13 @@ from drivers.sim.things import MARKER_SIZE, Ball, Rover
 from drivers.sim.things import Box as Crate
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from perception.api import Box, Detection
+from perception.api import ANY, BALL, BOX, Box, Detection, Wanted
 from perception.geometry import FACE_WIDTH, Pinhole
 from perception.markers import MarkerKind, MarkerSighting
 from perception.shapes import TURNED
 from perception.sighting import Sighting
 from perception.spots import SMALLEST, WIDTH, Spot
 from perception.things import ThingSighting
-from perception.wanted import ANY, BALL, BOX, Wanted
 
 FACE_DROP = 0.03
 """Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""

@@ -30,10 +30,9 @@ from missions.library.things import wanted
 from missions.records.replay.frames import steady
 from missions.views.camera.served import CameraPage
 from perception.annotate import annotate
-from perception.api import Box, Image, Marker, Thing
+from perception.api import Box, Image, Marker, Thing, Wanted
 from perception.faults import BadModel
 from perception.markers import DICTIONARIES
-from perception.wanted import Wanted
 
 Shot = tuple[str, int, float, Image]
 """Where a picture is from, its number there and its time, and the picture."""

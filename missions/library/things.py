@@ -15,7 +15,7 @@ from config.units import seen
 from drivers.api import Gesture
 from drivers.api.gait import GaitKeys
 from missions.language.plan import Step
-from perception.wanted import Wanted
+from perception.api import Wanted
 
 if TYPE_CHECKING:
     from behaviours.tracking.follow import RuleBases

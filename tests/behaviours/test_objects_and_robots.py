@@ -9,9 +9,8 @@ from behaviours.objects import FindObject, ObjectSeen
 from behaviours.robots import FindRobot, RobotSeen
 from drivers.api import HeadPose
 from missions.testing.recorders import STOP, Bench, good
-from perception.api import Marker, Thing
+from perception.api import Marker, Thing, Wanted
 from perception.tracks import common
-from perception.wanted import Wanted
 from tests.behaviours.percepts import percept
 
 RED_BALL = Wanted("red ball", "red", "ball")

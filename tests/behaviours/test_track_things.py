@@ -14,8 +14,7 @@ from config.controller import load_controller
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
 from missions.testing.recorders import STOP, Bench, face, good
-from perception.api import Box, Marker, Thing
-from perception.wanted import Wanted
+from perception.api import Box, Marker, Thing, Wanted
 
 BOX = Box(300, 220, 40, 40)
 

@@ -16,11 +16,11 @@ from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint
 from missions.assembly.worlds import build_world
+from perception.api import Wanted
 from perception.change import MotionSense
 from perception.geometry import Pinhole
 from perception.markers import MarkerKind, MarkerSense
 from perception.things import ThingSense
-from perception.wanted import Wanted
 from tests.benchmarks.table import Row, compare
 
 FRAMES = 20

@@ -7,7 +7,7 @@ import pytest
 from config.faults import InvalidFileError
 from missions.library.shipped import load_mission
 from missions.library.things import looked_for, wanted
-from perception.wanted import Wanted
+from perception.api import Wanted
 
 MISSION = """
 mission: look

@@ -16,11 +16,10 @@ from drivers.sim.world import World
 from missions.assembly.interests import Interests
 from missions.assembly.seeing import SensorNoise, TrueSight
 from missions.assembly.truth import Truth
-from perception.api import Gaze, Marker, Thing
+from perception.api import BALL, BOX, Gaze, Marker, Thing, Wanted
 from perception.geometry import wrap
 from perception.markers import MarkerKind, MarkerSense
 from perception.things import ThingSense
-from perception.wanted import BALL, BOX, Wanted
 from tests.perception.rendered import CAMERA, LENS, frame
 
 FLAWLESS = SensorNoise(missed=0.0, noise=0.0)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from perception.api import BALL, BOX
 from perception.shapes import Contour, outline
-from perception.wanted import BALL, BOX
 
 
 def contour(mask: object) -> Contour:

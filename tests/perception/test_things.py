@@ -10,10 +10,9 @@ import pytest
 
 from config.colours import COLOURS
 from config.object import HUES
-from perception.api import Gaze, Image, Thing
+from perception.api import ANY, BALL, BOX, Gaze, Image, Thing, Wanted
 from perception.spots import SpotFinder
 from perception.things import ThingSense
-from perception.wanted import ANY, BALL, BOX, Wanted
 from tests.perception.rendered import CAMERA, frame, thing_scene
 
 RED_BALL = Wanted("red ball", "red", BALL)
