@@ -52,7 +52,8 @@ demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and gre
 # Many wait for real time, so there is work for two more than there are cores.
 test: $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 	$(MAKE) --jobs 2 check compiled
-	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 2 )) --dist worksteal
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 2 )) --dist worksteal \
+		--durations 10 --durations-min 1
 
 # All tests are compiled once, beside the checks: else each process that runs tests does it, all at the same time.
 compiled: $(OTHERS_STAMP)

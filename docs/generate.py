@@ -24,6 +24,7 @@ from config.robot import RobotKeys
 from config.units import EXAMPLES, UNITS
 from config.world import WorldConfig
 from docs import claims, dumps
+from drivers.api.gait import GaitKeys
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
 from missions.executive.state import state_of
@@ -197,6 +198,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "test_keys": partial(keys_table, JudgedKeys, {CommonKeys, ExpectKeys}),
     "expect_keys": partial(keys_table, ExpectKeys),
     "move_keys": partial(keys_table, MoveKeys),
+    "gait_keys": partial(keys_table, GaitKeys),
     "default_keys": partial(keys_table, DefaultsKeys),
     "fleet_keys": partial(keys_table, FleetKeys),
     "object_keys": partial(keys_table, ObjectKeys),
