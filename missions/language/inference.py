@@ -60,7 +60,10 @@ class Inference:
                 return self._compared(node)
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 self.kind(test)
-                return joined(self.kind(body), self.kind(orelse))
+                one, other = self.kind(body), self.kind(orelse)
+                if is_size(one) and is_size(other) and joined(one, other) is None:
+                    return self._wrong(node, f"it is {told(one)}, or else {told(other)}", _cure(one, other))
+                return joined(one, other)
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
                 return ListOf(self._alike(parts, "the members of a list are of one type"))
         return self._read(node)

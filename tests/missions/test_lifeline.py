@@ -6,15 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.real_time
 ROOT = Path(__file__).parents[2]
 
 RUN = """
 import re, sys, time
 from missions.executive.lifeline import Lifeline
 from missions.executive.signals import Signals
-import pytest
-
-pytestmark = pytest.mark.real_time
 with Signals(lambda word: None) as signals, Lifeline(signals, silence=0.5) as line:
     print("ready", flush=True)
     if sys.argv[1] == "stuck":

@@ -271,6 +271,8 @@ LOOK = (
     ("show", "R", "--at", "2s"),
     ("report", "R", "-o", "OUT/report.html"),
     ("stats", "R"),
+    ("record", "joints", "R"),
+    ("record", "compare", "R", "R"),
 )
 
 
