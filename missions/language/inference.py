@@ -58,12 +58,8 @@ class Inference:
                 return self._calculated(node)
             case ast.Compare():
                 return self._compared(node)
-            case ast.IfExp(test=test, body=body, orelse=orelse):
-                self.kind(test)
-                one, other = self.kind(body), self.kind(orelse)
-                if is_size(one) and is_size(other) and joined(one, other) is None:
-                    return self._wrong(node, f"it is {told(one)}, or else {told(other)}", _cure(one, other))
-                return joined(one, other)
+            case ast.IfExp():
+                return self._branches(node)
             case ast.List(elts=parts) | ast.Tuple(elts=parts):
                 return ListOf(self._alike(parts, "the members of a list are of one type"))
         return self._read(node)
@@ -131,6 +127,13 @@ class Inference:
             if not _comparable(op, one, two):
                 self._wrong(node, f"cannot compare {told(one)} and {told(two)}", _cure(one, two))
         return FLAG
+
+    def _branches(self, node: ast.IfExp) -> Kind:
+        self.kind(node.test)
+        one, other = self.kind(node.body), self.kind(node.orelse)
+        if is_size(one) and is_size(other) and joined(one, other) is None:
+            return self._wrong(node, f"it is {told(one)}, or else {told(other)}", _cure(one, other))
+        return joined(one, other)
 
     def _alike(self, parts: list[ast.expr], rule: str) -> Kind:
         """Return the kind that all parts have."""

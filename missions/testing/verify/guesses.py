@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, Self
 
 from drivers.api.quick import dataclass
+from missions.language import reading
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
@@ -217,14 +218,17 @@ def widened(found: object) -> object:
 
 
 def may_fail(value: Value) -> bool:
-    """Say whether computing it can raise: anything can but names, constants, state, ``==``, ``not``, ``and``, ``or``.
+    """Say whether computing it can raise; a conversion can, except to true or false.
 
-    A conversion can too, except to true or false.
+    Of variables by the rule of ``check``. What is sensed may be missing, which ``==``, ``not``, ``and``, ``or`` take.
     """
     formula = value.template
-    parts = () if formula is None else (formula,) if isinstance(formula, Expression) else formula.parts
-    trees = [part.tree for part in parts if isinstance(part, Expression)]
-    return value.convert not in (None, bool) or any(_risky(tree) for tree in trees)
+    if formula is None:
+        return value.convert not in (None, bool)
+    parts = (formula,) if isinstance(formula, Expression) else formula.parts
+    senses = any(read.name in STATE for read in formula.reads)
+    risky = senses and any(_risky(part.tree) for part in parts if isinstance(part, Expression))
+    return value.convert not in (None, bool) or risky or reading.may_fail(value, (), ())
 
 
 def _risky(node: ast.expr) -> bool:

@@ -164,7 +164,7 @@ tree:
     - set: {n: NUMBER}
     - selector:
         - sequence:
-            - set: {part: "${1 / n}"}
+            - set: {part: "${CALCULATED}"}
             - set: {after: 1}
         - succeed
     - log: ${after}
@@ -172,13 +172,24 @@ tree:
 
 
 @pytest.mark.parametrize(
-    ("number", "code"), [("2", 0), ("0", 2), ("${half}", 0), ("${whole}", 2), ("${face.count}", 2)]
+    ("number", "calculated", "code"),
+    [
+        ("2", "1 / n", 0),
+        ("0", "1 / n", 2),
+        ("${half}", "1 / n", 0),
+        ("${whole}", "1 / n", 2),
+        ("${face.count}", "1 / n", 2),
+        ("${whole}", "n + 1", 0),
+        ("${whole}", "(n - 3) * half < 8", 0),
+        ("${whole}", "n % 2", 0),
+    ],
 )
-def test_check_and_verify_agree_on_whether_a_division_can_fail(
-    folder: Path, capsys: pytest.CaptureFixture[str], number: str, code: int
+def test_check_and_verify_agree_on_whether_a_calculation_can_fail(
+    folder: Path, capsys: pytest.CaptureFixture[str], number: str, calculated: str, code: int
 ) -> None:
+    text = SHARED.replace("CALCULATED", calculated)
     (folder / "shared.yaml").write_text(
-        SHARED.replace("NUMBER", f'"{number}"' if "$" in number else number), encoding="utf-8"
+        text.replace("NUMBER", f'"{number}"' if "$" in number else number), encoding="utf-8"
     )
     told = [command(capsys, each, "shared.yaml") for each in ("check", "verify")]
     assert [outcome.code for outcome in told] == [code, 1 if code == 0 else code]
