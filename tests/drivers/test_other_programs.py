@@ -4,17 +4,19 @@ import json
 import subprocess
 import sys
 from importlib.util import find_spec
-from math import degrees, radians
+from math import cos, degrees, radians
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
 from drivers.feetech.calibration import load, text
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
+from drivers.virtual.terminal import Terminal, WireDevice
 from tests.drivers.chains import chain, mixed_chain
 
 pytestmark = pytest.mark.real_time
@@ -26,7 +28,7 @@ def needs(package: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(find_spec(package) is None, reason=f"{package} is not installed: `make test` installs it")
 
 
-def told(client: str, bus: VirtualServoBus, *arguments: str) -> dict[str, Any]:
+def told(client: str, bus: WireDevice, *arguments: str) -> dict[str, Any]:
     """Let ``client`` have its way with ``bus``; return what it saw."""
     terminal = Terminal("servos", bus, SystemClock())
     terminal.open()
@@ -137,3 +139,21 @@ def test_feetechs_own_sdk_scans_reads_and_moves_and_hears_what_ails_a_servo() ->
     assert (seen["sent"], seen["arrived"], seen["positions"]) == (0, True, [2500, 1500, 2048])
     assert seen["limits"] == [0, 4095]
     assert seen["held until action"]
+
+
+@needs("pyrplidarsdk")
+@pytest.mark.parametrize(
+    ("model", "number", "firmware"), [("a1", 24, (1, 29)), ("a1", 24, (1, 20)), ("a2", 40, (1, 29))]
+)
+def test_slamtecs_sdk_gets_a_scan(model: str, number: int, firmware: tuple[int, int]) -> None:
+    def pillar(bearings: Any, _now: float) -> Any:
+        """A metre away up to half a radian to both sides, all else two."""
+        return np.where(np.cos(bearings) > cos(0.5), 1.0, 2.0)
+
+    seen = told("slamtec_client", VirtualLidar(pillar, model=model, firmware=firmware))
+    assert (seen["connected"], seen["model"], seen["health"], seen["scans"]) == (True, number, 0, True)
+    assert seen["firmware"] == firmware[0] << 8 | firmware[1]
+    bearings, distances = np.array(seen["bearings"]), np.array(seen["distances"])
+    assert len(bearings) > 300
+    sure = np.abs(np.cos(bearings) - cos(0.5)) > 0.02
+    assert distances[sure] == pytest.approx(pillar(bearings[sure], 0.0), rel=0.1)
